@@ -7,10 +7,14 @@ from typing import Final
 from behaviours.fly.avoid import Avoid
 from behaviours.fly.corridor_clear import CorridorClear
 from behaviours.fly.explore import Explore
+from behaviours.fly.give_way import GiveWay
+from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
+from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
 from behaviours.fly.return_to_base import ReturnToBase
+from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.class_map import FindHelipad, Segment
@@ -18,27 +22,36 @@ from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
 from behaviours.perceive.site_map import MapSite
-from uav_bt.tree import Leaf
+from uav_bt.tree import Node
 
-NODES: Final[tuple[type[Leaf], ...]] = (
+NODES: Final[tuple[type[Node], ...]] = (
     Advise,
     Avoid,
     BuildCorridor,
     CorridorClear,
+    Detour,
     EmergencyLand,
     EstimateDepth,
     Explore,
     FindHelipad,
+    GiveWay,
+    GoToMark,
+    GoToMarkUnderPolicy,
     HelipadCenter,
     HelipadKnown,
     HoverFor,
     Hovering,
     Land,
     MapSite,
+    MarkFound,
     PointCamera,
     RememberViews,
     ReturnToBase,
+    ScanBelow,
+    SearchByMap,
+    SearchUnderPolicy,
     Segment,
+    StopAboveMark,
     TakeOff,
     TrackMotion,
     Turn,

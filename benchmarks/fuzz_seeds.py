@@ -16,7 +16,7 @@ from uav_bt.groot.btlog import BtlogWriter
 from uav_bt.groot.transitions import Transition
 from uav_bt.tree import NodeRegistry, Status
 from uav_bt.tree.describe import palette_xml
-from uav_bt.tree.shipped import shipped_trees
+from uav_bt.tree.loading.lookup import shipped_trees
 
 # Two seconds that leave a message on nearly every channel.
 _FLIGHT: Final = """

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from behaviours.fly.heading import HeadingGains
+from behaviours.fly.heading_control import HeadingGains
 from benchmarks.heading_design import (
     StepResponse,
     YawResponse,

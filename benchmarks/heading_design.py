@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from behaviours.fly.heading import HeadingController, HeadingGains
+from behaviours.fly.heading_control import HeadingController, HeadingGains
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.plugins import need
 

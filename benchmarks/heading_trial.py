@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.fly.heading import HeadingController, HeadingGains
+from behaviours.fly.heading_control import HeadingController, HeadingGains
 from benchmarks.heading_design import StepResponse
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Drone

@@ -30,9 +30,10 @@ from behaviours.policies.coverage import Coverage
 from perception.mapping.registration import RegistrationConfig
 from perception.mapping.site_mapper import SiteMapperConfig
 from uav_bt import app
+from uav_bt.answers import Advance, Answer, Blocked
 from uav_bt.errors import UavBtError
 from uav_bt.mission.ordered_motion import HoldConfig
-from uav_bt.protocols import Decision, LeafPolicy, PolicyView
+from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import NodeRegistry
 
 SURVEY_S = 180
@@ -53,15 +54,15 @@ class RandomRule:
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Answer:
         """Return a step of 0.5 m, or a turn of up to half a circle."""
         free = view.obstacles is not None and view.obstacles.allows(0.5, margin_m=0.55)
         ends = view.obstacles is not None and view.obstacles.ends_within(0.4) > 1
         edges = np.empty((0, 2)) if view.obstacles is None else view.obstacles.edges_m
         ahead = (edges[:, 0] > 0.0) & (np.abs(edges[:, 1]) < 0.4) & (edges[:, 0] < 1.0)
         if free and not ends and not ahead.any():
-            return Decision(forward_m=0.5, reason="clear")
-        return Decision(yaw_rad=float(self._rng.uniform(-np.pi, np.pi)), reason="random")
+            return Advance(forward_m=0.5, reason="clear")
+        return Blocked(yaw_rad=float(self._rng.uniform(-np.pi, np.pi)), reason="random")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from uav_bt import app
+from uav_bt.answers import Advance, Answer, Blocked
 from uav_bt.classes import GROUP_CARPET, group_of
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 
 MISSION = """
 <root BTCPP_format="4">
@@ -41,14 +42,14 @@ MISSION = """
 class FollowTheCarpet:
     """Fly on over carpet; else turn to the side that shows more of it."""
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Answer:
         carpet = group_of(view.class_map.ids) == GROUP_CARPET
         near = carpet[carpet.shape[0] // 2 :]
         left, middle, right = (part.mean() for part in np.array_split(near, 3, axis=1))
         if middle > 0.95:
-            return Decision(forward_m=0.3, reason="carpet")
+            return Advance(forward_m=0.3, reason="carpet")
         clockwise = 1 if right > left else -1
-        return Decision(yaw_rad=clockwise * math.radians(30), reason="no carpet")
+        return Blocked(yaw_rad=clockwise * math.radians(30), reason="no carpet")
 
 
 if __name__ == "__main__":

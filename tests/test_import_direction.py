@@ -19,6 +19,7 @@ ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 FLOOR_ONE = {
     f"uav_bt.{name}"
     for name in (
+        "answers",
         "brief",
         "types",
         "classes",

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from numbers import Real
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Never, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import ValueRangeError
+from uav_bt.answers import Answer
 from uav_bt.types import (
     CameraModel,
     ClassMap,
@@ -193,67 +191,8 @@ class PolicyView:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Decision:
-    """What a policy wants next: an advance, or a turn away from what blocks the path.
-
-    Attributes:
-        forward_m: the advance; 0 means that the path is blocked, and the turn counts.
-        yaw_rad: the turn, clockwise positive, at most one full turn.
-        carpet_ends: the flight area ends ahead.
-        reason: one or two words, for the status line and the records.
-        free_m: how far the path ahead is free of obstacles, wherever the carpet ends, up to the
-            policy's longest step; None where the policy does not give it.
-        speed_mps: flown without a stop: ahead at this speed while the heading follows `yaw_rad`,
-            until the next decision; 0 turns only. None: an advance as a movement of its own.
-        done: nothing is left to do; what else it says is not flown.
-
-    Raises:
-        ValueRangeError: a value is of another type, a number is not finite, the turn is more than a
-            full one, the speed is negative, or nothing is to be flown at it.
-    """
-
-    forward_m: float = 0.0
-    yaw_rad: float = 0.0
-    carpet_ends: bool = False
-    reason: str = ""
-    free_m: float | None = None
-    speed_mps: float | None = None
-    done: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("forward_m", "yaw_rad", "free_m", "speed_mps"):
-            value = getattr(self, name)
-            absent = value is None and name in {"free_m", "speed_mps"}
-            if not absent and (isinstance(value, bool) or not isinstance(value, Real)):
-                raise ValueRangeError(f"{name} of a Decision must be a number, got {value!r}")
-        for name in ("carpet_ends", "done"):
-            value = getattr(self, name)
-            if not isinstance(value, bool | np.bool_):
-                raise ValueRangeError(f"{name} of a Decision must be True or False, got {value!r}")
-        if not math.isfinite(self.forward_m):
-            raise ValueRangeError(f"forward_m must be finite, got {self.forward_m}")
-        if self.speed_mps is not None and not 0.0 <= self.speed_mps < math.inf:
-            raise ValueRangeError(f"speed_mps must be zero or positive, got {self.speed_mps}")
-        if self.speed_mps and self.forward_m <= 0.0:
-            raise ValueRangeError(
-                f"a Decision that flies at {self.speed_mps:g} m/s must say in forward_m how far "
-                f"the way ahead leads, got {self.forward_m:g}"
-            )
-        if not abs(self.yaw_rad) <= 2.0 * math.pi:
-            raise ValueRangeError(
-                f"yaw_rad must be a turn in radians, from -2 pi to 2 pi, got {self.yaw_rad:g}: "
-                "for degrees write math.radians(...)"
-            )
-
-    @property
-    def blocked(self) -> bool:
-        """True when the path ahead is not free."""
-        return self.forward_m <= 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
 class Advice:
-    """A policy's decision on one view, not flown: a label for imitation learning."""
+    """A policy's answer to one view, not flown: a label for imitation learning."""
 
     frame_index: int
     captured_s: float  # of the frame
@@ -264,14 +203,26 @@ class Advice:
     gimbal_pitch_rad: float
     turning: int  # the turn under way when the policy was asked, as in `PolicyView`
     full_turns: int
-    decision: Decision  # with that turn under way
-    fresh: Decision  # on the same view with none
+    answer: Answer  # with that turn under way
+    fresh: Answer  # to the same view with none
 
 
 @runtime_checkable
 class LeafPolicy(Protocol):
-    """Where to go next. Pure: the same view gives the same decision."""
+    """Where to go next. Pure: the same view gives the same answer."""
 
-    def decide(self, view: PolicyView) -> Decision:
-        """Return the next movement."""
+    def decide(self, view: PolicyView) -> Answer:
+        """Return the next movement, or that there is none."""
         ...
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Never:
+        if name == "Decision":
+            # An AttributeError's text would be lost in `from uav_bt.protocols import Decision`.
+            raise ImportError(
+                "uav_bt.protocols has no Decision any more: a policy returns Advance, FollowLeg, "
+                "Rotate, Blocked or Done of uav_bt.answers"
+            )
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

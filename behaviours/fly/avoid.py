@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from behaviours.fly.giving_way import GIVES_WAY, GivingWay
-from behaviours.fly.steering import SteeringLeaf
-from uav_bt.board.context import MissionContext
+from behaviours.fly.steering import GIVES_WAY, SteeringLeaf
+from uav_bt.answers import Advance, Blocked, Done, FollowLeg, Rotate
 from uav_bt.tree import Status
 from uav_bt.types import DroneState
 
@@ -17,29 +16,25 @@ class Avoid(SteeringLeaf):
 
     ports = (*SteeringLeaf.ports, GIVES_WAY)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Find the policy, and watch what moves."""
-        super().on_setup(mission)
-        self._giving_way = GivingWay(self)
-
     def initialise(self) -> None:
         """Forget the last turn."""
-        self.restart_view()
+        self.drop_course()
 
     def work(self, state: DroneState) -> Status:
         """Go on turning until the policy finds the path free."""
-        if self._giving_way.work() or self.moving(state):
+        if self.gives_way() or self.moving(state):
             return Status.RUNNING
-        decision = self.decide()
-        if decision is not None and decision.done:
-            return Status.SUCCESS
-        if decision is not None and not decision.blocked and self.turn_is_complete:
-            # Who flies at a speed steers by a heading, wherever the camera points.
-            if not self.turning or decision.speed_mps is not None:
+        answer = self.decide()
+        match answer:
+            case Done():
                 return Status.SUCCESS
-            self.turn_back(state)
-            return Status.RUNNING
+            case Advance() if self.turning and self.turn_is_complete:
+                self.turn_back(state)
+                return Status.RUNNING
+            # A leg and a rotation lead to a heading, wherever the camera points.
+            case Advance() | FollowLeg() | Rotate() if self.turn_is_complete:
+                return Status.SUCCESS
         # The turn itself takes seconds in which the drone drifts: first clear an intrusion.
-        if decision is None or not self.make_room():
-            self.keep_turning(state, decision)
+        if answer is None or not self.make_room():
+            self.keep_turning(state, answer.yaw_rad if isinstance(answer, Blocked) else None)
         return Status.RUNNING

@@ -1,4 +1,4 @@
-"""A course: a heading and a speed, flown on between the decisions of a policy."""
+"""A course: a heading and a speed, flown on between the answers of a policy."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from behaviours.fly.heading import HeadingController
-from uav_bt.protocols import Decision
+from behaviours.fly.heading_control import HeadingController
+from uav_bt.answers import FollowLeg, Rotate
 
-_LASTS_S: Final = 0.5  # for so long a course is flown without a new decision
+_LASTS_S: Final = 0.5  # chosen: a course is flown up to this time without a new answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +20,7 @@ class _Ordered:
 
 
 class Course:
-    """Turns the decisions of a policy that flies at a speed into a speed and a yaw rate."""
+    """Turns the legs and rotations of a policy into a speed and a yaw rate."""
 
     def __init__(self) -> None:
         self._heading = HeadingController()
@@ -32,18 +32,19 @@ class Course:
         self._heading.reset()
 
     def follow(
-        self, decision: Decision | None, *, yaw_rad: float, now_s: float
+        self, answer: FollowLeg | Rotate | None, *, yaw_rad: float, now_s: float
     ) -> tuple[float, float] | None:
         """Return the speed, m/s, and the yaw rate, rad/s; None when no course is left.
 
         Args:
-            decision: with a speed; None without a new view.
+            answer: to a new view; None without one.
             yaw_rad: of the drone.
             now_s: of the mission clock.
         """
-        if decision is not None and decision.speed_mps is not None:
+        if answer is not None:
+            speed_mps = answer.speed_mps if isinstance(answer, FollowLeg) else 0.0
             self._ordered = _Ordered(
-                yaw_rad=yaw_rad + decision.yaw_rad, speed_mps=decision.speed_mps, since_s=now_s
+                yaw_rad=yaw_rad + answer.yaw_rad, speed_mps=speed_mps, since_s=now_s
             )
         if self._ordered is None or now_s - self._ordered.since_s > _LASTS_S:
             self._ordered = None

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from behaviours.fly.giving_way import GIVES_WAY, GivingWay
-from behaviours.fly.steering import FLOWING, SteeringLeaf
+from behaviours.fly.steering import FLOWING, GIVES_WAY, SteeringLeaf
+from uav_bt.answers import Blocked, Done
 from uav_bt.board import PHASE
-from uav_bt.board.context import MissionContext
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, MissionPhase
 
@@ -18,27 +17,20 @@ class Explore(SteeringLeaf):
 
     ports = (*SteeringLeaf.ports, FLOWING, GIVES_WAY)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Find the policy, and watch what moves."""
-        super().on_setup(mission)
-        self._giving_way = GivingWay(self)
-
     def initialise(self) -> None:
         """Write the mission's phase; only views from now on count."""
         self.write(PHASE, MissionPhase.EXPLORE)
-        self.restart_view()
+        self.drop_course()
 
     def work(self, state: DroneState) -> Status:
         """Go on with a step in progress, or begin the next if the policy finds the path free."""
-        if self._giving_way.work() or self.flow(state) or self.moving(state):
+        if self.gives_way() or self.flow(state) or self.moving(state):
             return Status.RUNNING
-        decision = self.decide()
-        if decision is not None and decision.done:
-            return Status.SUCCESS
-        if decision is not None and decision.blocked:
-            return Status.FAILURE
-        if decision is None or decision.speed_mps is not None:
-            self.fly_on(state, decision)
-        else:
-            self.move(state, decision)
-        return Status.RUNNING
+        match self.decide():
+            case Done():
+                return Status.SUCCESS
+            case Blocked():
+                return Status.FAILURE
+            case answer:
+                self.go_on(state, answer)
+                return Status.RUNNING

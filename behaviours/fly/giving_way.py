@@ -1,114 +1,127 @@
-"""What leaves that steer do when something moves at them: stop, or get out of its way."""
+"""Give way to what moves: stop, or get out of its way, and keep it in view."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from behaviours.path.following import around
-from behaviours.path.giving_way import (
-    GiveWayConfig,
-    Way,
+from behaviours.path.clearance import ClearanceMap
+from behaviours.path.margins import Margins
+from behaviours.path.nearby import recent_obstacles
+from behaviours.path.ways_out import (
+    WayOut,
+    WayOutConfig,
     is_of_movers,
     is_threatened,
     runs_into,
     standing_alone,
     way_out,
 )
-from behaviours.path.room import Margins, Room
-from uav_bt.board import OBSTACLES, ODOMETRY, SITE_MAP
-from uav_bt.tree import Port
-from uav_bt.types import Velocity
+from uav_bt.types import ObstaclePoints, Velocity, rotate_points
+from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import SiteMap
 
-if TYPE_CHECKING:
-    from behaviours.fly.steering import SteeringLeaf
 
-GIVES_WAY: Final = Port(
-    "gives_way", bool, default=False, doc="stop for what moves, and get out of its way"
-)
-# To give way the drone may come a little nearer to what stands than a leg is planned.
-_TOUCH_M: Final = 0.38
-_EDGE_M: Final = 0.4  # but not to the ground's edge, which it may not see: it flies backwards, too
-# Meanwhile it turns to what moves, so that it sees where that goes on to.
-_IN_VIEW_RAD: Final = math.radians(12)
-_WATCH_PER_S: Final = 1.5
-_WATCH_RADPS: Final = 0.8
-_STALE_S: Final = 0.8  # a way is flown on for so long without a new view
+@dataclass(frozen=True, kw_only=True)
+class GivingWayConfig:
+    """How the drone gives way. The numbers were chosen in flights among movers in the twin.
+
+    Attributes:
+        way_out: How ways out are tried.
+        margins: Distances from standing things. Obstacles may come a little nearer than on a route,
+            the edge of the ground may not: it may be out of view, because the drone flies backwards
+            and sideways, too.
+        in_view_rad: The nearest mover is in view below this bearing.
+        watch_per_s: Yaw rate per radian of that bearing.
+        watch_radps: Highest yaw rate.
+        stale_s: A way is flown on for this time without a new view.
+    """
+
+    way_out: WayOutConfig = field(default_factory=WayOutConfig)
+    margins: Margins = field(
+        default_factory=lambda: Margins(touch_m=0.38, min_start_m=0.38, edge_m=0.4)
+    )
+    in_view_rad: float = math.radians(12)
+    watch_per_s: float = 1.5
+    watch_radps: float = 0.8
+    stale_s: float = 0.8
 
 
 class GivingWay:
-    """Watches what moves on the site map, for one leaf with the port `GIVES_WAY`.
+    """Decides on each new map whether the drone gives way, and where to.
 
     Args:
-        leaf: that moves; its movement and turn are dropped when it gives way.
-        config: how the drone gets out of the way.
+        config: How it gives way.
     """
 
-    def __init__(self, leaf: SteeringLeaf, config: GiveWayConfig | None = None) -> None:
-        self._leaf, self._config = leaf, config or GiveWayConfig()
-        self._margins = Margins(touch_m=_TOUCH_M, min_start_m=_TOUCH_M, edge_m=_EDGE_M)
-        self._decided_s = -math.inf  # on the map of then
-        self._way: Way | None = None
+    def __init__(self, config: GivingWayConfig | None = None) -> None:
+        self.config = config or GivingWayConfig()
+        self._decided_s = -math.inf  # capture of the map of the last decision
+        self._way: WayOut | None = None
 
     @property
     def active(self) -> bool:
         """Whether the drone gives way."""
         return self._way is not None
 
-    def work(self) -> bool:
-        """Stop or get out of the way; False when nothing comes too near."""
-        leaf = self._leaf
-        site_map = leaf.read(SITE_MAP).value if leaf.port_value(GIVES_WAY.name) else None
+    def velocity(
+        self,
+        site_map: SiteMap | None,
+        obstacles: ObstaclePoints | None,
+        motion: MotionEstimate | None,
+        *,
+        now_s: float,
+    ) -> Velocity | None:
+        """Return the velocity that gives way; None when nothing comes too near.
+
+        Args:
+            site_map: The newest map; None without one.
+            obstacles: What was seen around the drone.
+            motion: The drone's motion over the ground.
+            now_s: Time of the mission clock.
+        """
         if site_map is None or not site_map.movers:
             self._way = None
-            return False
+            return None
         if site_map.captured_s > self._decided_s:
             self._decided_s = site_map.captured_s
-            self._way = self._decide(site_map)
-        elif self._way is not None and leaf.clock.now() - self._decided_s > _STALE_S:
-            self._way = Way()  # nothing was seen since: the way may have ended
+            self._way = self._decide(site_map, obstacles, motion)
+        elif self._way is not None and now_s - self._decided_s > self.config.stale_s:
+            self._way = WayOut()  # without a new view the way may have ended
         if self._way is None:
-            return False
-        leaf.restart_view()
-        leaf.feedback_message = "gives way"
-        cos, sin = math.cos(site_map.pose.yaw_rad), math.sin(site_map.pose.yaw_rad)
-        x_mps, y_mps = self._way.x_mps, self._way.y_mps
-        leaf.propose(
-            Velocity(
-                forward_mps=cos * x_mps + sin * y_mps,
-                right_mps=cos * y_mps - sin * x_mps,
-                yaw_rate_radps=self._watching_radps(site_map),
-            )
+            return None
+        over_ground_mps = np.array([[self._way.x_mps, self._way.y_mps]])
+        ((forward_mps, right_mps),) = rotate_points(over_ground_mps, -site_map.pose.yaw_rad)
+        return Velocity(
+            forward_mps=float(forward_mps),
+            right_mps=float(right_mps),
+            yaw_rate_radps=self._watching_radps(site_map),
         )
-        return True
 
     def _watching_radps(self, site_map: SiteMap) -> float:
-        """Return the turn that keeps the nearest thing that moves in view."""
+        """Return the turn that keeps the nearest mover in view."""
+        cfg = self.config
         places_m = [site_map.pose.to_body(mover.x_m, mover.y_m) for mover in site_map.movers]
         forward_m, right_m = min(places_m, key=lambda place_m: math.hypot(*place_m))
         bearing_rad = math.atan2(right_m, forward_m)
-        if abs(bearing_rad) < _IN_VIEW_RAD:
+        if abs(bearing_rad) < cfg.in_view_rad:
             return 0.0
-        return max(-_WATCH_RADPS, min(_WATCH_RADPS, _WATCH_PER_S * bearing_rad))
+        return max(-cfg.watch_radps, min(cfg.watch_radps, cfg.watch_per_s * bearing_rad))
 
-    def _decide(self, site_map: SiteMap) -> Way | None:
-        leaf, cfg = self._leaf, self._config
-        if is_threatened(site_map, cfg):
-            near = around(leaf.read(OBSTACLES).value, site_map)
-            standing_m = near.seen_m[~is_of_movers(site_map.movers, near.seen_m)]
-            near = replace(near, seen_m=standing_m)
-            room = Room(standing_alone(site_map), near, self._margins)
-            return way_out(room, site_map.movers, cfg, before=self._way)
-        motion = leaf.read(ODOMETRY).value
+    def _decide(
+        self, site_map: SiteMap, obstacles: ObstaclePoints | None, motion: MotionEstimate | None
+    ) -> WayOut | None:
+        cfg = self.config
+        if is_threatened(site_map, cfg.way_out):
+            recent = recent_obstacles(obstacles, site_map)
+            standing_m = recent.seen_m[~is_of_movers(site_map.movers, recent.seen_m)]
+            recent = replace(recent, seen_m=standing_m)
+            clearance = ClearanceMap(standing_alone(site_map), recent, cfg.margins)
+            return way_out(clearance, site_map.movers, cfg.way_out, before=self._way)
         if motion is None:
             return None
-        forward_mps, right_mps = motion.velocity.forward_mps, motion.velocity.right_mps
-        cos, sin = math.cos(site_map.pose.yaw_rad), math.sin(site_map.pose.yaw_rad)
-        over_ground_mps = np.array(
-            [cos * forward_mps - sin * right_mps, sin * forward_mps + cos * right_mps]
-        )
-        return Way() if runs_into(site_map, over_ground_mps, cfg) else None
+        body_mps = np.array([[motion.velocity.forward_mps, motion.velocity.right_mps]])
+        (over_ground_mps,) = rotate_points(body_mps, site_map.pose.yaw_rad)
+        return WayOut() if runs_into(site_map, over_ground_mps, cfg.way_out) else None

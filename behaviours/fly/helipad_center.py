@@ -13,8 +13,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from behaviours.fly.movement import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
-from behaviours.fly.mover import Progress
+from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, FRAME, HELIPAD, PHASE, STATE
 from uav_bt.tree import Port, Status
 from uav_bt.types import CameraModel, DroneState, HelipadFix, MissionPhase, Velocity
@@ -116,7 +116,7 @@ class HelipadCenter(MovingLeaf):
         if fix.captured_s == self._judged_s:
             return None  # each frame is judged once
         down = camera_points_at(frame, STRAIGHT_DOWN_RAD, slack_rad=self.config.pitch_slack_rad)
-        return fix if down and fix.captured_s >= self._mover.ended_s else None
+        return fix if down and fix.captured_s >= self._step.ended_s else None
 
     def _centre(self, state: DroneState, fix: HelipadFix, camera: CameraModel) -> Status:
         self._judged_s = fix.captured_s
@@ -146,7 +146,7 @@ class HelipadCenter(MovingLeaf):
         if self.clock.now() - self._steered_s < self.config.held_s:
             self.propose(self._course)
             return Status.RUNNING
-        since_s = max(self._mover.ended_s, self._started_s, self._judged_s)
+        since_s = max(self._step.ended_s, self._started_s, self._judged_s)
         waited_s = self.clock.now() - max(since_s, self.leaf_clock.resumed_s)
         if waited_s > self.config.wait_s and state.height_above_carpet_m < self.config.max_height_m:
             self._low, self._confirmed = False, 0

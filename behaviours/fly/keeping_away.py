@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from behaviours.path.following import around
+from behaviours.path.nearby import recent_obstacles
 from uav_bt.types import ObstaclePoints
 from uav_bt.types.site_map import SiteMap
 
@@ -46,7 +46,7 @@ def by_the_map(
         return obstacles
 
     seen = obstacles.within(config.keep_away_m + config.alike_m)
-    lately, to_body = around(seen, site_map), site_map.pose.points_to_body
+    lately, to_body = recent_obstacles(seen, site_map), site_map.pose.points_to_body
     found = ObstaclePoints(
         points_m=to_body(np.vstack([site_map.obstacles_m, lately.seen_m])),
         edges_m=to_body(np.vstack([site_map.edges_m, lately.edges_m])),
@@ -93,12 +93,12 @@ def push_away_mps(obstacles: ObstaclePoints | None, config: KeepAwayConfig) -> t
         return 0.0, 0.0
     points_m = np.vstack([obstacles.points_m, obstacles.edges_m])
     ranges_m = np.maximum(np.linalg.norm(points_m, axis=1), config.min_range_m)
-    room_m = ranges_m.copy()
-    room_m[len(obstacles.points_m) :] += config.edge_nearer_m
-    weights = np.clip(config.keep_away_m / room_m - 1.0, 0.0, None)
+    gap_m = ranges_m.copy()
+    gap_m[len(obstacles.points_m) :] += config.edge_nearer_m
+    weights = np.clip(config.keep_away_m / gap_m - 1.0, 0.0, None)
     if not weights.any():
         return 0.0, 0.0
-    intrusion_m = config.keep_away_m - float(room_m.min())
+    intrusion_m = config.keep_away_m - float(gap_m.min())
     speed_mps = min(config.keep_away_per_s * intrusion_m, config.keep_away_mps)
     forward_mps, right_mps = -speed_mps * (weights / ranges_m) @ points_m / weights.sum()
     return float(forward_mps), float(right_mps)

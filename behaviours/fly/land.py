@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from behaviours.fly.movement import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
-from behaviours.fly.mover import Progress
+from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
 from uav_bt.classes import GROUP_CARPET, GROUP_HELIPAD, group_of
 from uav_bt.tree import Port, Status

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from behaviours.fly.leaf_clock import LeafClock
-from behaviours.fly.movement import MovingLeaf, camera_points_at
-from behaviours.fly.mover import Progress
+from behaviours.fly.moving_leaf import MovingLeaf, camera_points_at
+from behaviours.fly.step import Progress
 from uav_bt.board import FRAME, HELIPAD, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status

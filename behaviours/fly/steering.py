@@ -1,6 +1,6 @@
 """What Explore, Avoid and ReturnToBase share: ask the policy about a view, move, wait.
 
-An advance is only decided on a class map captured after the last movement ended, as in the paper.
+An advance only begins on a class map captured after the last movement ended, as in the paper.
 A turn is held in one direction until it has worked, so that the drone does not oscillate between
 two boxes, and it does not stop for each view: the drone turns while the policy judges them.
 """
@@ -8,42 +8,35 @@ two boxes, and it does not stop for each view: the drone turns while the policy 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from behaviours.fly.course import Course
-from behaviours.fly.ground_pointing import LOOKS_DOWN, pitch_showing_ground
-from behaviours.fly.keeping_away import (
-    KeepAwayConfig,
-    by_the_map,
-    push_away_mps,
-    step_away_m,
-)
-from behaviours.fly.movement import MovingLeaf
-from behaviours.fly.mover import Progress
-from behaviours.fly.turn import Turn
+from behaviours.fly.course_leaf import CourseLeaf
+from behaviours.fly.held_rotation import HeldRotation
+from behaviours.fly.keeping_away import step_away_m
+from behaviours.fly.step import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from behaviours.stage_timer import StageTimer
-from uav_bt.board import (
-    FLIGHT_HEIGHT,
-    FLIGHT_PITCH,
-    FRAME,
-    HELD_TURN,
-    OBSTACLES,
-    ODOMETRY,
-    PHASE,
-    SITE_MAP,
-    STATE,
-)
+from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
+from uav_bt.board import FLIGHT_PITCH, FRAME, HELD_TURN, ODOMETRY
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
-from uav_bt.protocols import Decision, LeafPolicy
+from uav_bt.protocols import LeafPolicy
 from uav_bt.tree import Port
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn, Velocity
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn
 
 POLICY = Port("policy", str, default="segmentation", doc="leaf policy that chooses the way")
+LOOKS_DOWN = Port(
+    "looks_down",
+    bool,
+    default=False,
+    doc="lower the camera where, by the site map, it would show little ground to follow",
+)
+GIVES_WAY = Port(
+    "gives_way", bool, default=False, doc="stop for what moves, and get out of its way"
+)
 FLOWING = Port(
     "flowing", bool, default=False, doc="look ahead during a step: lengthen it, or break it off"
 )
@@ -54,29 +47,21 @@ class SteeringConfig:
     """How steps and turns are flown. Distances are from the body's centre."""
 
     altitude_slack_m: float = 0.08  # the altimeter's noise; more is corrected with the next advance
-    keep_away: KeepAwayConfig = field(default_factory=KeepAwayConfig)
     # Of a steady turn: in the 0.3 s from a frame's capture to its effect it turns by 10 degrees.
     yaw_rate_radps: float = 0.6
     turn_lag_s: float = 0.1  # for which a turn goes on after the command that ends it is sent
     turn_back_rad: float = math.radians(4)  # a smaller overshoot of a turn is left
     settle_s: float = 0.2  # the airframe swings on after a turn and would deflect a step
     interrupted_s: float = 1.0  # from an interrupted movement to the view that decides the next one
-    climb_per_s: float = 0.8  # of the error in height, while it flies at a speed
-    climb_mps: float = 0.25  # at most
-    lengthen_m: float = 0.2  # a step under way is only replaced by one that ends so much further on
+    lengthen_m: float = 0.2  # a step under way is only replaced by one that ends further on by this
 
 
-class SteeringLeaf(MovingLeaf):
+class SteeringLeaf(CourseLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
     steering: ClassVar[SteeringConfig] = SteeringConfig()
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, LOOKS_DOWN)
-    reads: ClassVar[tuple[Key[Any], ...]] = (
-        *(STATE, FLIGHT_HEIGHT, FLIGHT_PITCH, ODOMETRY),
-        *VIEW_KEYS,
-    )
-    writes = (PHASE, HELD_TURN)
-    resumes = False  # an interrupted step is decided anew, on what is in view then
+    reads: ClassVar[tuple[Key[Any], ...]] = (*CourseLeaf.reads, FLIGHT_PITCH, *VIEW_KEYS)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Find the policy.
@@ -92,15 +77,18 @@ class SteeringLeaf(MovingLeaf):
         self._advancing = False  # the movement under way, if any, is an advance
         self._step_ends_m = 0.0  # ahead, of the advance under way
         self._stepped_s = 0.0
-        self._course = Course()
-        self._turn = Turn()
+        self._rotation = HeldRotation()
 
     def gimbal_pitch_rad(self) -> float | None:
         """Return the camera's pitch with the port `looks_down`, None to leave it as it is."""
         flight_rad = self.read(FLIGHT_PITCH).value
         if flight_rad is None or not self.port_value(LOOKS_DOWN.name):
             return None
-        return pitch_showing_ground(self, flight_rad)
+        return self.ground_pitch_rad(flight_rad)
+
+    def gives_way(self) -> bool:
+        """Give way with the port `gives_way`; False when nothing comes too near."""
+        return bool(self.port_value(GIVES_WAY.name)) and self.give_way()
 
     # --- advancing --------------------------------------------------------------------------------
 
@@ -109,85 +97,70 @@ class SteeringLeaf(MovingLeaf):
         goes_on = super().moving(state)
         if not goes_on:
             wait_s = self.steering.interrupted_s if self.progress is Progress.INTERRUPTED else 0.0
-            self._view_from_s = max(self._view_from_s, self._mover.ended_s + wait_s)
+            self._view_from_s = max(self._view_from_s, self._step.ended_s + wait_s)
         return goes_on
 
-    def move(self, state: DroneState, decision: Decision) -> None:
+    def go_on(self, state: DroneState, answer: Advance | FollowLeg | Rotate | None) -> bool:
+        """Begin an advance, or fly on a leg or a rotation.
+
+        Args:
+            state: of the drone.
+            answer: to the present view; None without one.
+
+        Returns:
+            Whether an advance began.
+        """
+        if isinstance(answer, Advance):
+            self._advance(state, answer)
+            return True
+        self.fly_on(state, answer)
+        return False
+
+    def _advance(self, state: DroneState, answer: Advance, *, flown_m: float = 0.0) -> None:
         """Start an advance that corrects the altitude, too.
 
         Args:
             state: of the drone.
-            decision: how far, and in which direction.
+            answer: how far, and in which direction.
+            flown_m: of it, since the frame was captured.
         """
         self.write(HELD_TURN, HeldTurn())
-        error_m = self._too_high_m(state)
+        error_m = self.too_high_m(state)
         self._advancing = True
-        self._step_ends_m = decision.forward_m
+        self._step_ends_m = answer.forward_m - flown_m
         self._stepped_s = self.clock.now()
         self.start_move(
-            forward_m=decision.forward_m,
-            yaw_rad=decision.yaw_rad,
+            forward_m=self._step_ends_m,
+            yaw_rad=answer.yaw_rad,
             down_m=error_m if abs(error_m) > self.steering.altitude_slack_m else 0.0,
-        )
-
-    def _too_high_m(self, state: DroneState) -> float:
-        """Return the error in height; where no leaf has set a flight height there is none."""
-        flight_height_m = self.read(FLIGHT_HEIGHT).value
-        return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
-
-    def fly_on(self, state: DroneState, decision: Decision | None) -> None:
-        """Fly ahead at a speed while the heading follows, without a stop between decisions.
-
-        Args:
-            state: of the drone.
-            decision: with a speed; without a new view the last is flown on for a while.
-        """
-        cfg, yaw_rad = self.steering, state.attitude.yaw_rad
-        if decision is not None and decision.speed_mps:
-            self.write(HELD_TURN, HeldTurn())
-        course = self._course.follow(decision, yaw_rad=yaw_rad, now_s=self.clock.now())
-        if course is None:
-            return
-        speed_mps, yaw_rate = course
-        if speed_mps == 0.0:
-            self.propose(self.turn_keeping_away(yaw_rate))
-            return
-        down_mps = cfg.climb_per_s * self._too_high_m(state)
-        # The heading follows the way; what pushes the drone aside on it is beside the view.
-        _, right_mps = self._push_mps()
-        self.propose(
-            Velocity(
-                forward_mps=speed_mps,
-                right_mps=right_mps,
-                down_mps=max(-cfg.climb_mps, min(cfg.climb_mps, down_mps)),
-                yaw_rate_radps=yaw_rate,
-            )
         )
 
     def flow(self, state: DroneState) -> bool:
         """Judge the view during a step: replace it by one that leads further, or break it off.
 
         Returns:
-            True when that was done; False when the step goes on, or there is none.
+            True when one of both was done; False when the step goes on, or no step is under way.
         """
-        if not (self._mover.busy and self._advancing and self.port_value("flowing")):
+        if not (self._step.busy and self._advancing and self.port_value("flowing")):
             return False
         now_s, motion = self.clock.now(), self.read(ODOMETRY).value
         forward_mps = (state if motion is None else motion.over_ground(state)).velocity.forward_mps
         self._step_ends_m -= forward_mps * (now_s - self._stepped_s)
         self._stepped_s = now_s
-        decision, frame = self.decide(), self.read(FRAME).value
-        if decision is None or frame is None:
+        answer, frame = self.decide(), self.read(FRAME).value
+        if frame is None:
             return False
-        if decision.blocked:
-            self.restart_view()
-            return True
-        # The decision was made for the place where the frame was captured.
-        flown_m = forward_mps * (now_s - frame.captured_s)
-        if decision.forward_m - flown_m < self._step_ends_m + self.steering.lengthen_m:
-            return False
-        self.move(state, replace(decision, forward_m=decision.forward_m - flown_m))
-        return True
+        match answer:
+            case Blocked() | Done():
+                self.drop_course()
+                return True
+            case Advance():
+                # The answer was given for the place where the frame was captured.
+                flown_m = forward_mps * (now_s - frame.captured_s)
+                if answer.forward_m - flown_m >= self._step_ends_m + self.steering.lengthen_m:
+                    self._advance(state, answer, flown_m=flown_m)
+                    return True
+        return False
 
     def make_room(self) -> bool:
         """Start a step away from an obstacle that is too near.
@@ -195,68 +168,53 @@ class SteeringLeaf(MovingLeaf):
         Returns:
             False when none is, or when the step would lead nearer to another.
         """
-        step_m = step_away_m(self.read(OBSTACLES).value, self.steering.keep_away)
+        step_m = step_away_m(self.obstacles(), self.course.keep_away)
         if step_m is None:
             return False
         self._advancing = False
         self.start_move(forward_m=step_m[0], right_m=step_m[1])
         return True
 
-    def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
-        """Return a turn on the spot that moves away from what is too near.
-
-        A hovering drone drifts, and while it turns it may drift to where the camera does not point.
-        """
-        forward_mps, right_mps = self._push_mps()
-        return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
-
-    def _push_mps(self) -> tuple[float, float]:
-        site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
-        placed = None if site_map is None or motion is None else site_map.at(motion.pose)
-        cfg = self.steering.keep_away
-        return push_away_mps(by_the_map(self.read(OBSTACLES).value, placed, cfg), cfg)
-
     # --- turning ----------------------------------------------------------------------------------
 
-    def restart_view(self) -> None:
-        """Drop movement and turn, and only use views captured once the airframe has settled."""
-        self._mover.drop(self.clock.now())
+    def drop_course(self) -> None:
+        """Forget movement, course and turn; only views from now on count."""
+        super().drop_course()
         self._view_from_s = self.clock.now() + self.steering.settle_s
-        self._course.drop()
-        self._turn = Turn()
+        self._rotation = HeldRotation()
 
     @property
     def turning(self) -> bool:
         """True while a turn is under way."""
-        return self._turn.under_way
+        return self._rotation.under_way
 
     @property
     def turn_is_complete(self) -> bool:
         """True when the drone has turned as far as the policy asked, or no turn is under way."""
-        return self._turn.complete
+        return self._rotation.complete
 
     @property
     def held_turn(self) -> HeldTurn:
         """The turn held since the last advance, by whichever leaf."""
         return self.read(HELD_TURN).value or HeldTurn()
 
-    def keep_turning(self, state: DroneState, decision: Decision | None) -> None:
-        """Begin a turn as the policy decided, or go on with the one under way.
+    def keep_turning(self, state: DroneState, away_rad: float | None) -> None:
+        """Begin a turn, or go on with the one under way.
 
         Args:
             state: of the drone.
-            decision: the policy's on the present view, if there is one.
+            away_rad: the least turn, clockwise positive; None to begin none.
         """
         yaw_rad, held = state.attitude.yaw_rad, self.held_turn
         if not self.turning:
-            if decision is None or not decision.blocked:
+            if away_rad is None:
                 return
-            self._turn.begin(abs(decision.yaw_rad), yaw_rad=yaw_rad)
+            self._rotation.begin(abs(away_rad), yaw_rad=yaw_rad)
         direction = held.direction
-        if direction == 0 and decision is not None:
-            direction = 1 if decision.yaw_rad > 0.0 else -1
-        turned_rad = held.turned_rad + abs(self._turn.go_on(yaw_rad, direction))
-        self.write(HELD_TURN, HeldTurn(direction=direction, turned_rad=turned_rad))
+        if direction == 0 and away_rad is not None:
+            direction = 1 if away_rad > 0.0 else -1
+        turned_rad = held.turned_rad + abs(self._rotation.go_on(yaw_rad, direction))
+        self.write(HELD_TURN, replace(held, direction=direction, turned_rad=turned_rad))
         # Views captured while turning count at once: the direction is the same for all of them.
         self._view_from_s = -math.inf
         self.propose(self.turn_keeping_away(direction * self.steering.yaw_rate_radps))
@@ -269,7 +227,7 @@ class SteeringLeaf(MovingLeaf):
         """
         cfg = self.steering
         frame, direction = self.read(FRAME).value, self.held_turn.direction
-        self.restart_view()
+        self.drop_course()
         if frame is None:
             return
         ends_rad = state.attitude.yaw_rad + direction * cfg.yaw_rate_radps * cfg.turn_lag_s
@@ -278,6 +236,34 @@ class SteeringLeaf(MovingLeaf):
             self._advancing = False
             self.start_move(yaw_rad=back_rad)
 
+    # --- advancing or turning ---------------------------------------------------------------------
+
+    def wander(self, state: DroneState) -> bool:
+        """Advance or turn as the policy decides, in a search and in a detour.
+
+        Args:
+            state: Of the drone.
+
+        Returns:
+            Whether an advance began.
+        """
+        if self.flow(state) or self.moving(state):
+            return False
+        match self.decide():
+            case Blocked(yaw_rad=yaw_rad):
+                if self.turning or not self.make_room():
+                    self.keep_turning(state, yaw_rad)
+            case Done():  # as long as the search lasts it looks round
+                if self.turning or not self.make_room():
+                    self.keep_turning(state, 0.0)
+            case Advance() | FollowLeg() | Rotate() if self.turning and self.turn_is_complete:
+                self.turn_back(state)  # judge the view once more, then advance
+            case _ if self.turning:
+                self.keep_turning(state, None)
+            case answer:
+                return self.go_on(state, answer)
+        return False
+
     # --- viewing ----------------------------------------------------------------------------------
 
     def current_view(self) -> tuple[Frame, ClassMap, CameraModel] | None:
@@ -285,7 +271,7 @@ class SteeringLeaf(MovingLeaf):
         view = current_view(self)
         return None if view is None or view[0].captured_s < self._view_from_s else view
 
-    def decide(self) -> Decision | None:
+    def decide(self) -> Answer | None:
         """Ask the policy about the present view; None while there is none."""
         view = self.current_view()
         if view is None:
@@ -293,6 +279,6 @@ class SteeringLeaf(MovingLeaf):
             return None
         shown = policy_view(self, *view, held=self.held_turn, tie_break=float(self._rng.random()))
         with self._timer:
-            decision = ask(self._policy, shown)
-        self.feedback_message = decision.reason
-        return decision
+            answer = ask(self._policy, shown)
+        self.feedback_message = answer.reason
+        return answer

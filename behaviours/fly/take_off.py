@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from behaviours.fly.movement import MovingLeaf, camera_points_at
-from behaviours.fly.mover import Progress
+from behaviours.fly.moving_leaf import MovingLeaf, camera_points_at
+from behaviours.fly.step import Progress
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, FRAME, PHASE, STATE
 from uav_bt.mission.safety import Limits
 from uav_bt.tree import Port, Status

@@ -1,4 +1,4 @@
-"""The way to the landing mark over the site map: to where it was seen, else to unseen ground."""
+"""Search for the landing mark by the site map: where it was last seen, then unseen ground."""
 
 from __future__ import annotations
 
@@ -9,36 +9,56 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.following import FollowConfig, around, follow
-from behaviours.path.next_view import (
-    Sight,
-    View,
-    ViewConfig,
-    best_view,
+from behaviours.path.clearance import ClearanceMap, ClearanceMaps, Route
+from behaviours.path.following import FollowConfig, follow
+from behaviours.path.margins import Margins, Passage
+from behaviours.path.nearby import recent_obstacles
+from behaviours.path.next_viewpoint import (
+    GroundInView,
+    Viewpoint,
+    ViewpointConfig,
+    best_viewpoint,
     shown_by,
     still_shows_m2,
     unseen,
 )
-from behaviours.path.room import Flags, Floats, Leg, Margins, Room, Rooms, Width
-from uav_bt.protocols import Decision
+from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Corridor, ObstaclePoints
 from uav_bt.types.site_map import MapMark, SiteMap
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Course = FollowLeg | Rotate | Done
+"""The answers of `MapSearch`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapSearchConfig:
-    """How the mark is searched for."""
+    """How the mark is searched for. The numbers were chosen in flights on the training scenes.
 
-    close_m: float = 0.9  # so near to its place the lowered camera shows the mark
-    reach_m: float = 1.5  # further from it no known path ends: other ground is looked at first
-    facing_rad: float = math.radians(10)  # what is looked at is faced to this,
-    look_s: float = 0.8  # for so long
-    at_view_m: float = 0.25
-    kept: float = 0.4  # a view is flown to while it shows this share of what it showed at first
-    doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
+    Attributes:
+        close_m: This near to its place the lowered camera shows the mark.
+        reach_m: Where no known path ends this near to the mark, other ground is looked at first.
+        facing_rad: A place is faced below this error of the heading.
+        look_s: A place is faced this long.
+        at_viewpoint_m: The drone is at a viewpoint from this distance on.
+        kept: A viewpoint is given up when it shows less than this share of what it did at first.
+        doubted_s: A map that the views contradict for longer is not flown by.
+        margins: Distances that routes keep.
+        follow: How routes are followed.
+        view: How viewpoints are tried.
+    """
+
+    close_m: float = 0.9
+    reach_m: float = 1.5
+    facing_rad: float = math.radians(10)
+    look_s: float = 0.8
+    at_viewpoint_m: float = 0.25
+    kept: float = 0.4
+    doubted_s: float = 1.0
     margins: Margins = field(default_factory=Margins)
     follow: FollowConfig = field(default_factory=FollowConfig)
-    view: ViewConfig = field(default_factory=ViewConfig)
+    view: ViewpointConfig = field(default_factory=ViewpointConfig)
 
 
 class Aim(enum.Enum):
@@ -49,170 +69,161 @@ class Aim(enum.Enum):
 
 
 class MapSearch:
-    """Decides on each new map where to fly; remembers where it has looked in vain.
+    """Decides on each new map where to fly, and remembers where it has looked in vain.
 
     Args:
-        config: how it searches.
+        config: How it searches.
     """
 
     def __init__(self, config: MapSearchConfig | None = None) -> None:
         self.config = config or MapSearchConfig()
         self.aim = Aim.GROUND
-        self._mark_s = -math.inf  # the mark was not where it was seen up to then
         self._round_s = -math.inf  # ground seen before is looked at again
         self._in_vain_m = np.empty((0, 2))  # places that stayed unseen from where they should show
         self._restarts = 0
-        self._width = Width.ORDINARY  # of the way to the view
+        self._passage = Passage.ORDINARY  # of the route to the viewpoint
         self.pause()
 
     @property
     def looks(self) -> bool:
-        """Whether what is looked for is faced now."""
+        """Whether a place that it looks for is faced now."""
         return self._facing_s is not None
 
     def pause(self) -> None:
         """Forget where the drone is flying to; what was searched is remembered."""
-        self._view: View | None = None
+        self._viewpoint: Viewpoint | None = None
         self._facing_s: float | None = None
-
-    def mark_is_gone(self, site_map: SiteMap) -> None:
-        """Note that the mark is not where the map has it."""
-        if site_map.mark is not None:
-            self._mark_s = site_map.mark.seen_s
-        self.pause()
-
-    def mark_of(self, site_map: SiteMap) -> MapMark | None:
-        """Return where the mark may be: seen, and not looked for in vain since."""
-        mark = site_map.mark
-        return mark if mark is not None and mark.seen_s > self._mark_s else None
 
     def decide(
         self,
         site_map: SiteMap,
+        mark: MapMark | None,
         obstacles: ObstaclePoints | None,
         corridor: Corridor | None,
-        sight: Sight,
-    ) -> Decision | None:
+        in_view: GroundInView,
+    ) -> Course | None:
         """Return the next course.
 
         Args:
-            site_map: with the newest view.
-            obstacles: for what is assumed.
-            corridor: what it shows ahead; None without depth.
-            sight: of the camera at the pitch that ground is searched with.
+            site_map: The map with the newest view.
+            mark: The landing mark where it may still be; None to search unseen ground.
+            obstacles: What was seen around the drone.
+            corridor: What the safety corridor shows ahead; None without depth.
+            in_view: Ground that the camera shows at the pitch of the search.
 
         Returns:
-            The course; done where the mark must be below or right ahead, but was not found; None
+            The course; `Done` where the mark must be below or right ahead and was not found; None
             when the map knows no way.
         """
         if site_map.contradicted_s > self.config.doubted_s:
             self.pause()
             return None
-        if site_map.restarts != self._restarts:  # its frame is another one
+        if site_map.restarts != self._restarts:  # the map has another frame
             self._restarts, self._in_vain_m = site_map.restarts, np.empty((0, 2))
             self.pause()
-        # Where there is no other way, it leads through where something moved, too.
-        lately = around(obstacles, site_map, unmapped_s=self.config.follow.unmapped_s)
-        rooms = Rooms(site_map, lately, self.config.margins, crossing=True)
-        mark = self.mark_of(site_map)
+        recent = recent_obstacles(obstacles, site_map, unmapped_s=self.config.follow.unmapped_s)
+        # Where there is no other way, it leads through where something moved.
+        maps = ClearanceMaps(site_map, recent, self.config.margins, crossing=True)
         if mark is not None:
             self.aim = Aim.MARK
-            for width in Width:
-                decision = self._to_mark(rooms[width], mark, corridor)
-                if decision is not None:
-                    return decision
+            course = self._to_mark(maps, mark, corridor)
+            if course is not None:
+                return course
         self.aim = Aim.GROUND
-        return self._to_ground(rooms, site_map.captured_s, corridor, sight)
+        return self._to_ground(maps, site_map.captured_s, corridor, in_view)
 
-    def _to_mark(self, room: Room, mark: MapMark, corridor: Corridor | None) -> Decision | None:
-        cfg, site_map, time_s = self.config, room.map, room.fastest.time_s
-        apart_m = np.linalg.norm(site_map.places_m() - (mark.x_m, mark.y_m), axis=-1)
-        apart_m = np.where(np.isfinite(time_s), apart_m, math.inf)
-        if float(apart_m.min()) > cfg.reach_m:
+    def _to_mark(
+        self, maps: ClearanceMaps, mark: MapMark, corridor: Corridor | None
+    ) -> Course | None:
+        cfg, site_map = self.config, maps.map
+        place = mark.x_m, mark.y_m
+        route = maps.route_to(place, near_m=cfg.close_m, far_m=cfg.reach_m)
+        if route is None:
             return None
-        forward_m, right_m = site_map.pose.to_body(mark.x_m, mark.y_m)
-        end = int(np.where(apart_m <= cfg.close_m, time_s, math.inf).argmin())
-        if apart_m.min() > cfg.close_m:
-            end = int(apart_m.argmin())
-        cell = divmod(end, apart_m.shape[1])
-        if cell == room.start or math.hypot(forward_m, right_m) <= cfg.close_m:
+        forward_m, right_m = site_map.pose.to_body(*place)
+        if len(route.path_m) == 1 or math.hypot(forward_m, right_m) <= cfg.close_m:
             looked = self._looked(math.atan2(right_m, forward_m), site_map.captured_s)
-            return looked or Decision(done=True, reason="at the mark")
+            return looked or Done(reason="at the mark")
         self._facing_s = None
-        leg = room.leg(room.fastest.to(cell), time_s=float(room.fastest.time_s[cell]))
         reason = f"mark {math.hypot(forward_m, right_m):.1f} m"
-        return self._follow(leg, room, corridor, reason)
+        return self._follow(route, site_map, corridor, reason)
 
     def _to_ground(
-        self, rooms: Rooms, now_s: float, corridor: Corridor | None, sight: Sight
-    ) -> Decision | None:
-        if self._view is not None and not self._is_settled(self._view, rooms[self._width], sight):
-            return self._to_view(self._view, rooms[self._width], corridor, sight)
-        if not self._choose(rooms, sight):
+        self, maps: ClearanceMaps, now_s: float, corridor: Corridor | None, in_view: GroundInView
+    ) -> Course | None:
+        if self._viewpoint is not None and not self._is_settled(
+            self._viewpoint, maps[self._passage], in_view
+        ):
+            return self._to_view(self._viewpoint, maps[self._passage], corridor, in_view)
+        if not self._choose(maps, in_view):
             if self._round_s >= now_s:
                 return None
             # All was seen: the search begins anew.
             self._round_s = now_s
             self._in_vain_m = np.empty((0, 2))
-            self._choose(rooms, sight)
-        if self._view is None:
+            self._choose(maps, in_view)
+        if self._viewpoint is None:
             return None
-        return self._to_view(self._view, rooms[self._width], corridor, sight)
+        return self._to_view(self._viewpoint, maps[self._passage], corridor, in_view)
 
-    def _choose(self, rooms: Rooms, sight: Sight) -> bool:
-        """Choose the next view, with as much room as there is; False when none is worth it."""
+    def _choose(self, maps: ClearanceMaps, in_view: GroundInView) -> bool:
+        """Choose the next view, with as much clearance as there is; False when none is worth it."""
         self.pause()
-        for width in Width:
-            room = rooms[width]
-            view = best_view(room, self._wanted(room), sight, self.config.view)
+        for passage in Passage:
+            clearance = maps[passage]
+            view = best_viewpoint(clearance, self._wanted(clearance), in_view, self.config.view)
             if view is not None:
-                self._view, self._width = view, width
+                self._viewpoint, self._passage = view, passage
                 return True
         return False
 
     def _to_view(
-        self, view: View, room: Room, corridor: Corridor | None, sight: Sight
-    ) -> Decision | None:
-        cfg, site_map = self.config, room.map
+        self,
+        view: Viewpoint,
+        clearance: ClearanceMap,
+        corridor: Corridor | None,
+        in_view: GroundInView,
+    ) -> Course | None:
+        cfg, site_map = self.config, clearance.map
         cell = site_map.cell_of(view.x_m, view.y_m)
         reason = f"unseen {view.shows_m2:.1f} m2"
-        if cell == room.start or self._is_at(view, site_map):
+        if cell == clearance.start or self._is_at(view, site_map):
             turn_rad = math.remainder(view.yaw_rad - site_map.pose.yaw_rad, 2.0 * math.pi)
             looked = self._looked(turn_rad, site_map.captured_s, reason)
             if looked is not None:
                 return looked
-            in_vain_m = self._still_wanted(shown_by(view, room, sight, cfg.view), room)
+            in_vain_m = self._still_wanted(shown_by(view, clearance, in_view, cfg.view), clearance)
             self._in_vain_m = np.vstack([self._in_vain_m, in_vain_m])
             self.pause()
-            return Decision(forward_m=0.1, speed_mps=0.0, reason="looked")
+            return Rotate(yaw_rad=0.0, reason="looked")
         self._facing_s = None
-        leg = room.leg(room.fastest.to(cell), time_s=float(room.fastest.time_s[cell]))
-        return self._follow(leg, room, corridor, reason)
+        return self._follow(clearance.route_to_cell(cell), site_map, corridor, reason)
 
     def _follow(
-        self, leg: Leg, room: Room, corridor: Corridor | None, reason: str
-    ) -> Decision | None:
-        margins = self.config.margins.by(room.map.residual_m)
-        config = self.config.follow
-        return follow(leg, room.map, corridor, margins=margins, config=config, reason=reason)
+        self, route: Route, site_map: SiteMap, corridor: Corridor | None, reason: str
+    ) -> Course | None:
+        cfg = self.config
+        return follow(
+            route, site_map, corridor, margins=cfg.margins, config=cfg.follow, reason=reason
+        )
 
-    def _is_settled(self, view: View, room: Room, sight: Sight) -> bool:
+    def _is_settled(self, view: Viewpoint, clearance: ClearanceMap, in_view: GroundInView) -> bool:
         """Return whether a view has shown most of what it can, or cannot be reached any more."""
-        cfg, time_s = self.config, room.fastest.time_s
-        row, column = room.map.cell_of(view.x_m, view.y_m)
+        cfg, time_s = self.config, clearance.fastest.time_s
+        row, column = clearance.map.cell_of(view.x_m, view.y_m)
         height, width = time_s.shape
         if not (0 <= row < height and 0 <= column < width):
             return True
-        if not math.isfinite(time_s[row, column]) and not self._is_at(view, room.map):
+        if not math.isfinite(time_s[row, column]) and not self._is_at(view, clearance.map):
             return True
-        left_m2 = still_shows_m2(view, room, self._wanted(room), sight, cfg.view)
+        left_m2 = still_shows_m2(view, clearance, self._wanted(clearance), in_view, cfg.view)
         return left_m2 < max(cfg.kept * view.shows_m2, cfg.view.min_view_m2)
 
-    def _is_at(self, view: View, site_map: SiteMap) -> bool:
+    def _is_at(self, view: Viewpoint, site_map: SiteMap) -> bool:
         apart_m = math.hypot(view.x_m - site_map.pose.x_m, view.y_m - site_map.pose.y_m)
-        return apart_m <= self.config.at_view_m
+        return apart_m <= self.config.at_viewpoint_m
 
-    def _looked(self, turn_rad: float, now_s: float, reason: str = "looks") -> Decision | None:
+    def _looked(self, turn_rad: float, now_s: float, reason: str = "looks") -> Rotate | None:
         """Return the turn that is left; None once what lies there was faced for long enough."""
         cfg = self.config
         if abs(turn_rad) > cfg.facing_rad:
@@ -221,17 +232,17 @@ class MapSearch:
             self._facing_s = now_s
         elif now_s - self._facing_s >= cfg.look_s:
             return None
-        return Decision(forward_m=0.1, yaw_rad=turn_rad, speed_mps=0.0, reason=reason)
+        return Rotate(yaw_rad=turn_rad, reason=reason)
 
-    def _wanted(self, room: Room) -> Flags:
-        wanted = unseen(room, self._round_s, self.config.view)
-        cells, inside = self._cells(self._in_vain_m, room.map, wanted)
+    def _wanted(self, clearance: ClearanceMap) -> Flags:
+        wanted = unseen(clearance, self._round_s, self.config.view)
+        cells, inside = self._cells(self._in_vain_m, clearance.map, wanted)
         wanted[tuple(cells[inside].T)] = False
         return wanted
 
-    def _still_wanted(self, places_m: Floats, room: Room) -> Floats:
-        wanted = self._wanted(room)
-        cells, inside = self._cells(places_m, room.map, wanted)
+    def _still_wanted(self, places_m: Floats, clearance: ClearanceMap) -> Floats:
+        wanted = self._wanted(clearance)
+        cells, inside = self._cells(places_m, clearance.map, wanted)
         return np.asarray(places_m[inside][wanted[tuple(cells[inside].T)]])
 
     def _cells(

@@ -1,9 +1,9 @@
 """Where to fly to cover a place: the leg that passes the most new ground in a second.
 
-A next-best-view planner (Connolly, 1985; Bircher et al., 2016) over the site map: the fastest
-path to every place that is known to be free, at speeds that the room around it allows, and on each
-the ground within half a metre that has not been passed yet. Ground that was not seen yet counts,
-too, where it may be: it lies beside known ground.
+A next-best-view planner (Connolly, 1985; Bircher et al., 2016) over the site map. It finds the
+fastest path to every place that is known to be free, at speeds that the clearance allows. On each
+it counts the ground within half a metre that has not been passed yet. Ground that was not seen yet
+counts, too, where it may be: beside known ground.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Final
 
 import numpy as np
 
+from behaviours.path.clearance import ClearanceMap, Floats, Route
 from behaviours.path.new_ground import passed_for_the_first_time
-from behaviours.path.room import Floats, Leg, Room
 
 _AHEAD_CELLS: Final = 4  # on a path: where it leads to at first
 
@@ -37,43 +37,45 @@ def new_ground_per_second(new_m2: Floats, time_s: Floats) -> Floats:
     return new_m2 / time_s
 
 
-def best_leg(
-    room: Room,
+def best_route(
+    clearance: ClearanceMap,
     config: SurveyConfig | None = None,
     value: Callable[[Floats, Floats], Floats] = new_ground_per_second,
-) -> Leg | None:
+) -> Route | None:
     """Return the leg of the greatest value; None when none is worth it.
 
     Args:
-        room: what can be flown.
+        clearance: what can be flown.
         config: what ground is worth.
         value: of legs, by the new ground that each passes, m2, and the time it takes, s.
     """
-    cfg, cell_m, paths = config or SurveyConfig(), room.map.cell_m, room.fastest
-    passed = passed_for_the_first_time(paths, _worth(room, cfg.unseen_worth), cfg.reach_m / cell_m)
+    cfg, cell_m, paths = config or SurveyConfig(), clearance.map.cell_m, clearance.fastest
+    passed = passed_for_the_first_time(
+        paths, _worth(clearance, cfg.unseen_worth), cfg.reach_m / cell_m
+    )
     new_m2 = cell_m**2 * passed.reshape(-1)[paths.reached]
     spent_s = (
         paths.time_s.reshape(-1)[paths.reached]
         + cfg.leg_s
-        + _first_turns_s(room, cfg.yaw_rate_radps)
+        + _first_turns_s(clearance, cfg.yaw_rate_radps)
     )
-    # Around the drone there may be less room than legs ask for: out of there, never further in.
-    roomy = room.clear_m.reshape(-1)[paths.reached] >= room.margins.touch_m
+    # Around the drone a route may keep less clearance, but it must end with enough.
+    roomy = clearance.clear_m.reshape(-1)[paths.reached] >= clearance.margins.touch_m
     worth_it = roomy & (new_m2 >= cfg.min_leg_m2) & (paths.parents != np.arange(len(new_m2)))
     if not worth_it.any():
         return None
     best = int(np.where(worth_it, value(new_m2, spent_s), -math.inf).argmax())
     row, column = divmod(int(paths.reached[best]), paths.time_s.shape[1])
     path = paths.to((row, column))
-    return room.leg(path, time_s=float(spent_s[best]), new_m2=float(new_m2[best]))
+    return clearance.route_along(path, time_s=float(spent_s[best]), new_m2=float(new_m2[best]))
 
 
-def _worth(room: Room, unseen_worth: float) -> Floats:
+def _worth(clearance: ClearanceMap, unseen_worth: float) -> Floats:
     """Return what it is worth to pass each cell: ground that was not passed, or may be."""
     import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
-    found = room.map
-    standing = room.obstacle_m < 1.5 * found.cell_m
+    found = clearance.map
+    standing = clearance.obstacle_m < 1.5 * found.cell_m
     ground = found.ground & ~found.outside
     near = cv2.dilate(ground.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0).astype(
         bool
@@ -83,9 +85,9 @@ def _worth(room: Room, unseen_worth: float) -> Floats:
     return np.asarray(np.where(found.passed, 0.0, worth))
 
 
-def _first_turns_s(room: Room, yaw_rate_radps: float) -> Floats:
+def _first_turns_s(clearance: ClearanceMap, yaw_rate_radps: float) -> Floats:
     """Return how long the drone turns before it can fly along the path to each reached cell."""
-    apart = room.fastest.after(_AHEAD_CELLS) - np.array(room.start)
+    apart = clearance.fastest.after(_AHEAD_CELLS) - np.array(clearance.start)
     azimuth = np.arctan2(apart[:, 1], apart[:, 0])
-    turn_rad = np.abs(np.angle(np.exp(1j * (azimuth - room.map.pose.yaw_rad))))
+    turn_rad = np.abs(np.angle(np.exp(1j * (azimuth - clearance.map.pose.yaw_rad))))
     return np.asarray(turn_rad / yaw_rate_radps)

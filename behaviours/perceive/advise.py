@@ -10,15 +10,16 @@ from __future__ import annotations
 import numpy as np
 
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
+from uav_bt.answers import Answer
 from uav_bt.board import ADVICE, HELD_TURN, RECENT_VIEWS
 from uav_bt.board.context import MissionContext
-from uav_bt.protocols import Advice, Decision, LeafPolicy
+from uav_bt.protocols import Advice, LeafPolicy
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import HeldTurn
 
 
 class Advise(Leaf):
-    """Ask a leaf policy about each new view, and write what it says; SUCCESS always.
+    """Ask a leaf policy about each new view, and write its answer; SUCCESS always.
 
     It comes after the perception leaves, `RememberViews` among them. No leaf follows the advice.
     """
@@ -44,11 +45,11 @@ class Advise(Leaf):
         self._last_index = frame.index
         held, tie_break = self.read(HELD_TURN).value or HeldTurn(), float(self._rng.random())
 
-        def asked(turn: HeldTurn) -> Decision:
+        def asked(turn: HeldTurn) -> Answer:
             shown = policy_view(self, *view, held=turn, tie_break=tie_break)
             return ask(self._policy, shown)
 
-        decision = asked(held)
+        answer = asked(held)
         advice = Advice(
             frame_index=frame.index,
             captured_s=frame.captured_s,
@@ -59,9 +60,9 @@ class Advise(Leaf):
             gimbal_pitch_rad=frame.gimbal_pitch_rad,
             turning=held.direction,
             full_turns=held.full_turns,
-            decision=decision,
-            fresh=decision if held == HeldTurn() else asked(HeldTurn()),
+            answer=answer,
+            fresh=answer if held == HeldTurn() else asked(HeldTurn()),
         )
-        self.feedback_message = decision.reason
+        self.feedback_message = answer.reason
         self.write(ADVICE, advice, captured_s=frame.captured_s)
         return Status.SUCCESS

@@ -19,9 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uav_bt.answers import Advance, Blocked
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.types.projection import project
 
 _ACROSS: int = 9  # samples of the carpet's width at each range
@@ -101,12 +102,12 @@ class CorridorRule:
     def __init__(self, config: CorridorRuleConfig | None = None) -> None:
         self.config = config or CorridorRuleConfig()
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Advance | Blocked:
         """Return an advance or a turn. A turn under way keeps its direction until it worked."""
         cfg = self.config
         relief_m = cfg.margin_relief_m * min(view.full_turns, cfg.max_full_turns)
         if view.corridor is None:
-            return Decision(
+            return Blocked(
                 yaw_rad=self._held(view, view.tie_break - 0.5), reason="no depth", free_m=0.0
             )
         groups = group_of(view.class_map.ids)
@@ -114,23 +115,23 @@ class CorridorRule:
         by_carpet_m = reach_m - cfg.edge_margin_m + relief_m
         by_corridor_m = view.corridor.free_distance_m - cfg.front_margin_m + relief_m
         min_step_m = cfg.shortest_step_m + (cfg.hysteresis_m if view.turning else 0.0)
-        carpet_ends = by_carpet_m < min_step_m
+        ground_ends = by_carpet_m < min_step_m
         margin_m = cfg.side_margin_m - relief_m
         free_m = self._beside(view, max(0.0, min(cfg.longest_step_m, by_corridor_m)), margin_m)
         step_m = min(cfg.longest_step_m, by_carpet_m, by_corridor_m)
         if step_m >= min_step_m:
             as_far = by_carpet_m >= min(cfg.longest_step_m, by_corridor_m)
             step_m = free_m if as_far else self._beside(view, step_m, margin_m)
-        if step_m >= cfg.shortest_step_m and not carpet_ends and by_corridor_m >= min_step_m:
-            return Decision(forward_m=step_m, reason="clear", free_m=free_m)
-        if carpet_ends:
+        if step_m >= cfg.shortest_step_m and not ground_ends and by_corridor_m >= min_step_m:
+            return Advance(forward_m=step_m, reason="clear", free_m=free_m)
+        if ground_ends:
             side = self._more(groups, view, GROUP_CARPET)
             reason = "edge" if by_corridor_m >= min_step_m else "corner"
         else:
             side = self._away(groups, view)
             reason = "obstacle"
-        return Decision(
-            yaw_rad=self._held(view, side), carpet_ends=carpet_ends, reason=reason, free_m=free_m
+        return Blocked(
+            yaw_rad=self._held(view, side), ground_ends=ground_ends, reason=reason, free_m=free_m
         )
 
     def _beside(self, view: PolicyView, step_m: float, margin_m: float) -> float:

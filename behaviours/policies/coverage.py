@@ -8,12 +8,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from behaviours.path.following import FollowConfig, around, follow
-from behaviours.path.gimbal_pointing import GroundPointingConfig, ground_share
-from behaviours.path.room import Floats, Margins, Rooms, Width
-from behaviours.path.survey import SurveyConfig, best_leg, new_ground_per_second
+from behaviours.path.clearance import ClearanceMaps, Floats
+from behaviours.path.following import FollowConfig, follow
+from behaviours.path.gimbal_pointing import GimbalConfig, ground_share
+from behaviours.path.margins import Margins, Passage
+from behaviours.path.nearby import recent_obstacles
+from behaviours.path.survey import SurveyConfig, best_route, new_ground_per_second
+from uav_bt.answers import Answer, Blocked, Done, Rotate
 from uav_bt.errors import MissionError
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.types.site_map import SiteMap
 
 
@@ -31,7 +34,7 @@ class CoverageConfig:
     blind_s: float = 2.0
     around_m: float = 2.0  # of the drone: ground to turn to
     follow: FollowConfig = field(default_factory=FollowConfig)
-    pointing: GroundPointingConfig = field(default_factory=GroundPointingConfig)
+    pointing: GimbalConfig = field(default_factory=GimbalConfig)
 
 
 class Coverage:
@@ -50,7 +53,7 @@ class Coverage:
         self.config = config or CoverageConfig()
         self._value = value
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Answer:
         """Return a heading and a speed; a turn when no way is known; done when all is covered.
 
         Raises:
@@ -63,7 +66,7 @@ class Coverage:
                 "<Segment/>, <TrackMotion/> and <MapSite/> ahead of the leaves that fly"
             )
         ground_rad = _ground_rad(site_map, cfg.around_m)
-        turn = Decision(
+        turn = Blocked(
             yaw_rad=math.copysign(cfg.turn_rad, view.turning or ground_rad or 1.0),
             reason="no way",
             free_m=0.0,
@@ -73,30 +76,28 @@ class Coverage:
         if site_map.contradicted_s > cfg.doubted_s:
             return replace(turn, reason="the view contradicts the map")
         if site_map.untracked_s > cfg.blind_s and self._sees_little_ground(view, site_map):
-            return Decision(
-                forward_m=0.1, yaw_rad=ground_rad, speed_mps=0.0, reason="turns to the ground"
-            )
-        lately = around(view.obstacles, site_map, unmapped_s=cfg.follow.unmapped_s)
-        rooms = Rooms(site_map, lately, cfg.margins, past_assumed=True)
-        room = rooms[Width.ORDINARY]
-        leg = best_leg(room, cfg.survey, self._value)
+            return Rotate(yaw_rad=ground_rad, reason="turns to the ground")
+        recent = recent_obstacles(view.obstacles, site_map, unmapped_s=cfg.follow.unmapped_s)
+        maps = ClearanceMaps(site_map, recent, cfg.margins, past_assumed=True)
+        room = maps[Passage.ORDINARY]
+        leg = best_route(room, cfg.survey, self._value)
         if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
-            room = rooms[Width.TIGHT]
-            leg = best_leg(room, cfg.survey, self._value) or leg
+            room = maps[Passage.TIGHT]
+            leg = best_route(room, cfg.survey, self._value) or leg
         if leg is None and (room.shut_in or room.too_narrow):
-            room = rooms[Width.TIGHTEST]
-            leg = best_leg(room, cfg.survey, self._value)
+            room = maps[Passage.TIGHTEST]
+            leg = best_route(room, cfg.survey, self._value)
         if leg is None:
             # What moves is in the way of ground for a while only.
             still = not site_map.movers and not len(site_map.lanes_m)
             covered = view.full_turns > 0 and not room.shut_in and still
-            return Decision(done=True, reason="covered") if covered else turn
+            return Done(reason="covered") if covered else turn
         reason = f"{leg.new_m2:.1f} m2 in {leg.time_s:.0f} s"
         way = follow(
             leg,
             site_map,
             view.corridor,
-            margins=cfg.margins.by(site_map.residual_m),
+            margins=cfg.margins,
             config=cfg.follow,
             reason=reason,
         )

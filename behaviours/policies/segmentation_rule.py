@@ -29,9 +29,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uav_bt.answers import Advance, Blocked
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import ground_range_to_row
 
@@ -110,7 +111,7 @@ class SegmentationRule:
         low = self._rectangle(view, cfg.carpet_range_m, cfg.carpet_half_angle_rad)
         return high, low
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Advance | Blocked:
         """Return an advance or a turn. A turn under way keeps its direction until it worked."""
         cfg = self.config
         groups = group_of(view.class_map.ids)
@@ -126,7 +127,7 @@ class SegmentationRule:
         way_is_free = obstacles <= obstacle_limit and self._keeps_margin(view, relief)
         carpet_goes_on = ground >= cfg.carpet_threshold_px * (1.0 - cfg.carpet_relief * relief)
         if way_is_free and carpet_goes_on:
-            return Decision(forward_m=cfg.step_m, reason="clear")
+            return Advance(forward_m=cfg.step_m, reason="clear")
 
         reason = "obstacle" if carpet_goes_on else ("edge" if way_is_free else "corner")
         yaw_rad = math.copysign(math.pi, view.tie_break - 0.5)
@@ -138,7 +139,7 @@ class SegmentationRule:
         elif way_is_free:
             left, right = (_count(half, GROUP_CARPET) for half in high.halves(groups))
             yaw_rad = self._turn(left, right, view.tie_break)
-        return Decision(yaw_rad=yaw_rad, carpet_ends=not carpet_goes_on, reason=reason)
+        return Blocked(yaw_rad=yaw_rad, ground_ends=not carpet_goes_on, reason=reason)
 
     def _keeps_margin(self, view: PolicyView, relief: int) -> bool:
         if view.obstacles is None:

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from perception.control.ego_state import EgoState, state_vector
 from perception.control.runtime import SHIPPED_STUDENT, ControlEstimate, OnnxControlStudent
 from perception.networks.named import check_onnx
+from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import MissionError, ValueRangeError
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.types import PastView
 
 _KEPT: Final = 48  # images at the network's size: those of 4 s at 10 frames a second, and more
@@ -73,7 +74,7 @@ class StudentPolicy:
         """Refuse a network's file that is not there, or no ONNX file."""
         check_onnx(Path(text), "`uav-bt net train student`")
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Advance | Blocked:
         """Return an advance or a turn. A turn under way keeps its direction until it worked.
 
         Raises:
@@ -96,24 +97,24 @@ class StudentPolicy:
             [self._image(past) for past in views],
             state_vector(ego, [past.pose for past in views]),
         )
-        return self._decision(estimate, view)
+        return self._answer(estimate, view)
 
-    def _decision(self, estimate: ControlEstimate, view: PolicyView) -> Decision:
+    def _answer(self, estimate: ControlEstimate, view: PolicyView) -> Advance | Blocked:
         cfg = self._config
         wanted = cfg.advance_at - cfg.relief * min(view.full_turns, cfg.max_full_turns)
         free_m = min(max(estimate.free_m, 0.0), cfg.longest_step_m)
-        ends = estimate.carpet_ends > 0.5
+        ends = estimate.ground_ends > 0.5
         # An edge is turned away from however free of obstacles the way is, as by the rule.
         if estimate.advance > wanted and not ends:
             step_m = min(max(estimate.step_m, cfg.shortest_step_m), cfg.longest_step_m)
-            return Decision(
+            return Advance(
                 forward_m=step_m,
                 reason=f"clear {estimate.advance:.2f}",
                 free_m=free_m,
             )
         yaw_rad = math.copysign(cfg.turn_rad, view.turning or estimate.clockwise - 0.5)
         reason = f"{'edge' if ends else 'obstacle'} {estimate.advance:.2f}"
-        return Decision(yaw_rad=yaw_rad, carpet_ends=ends, reason=reason, free_m=free_m)
+        return Blocked(yaw_rad=yaw_rad, ground_ends=ends, reason=reason, free_m=free_m)
 
     def _image(self, past: PastView) -> NDArray[np.uint8]:
         """Return the image of a view at the size of the network; each is resized once."""

@@ -1,9 +1,10 @@
-"""What a leaf policy is shown: the board's values that belong to one frame, put together."""
+"""The view that a leaf policy answers: the board's values that belong to one frame."""
 
 from __future__ import annotations
 
 from typing import Any, Final
 
+from uav_bt.answers import Answer
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
@@ -16,7 +17,7 @@ from uav_bt.board import (
 )
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import MissionError, PolicyFailedError
-from uav_bt.protocols import Decision, LeafPolicy, PolicyView
+from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import Leaf
 from uav_bt.types import CameraModel, ClassMap, Frame, HeldTurn
 
@@ -40,21 +41,24 @@ def current_view(leaf: Leaf) -> tuple[Frame, ClassMap, CameraModel] | None:
     return (frame, class_map, camera) if class_map.captured_s == frame.captured_s else None
 
 
-def ask(policy: LeafPolicy, view: PolicyView) -> Decision:
-    """Return a policy's decision on a view.
+def ask(policy: LeafPolicy, view: PolicyView) -> Answer:
+    """Return a policy's answer to a view.
 
     Raises:
         PolicyFailedError: it raised.
         MissionError: it returned something else.
     """
     try:
-        decision: object = policy.decide(view)
+        answer: object = policy.decide(view)
     except Exception as error:
         raise PolicyFailedError(policy, error) from error
-    if not isinstance(decision, Decision):
+    if not isinstance(answer, Answer):
         name = type(policy).__qualname__
-        raise MissionError(f"decide() of {name} must return a Decision, got {decision!r:.80}")
-    return decision
+        raise MissionError(
+            f"decide() of {name} must return Advance, FollowLeg, Rotate, Blocked or Done of "
+            f"uav_bt.answers, got {answer!r:.80}"
+        )
+    return answer
 
 
 def policy_view(

@@ -19,8 +19,8 @@ from uav_bt.types.dead_reckoning import OdometryPose
 
 VERSION: Final = 2  # of layers' names, inputs and outputs; files of another one are refused
 
-OUTPUTS: Final = ("advance", "clockwise", "step_m", "carpet_ends", "free_m")
-"""Logits of: advance (not turn), clockwise (if it turns), the carpet ends; and metres."""
+OUTPUTS: Final = ("advance", "clockwise", "step_m", "ground_ends", "free_m")
+"""Logits of: advance (not turn), clockwise (if it turns), the ground ends; and metres."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,7 +29,7 @@ class ControlEstimate:
     advance: float  # 0 to 1: to go on rather than turn
     clockwise: float  # 0 to 1: the side to turn to, if it turns
     step_m: float  # of the advance
-    carpet_ends: float  # 0 to 1
+    ground_ends: float  # 0 to 1
     free_m: float  # how far the way ahead is free of obstacles, up to a step
 
 
@@ -40,7 +40,7 @@ def decode(prediction: NDArray[np.floating[Any]]) -> ControlEstimate:
         advance=_sigmoid(advance),
         clockwise=_sigmoid(clockwise),
         step_m=step_m,
-        carpet_ends=_sigmoid(ends),
+        ground_ends=_sigmoid(ends),
         free_m=free_m,
     )
 

@@ -8,26 +8,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uav_bt.answers import Advance, Answer, Blocked
 from uav_bt.board import CLASS_MAP, STATE
 from uav_bt.classes import CARPET
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Leaf, MissionTree, Status
 from uav_bt.types import Attitude, BodyVelocity, ClassMap, DroneState, FlyingState, MovementStatus
 
-ADVANCE = Decision(forward_m=0.3, reason="clear")
-TURN_RIGHT = Decision(yaw_rad=0.5, reason="obstacle")
-TURN_LEFT = Decision(yaw_rad=-0.5, reason="obstacle")
+ADVANCE = Advance(forward_m=0.3, reason="clear")
+TURN_RIGHT = Blocked(yaw_rad=0.5, reason="obstacle")
+TURN_LEFT = Blocked(yaw_rad=-0.5, reason="obstacle")
 
 
 class Says:
     """A policy that gives its decisions in turn, the last one for ever, and keeps the views."""
 
-    def __init__(self, *decisions: Decision) -> None:
+    def __init__(self, *decisions: Answer) -> None:
         self.decisions = list(decisions)
         self.views: list[PolicyView] = []
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Answer:
         """Return the next decision."""
         self.views.append(view)
         return self.decisions.pop(0) if len(self.decisions) > 1 else self.decisions[0]

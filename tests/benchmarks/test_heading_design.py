@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from behaviours.fly.heading import HeadingGains
+from behaviours.fly.heading_control import HeadingGains
 from benchmarks.heading_design import (
     StepResponse,
     YawResponse,

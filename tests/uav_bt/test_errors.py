@@ -98,7 +98,7 @@ def test_a_failed_node_is_told_with_its_path_and_cause() -> None:
 
 LEAVES = """\
 import json
-from behaviours.fly.movement import MovingLeaf
+from behaviours.fly.moving_leaf import MovingLeaf
 from py_trees.behaviour import Behaviour
 from uav_bt.tree import Leaf
 

@@ -33,7 +33,7 @@ from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
-from uav_bt.tree.shipped import shipped_trees
+from uav_bt.tree.loading.lookup import shipped_trees
 
 STILL_IN_THE_AIR: Final = (
     "THE DRONE IS STILL IN THE AIR, as far as is known: take its remote control and land it"

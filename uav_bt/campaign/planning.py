@@ -20,7 +20,7 @@ from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
 from uav_bt.tree import MissionTree
 from uav_bt.tree.loading.folders import TreeFolders
-from uav_bt.tree.shipped import shipped_trees
+from uav_bt.tree.loading.lookup import shipped_trees
 
 
 def make_plan(

@@ -11,7 +11,7 @@ from uav_bt.cli.interrupts import let_work_clean_up
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, check_output_folder
 from uav_bt.inputs import refuse_inputs, same_file
-from uav_bt.tree.shipped import shipped_trees
+from uav_bt.tree.loading.lookup import shipped_trees
 
 _READ_WHILE_PARSING: Final = "uav_bt.cli.read_while_parsing"
 

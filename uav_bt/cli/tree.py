@@ -50,7 +50,7 @@ def nodes(*, names: tuple[str, ...], format_: str) -> None:
         chosen = NodeRegistry(registry[name] for name in names) if names else registry
         click.echo(palette_xml(chosen), nl=False)
         return
-    infos = [describe(registry[name]) for name in names] if names else describe_all(registry)
+    infos = [describe(registry[name], registry) for name in names] or describe_all(registry)
     if format_ == "json":
         click.echo(json.dumps([asdict(info) for info in infos], indent=2))
         return

@@ -128,7 +128,7 @@ def _add_instance(root: ET.Element, instance: TreeInstance, numbering: TreeNumbe
 
 
 def _add_node(parent: ET.Element, node: Node, numbering: TreeNumbering) -> None:
-    element = ET.SubElement(parent, node.node_id)
+    element = ET.SubElement(parent, SubTree.node_id if isinstance(node, SubTree) else node.node_id)
     if isinstance(node, SubTree):
         element.set("ID", _writable(node.tree_id))
         element.set("name", _writable(node.name))

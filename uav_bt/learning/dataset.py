@@ -281,7 +281,7 @@ def _read(reader: RecordReader, size_px: tuple[int, int]) -> ControlFlight:
             isinstance(item, StoredFrame)
             and advice is not None
             and advice.frame_index == item.note.index
-            and advice.decision.reason != _BLIND
+            and advice.answer.reason != _BLIND
         ):
             builder.add(shrunk(image_of(item, reader.path), size_px), advice)
     if not len(builder):

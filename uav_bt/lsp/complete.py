@@ -151,9 +151,11 @@ class Completer:
             node = registry[node_id]
             new = f"<{node_id}" if only_name else _element(node_id, node)
             detail = node.kind.value
-            doc = explain_node(node)
+            doc = explain_node(node, registry)
             yield self._item(node_id, _Kind.Class, (start, end), new, doc, detail=detail)
         for tree_id, path in self._desk.trees(self._page).items():
+            if tree_id in registry:
+                continue  # the tree that a node is made of
             new = f"<{SUBTREE}" if only_name else f'<{SUBTREE} ID="{tree_id}"/>'
             detail = f"tree of {path.name}"
             label = f"{SUBTREE} {tree_id}"
@@ -235,10 +237,11 @@ class _Values:
             for tree_id in self._desk.trees(self._page):
                 yield self._item(tree_id, _Kind.Function, (start, end))
         elif attribute == "ID" and tag in KIND_TAGS:
-            for node_id in self._desk.registry:
-                node = self._desk.registry[node_id]
-                if node.kind is NodeKind(tag):
-                    yield self._item(node_id, _Kind.Class, (start, end), explain_node(node))
+            registry = self._desk.registry
+            for node_id in registry:
+                if registry[node_id].kind is NodeKind(tag):
+                    doc = explain_node(registry[node_id], registry)
+                    yield self._item(node_id, _Kind.Class, (start, end), doc)
         elif attribute in CONDITION_ATTRIBUTES or is_script(self._node, attribute):
             yield from self._in_script(typed)
         elif self._tree:

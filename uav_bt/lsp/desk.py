@@ -14,7 +14,7 @@ from uav_bt.lsp.names import Use, What, node_of, uses_of
 from uav_bt.lsp.page import Page
 from uav_bt.lsp.workspace import Workspace
 from uav_bt.tree.editing.markup import Branch
-from uav_bt.tree.loading.lookup import MAX_INCLUDES
+from uav_bt.tree.loading.lookup import MAX_INCLUDES, Lookup
 from uav_bt.tree.loading.source import read_source
 from uav_bt.tree.node import Node
 from uav_bt.tree.registry import NodeRegistry
@@ -62,6 +62,7 @@ class Desk:
         self._open_pages = open_pages
         self._workspace = workspace
         self._read: dict[Path, tuple[int, Page]] = {}
+        self._shipped = Lookup()  # of a page that lies in no folder of the editor
         self._uses: WeakKeyDictionary[Page, list[Use]] = WeakKeyDictionary()
 
     def node(self, branch: Branch) -> type[Node] | None:
@@ -133,7 +134,11 @@ class Desk:
         shown = {key_of(page), *(key_of(one) for one in self._beside_in_folder(page))}
         found = {**{name: at for name, at in others.items() if at not in shown}, **found}
         found.pop("", None)
-        return found
+        shipped = self._lookup(workspace).shipped.trees
+        return {**{name: each[0][0].path for name, each in shipped.items()}, **found}
+
+    def _lookup(self, workspace: Workspace | None) -> Lookup:
+        return self._shipped if workspace is None else workspace.lookup
 
     def tree(self, page: Page, tree_id: str) -> tuple[Page, Branch] | None:
         """Return the tree that an ID stands for in a page, with its own page."""
@@ -142,8 +147,7 @@ class Desk:
             branch = _tree_in(one, tree_id)
             if branch is not None:
                 return one, branch
-        library = None if workspace is None else workspace.lookup.library
-        for element, _ in () if library is None else library.find(tree_id, page.path):
+        for element, _ in self._lookup(workspace).find(tree_id, page.path):
             other = self.page(element.path)
             branch = None if other is None else _tree_in(other, tree_id)
             if other is not None and branch is not None:

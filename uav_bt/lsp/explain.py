@@ -15,6 +15,7 @@ from uav_bt.lsp.page import Page, attribute_at
 from uav_bt.tree.describe import describe
 from uav_bt.tree.node import Node
 from uav_bt.tree.port import Port, port_text
+from uav_bt.tree.registry import NodeRegistry
 
 _CONDITIONS: Final = {
     "_failureIf": "A script, asked before the idle node is ticked; true: the node fails.",
@@ -47,7 +48,7 @@ def hover(desk: Desk, page: Page, offset: int) -> types.Hover | None:
         port = next((one for one in ports if one.name == found.name), None)
         text = explain_port(port) if port is not None else _CONDITIONS.get(found.name, "")
     elif not text and offset < end and node is not None:
-        text = explain_node(node)
+        text = explain_node(node, desk.registry)
     elif not text and offset < end and tag.name == SUBTREE:
         text = _of_tree(desk, page, branch.text("ID"))
     if not text:
@@ -84,9 +85,9 @@ def _of_tree(desk: Desk, page: Page, tree_id: str) -> str:
     return f"**{tree_id}** (tree, {count} nodes), {home.path.name}:{line}"
 
 
-def explain_node(node: type[Node]) -> str:
+def explain_node(node: type[Node], registry: NodeRegistry) -> str:
     """Return a node's docstring, ports and board keys as Markdown."""
-    info = describe(node)
+    info = describe(node, registry)
     lines = [f"**{info.node_id}** ({info.kind})", "", inspect.cleandoc(node.__doc__ or "")]
     lines += ["", *(f"- {explain_port(port)}" for port in node.ports)]
     for word, names in (("Reads", info.reads), ("Writes", info.writes)):

@@ -11,7 +11,8 @@ from lsprotocol import types
 from uav_bt.lsp.desk import Desk, Named
 from uav_bt.lsp.names import SUBTREE, Use, What
 from uav_bt.lsp.page import Page, attribute_at, node_id_of
-from uav_bt.tree.editing.markup import Branch
+from uav_bt.tree.editing.markup import Branch, resolve
+from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.node import Node
 
 _MAX_DEPTH: Final = 100  # of an outline; the loader takes no deeper tree
@@ -39,10 +40,9 @@ def definitions(desk: Desk, page: Page, offset: int) -> list[types.Location]:
     if tag.name == "include" and found is not None:
         target = page.path.parent / branch.text("path")
         return [types.Location(target.resolve().as_uri(), _line(0))] if target.is_file() else []
-    if tag.name == SUBTREE and found is None:
-        return _tree(desk, page, branch.text("ID"))
-    node = desk.node(branch)
-    return _class(node) if node is not None and (found is None or found.name == "ID") else []
+    if found is not None and found.name != "ID":
+        return []
+    return _node(desk, page, branch)
 
 
 def references(
@@ -68,6 +68,17 @@ def _tree(desk: Desk, page: Page, tree_id: str) -> list[types.Location]:
         return []
     home, branch = found
     return [types.Location(home.uri, home.range(branch.tag.start, branch.tag.end))]
+
+
+def _node(desk: Desk, page: Page, branch: Branch) -> list[types.Location]:
+    """Return where a node's class is, after the tree that it stands for."""
+    node = desk.node(branch)
+    if node is None:
+        return []
+    if issubclass(node, ExpandedNode):
+        given = {one.name: resolve(one.value)[0] for one in branch.tag.attributes}
+        return [*_tree(desk, page, node.tree_of(given)), *_class(node)]
+    return _tree(desk, page, branch.text("ID")) if branch.tag.name == SUBTREE else _class(node)
 
 
 def _location(named: Named) -> types.Location:

@@ -12,6 +12,7 @@ from typing import Final
 from uav_bt.lsp.page import Page, node_id_of, tree_of
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.editing.markup import Attribute, Branch, resolve
+from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
@@ -74,10 +75,11 @@ class _Text:
 
 def node_of(branch: Branch, registry: NodeRegistry) -> type[Node] | None:
     """Return the class of a node, None for an unknown one."""
-    node_id = node_id_of(branch)
-    if node_id not in registry:
-        return None
-    return registry[node_id]
+    if branch.tag.name == SUBTREE:
+        node = registry.get(branch.text("ID"))
+        if node is not None and issubclass(node, ExpandedNode):
+            return node
+    return registry.get(node_id_of(branch))
 
 
 def uses_of(page: Page, registry: NodeRegistry) -> list[Use]:
@@ -119,6 +121,8 @@ def _of_node(branch: Branch, tree: str, registry: NodeRegistry) -> Iterator[Use]
     is_subtree = branch.tag.name == SUBTREE
     if is_subtree:
         yield from _tree(branch, "ID")
+        # The ports of a node that is made of a tree are those of its class.
+        is_subtree = node is None or not issubclass(node, ExpandedNode)
     for found in branch.tag.attributes:
         if found.name in _FIXED:
             continue

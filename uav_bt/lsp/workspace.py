@@ -8,7 +8,6 @@ from pathlib import Path
 
 from uav_bt.errors import FileError, TreeError
 from uav_bt.lsp.page import Page
-from uav_bt.tree.loading.document import subtrees
 from uav_bt.tree.loading.findings import WARNING, WHOLE_FILE, Finding
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.lookup import (
@@ -18,6 +17,8 @@ from uav_bt.tree.loading.lookup import (
     files_in,
     read_library_file,
 )
+from uav_bt.tree.loading.source import walk
+from uav_bt.tree.node import NodeKind
 from uav_bt.tree.registry import NodeRegistry
 
 _Stamp = tuple[int, int]  # when a file was changed, in nanoseconds; its bytes
@@ -58,7 +59,7 @@ class Workspace:
             library = Library(files, self._file)
             users: dict[str, set[Path]] = {}
             for element, _ in (each for found in library.trees.values() for each in found):
-                for node in subtrees(element):
+                for node in (one for one in walk(element) if one.tag == NodeKind.SUBTREE.value):
                     users.setdefault(node.attributes.get("ID", ""), set()).add(element.path)
             kept = {path.resolve() for path in files}
             self._read = {path: one for path, one in self._read.items() if path in kept}

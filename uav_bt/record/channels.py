@@ -190,7 +190,7 @@ class StatusNote:
             raise ValueRangeError(f"unknown node status '{min(unknown):.40}'")
 
 
-SCHEMA_VERSION: Final = 1  # of the whole record; readers refuse a newer one
+SCHEMA_VERSION: Final = 2  # of the whole record; readers refuse a newer one
 
 # Names of the two metadata records: what was known when the flight began, and when it had ended.
 START: Final = "uav_bt.flight"

@@ -18,7 +18,7 @@ from uav_bt.record.channels import FrameNote
 from uav_bt.record.images import image_bytes
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
-from uav_bt.record.values import decode
+from uav_bt.record.values import decode, decode_float
 from uav_bt.types import DroneState
 
 FLIGHT_SUFFIXES: Final = (".mcap", ".npz")  # the latter is refused with what to do
@@ -61,7 +61,10 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
     try:
         for message in reader.messages((*_DECODED, channels.CAMERA_IMAGE.topic)):
             if message.topic != channels.CAMERA_IMAGE.topic:
-                found = decode(_DECODED[message.topic], parse_json(message.data))
+                plain = parse_json(message.data)
+                if message.topic == channels.ADVICE.topic:
+                    plain = _advice(plain)
+                found = decode(_DECODED[message.topic], plain)
                 if isinstance(found, FrameNote):
                     note = found
                 else:
@@ -77,3 +80,27 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
         raise FileError(
             reader.path, f"is damaged ({reader.damages[0]}); `mcap recover` saves what is whole"
         )
+
+
+def _advice(plain: Any) -> Any:
+    """Return advice as it is recorded now.
+
+    Records of schema version 1 have answers of one class with the fields of all.
+    """
+    if not (isinstance(plain, dict) and "decision" in plain):
+        return plain
+    return plain | {"answer": _answer(plain["decision"]), "fresh": _answer(plain.get("fresh"))}
+
+
+def _answer(old: Any) -> Any:
+    if not isinstance(old, dict):
+        return old
+    forward_m = decode_float(old.get("forward_m"))
+    if old.get("done"):
+        kind = "Done"
+    elif old.get("speed_mps") is not None:
+        kind = "FollowLeg" if old["speed_mps"] else "Rotate"
+    else:
+        kind = "Advance" if forward_m > 0.0 else "Blocked"
+    # Each class reads the fields that it has.
+    return {**old, "type": kind, "ground_ends": old.get("carpet_ends", False)}

@@ -15,7 +15,7 @@ from typing import Final
 
 from uav_bt.tree import NodeKind, NodeRegistry
 from uav_bt.tree.loading.document import Document, outline
-from uav_bt.tree.loading.elements import node_id_of
+from uav_bt.tree.loading.elements import node_id_of, tree_within
 from uav_bt.tree.loading.findings import Findings, Position
 from uav_bt.tree.loading.source import Element, parse_source, read_source, walk
 
@@ -173,8 +173,9 @@ class _Analysis:
         return found
 
     def _own(self, element: Element) -> _Outcomes:
-        if element.tag == NodeKind.SUBTREE.value:
-            return self._subtree(element.attributes.get("ID", ""))
+        tree_id = tree_within(element, self._document.registry)
+        if tree_id is not None:
+            return self._subtree(tree_id)
         node_id = node_id_of(element)
         if not element.children:
             return _LEAVES.get(node_id) or self._leaf(element, node_id)

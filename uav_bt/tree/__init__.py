@@ -8,6 +8,7 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.status import Status
+from uav_bt.tree.subtree_node import SubtreeNode
 from uav_bt.tree.variables import Variables
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "NodeRegistry",
     "Port",
     "Status",
+    "SubtreeNode",
     "Variables",
     "leaf_of",
     "load_tree",

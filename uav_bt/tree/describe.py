@@ -8,7 +8,9 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from uav_bt.board.blackboard import Key
+from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.loading.expansion import leaves_of
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import PORT_TYPES, Port, port_text
@@ -67,19 +69,27 @@ def _describe_port(port: Port[Any]) -> PortInfo:
 
 
 def _names(keys: Iterable[Key[Any]]) -> tuple[str, ...]:
-    return tuple(key.name for key in keys)
+    return tuple(dict.fromkeys(key.name for key in keys))
 
 
-def describe(node: type[Node]) -> NodeInfo:
-    """Return what a person wants to know about a node."""
-    leaf = node if issubclass(node, Leaf) else None
+def describe(node: type[Node], registry: NodeRegistry | None = None) -> NodeInfo:
+    """Return what a person wants to know about a node.
+
+    Args:
+        node: the class.
+        registry: the nodes of the tree that the node is made of, whose leaves declare its board
+            keys; default: the node itself declares all.
+    """
+    leaves = [node] if issubclass(node, Leaf) else []
+    if registry is not None and issubclass(node, ExpandedNode):
+        leaves = list(leaves_of(node, registry))
     return NodeInfo(
         node_id=node.node_id,
         kind=node.kind.value,
         doc=summary(node),
         ports=tuple(_describe_port(port) for port in node.ports),
-        reads=_names(leaf.reads) if leaf else (),
-        writes=_names(leaf.writes) if leaf else (),
+        reads=_names(key for leaf in leaves for key in leaf.reads),
+        writes=_names(key for leaf in leaves for key in leaf.writes),
         builtin=node in BUILTIN_NODES,
         origin=f"{node.__module__}.{node.__qualname__}",
     )
@@ -88,7 +98,7 @@ def describe(node: type[Node]) -> NodeInfo:
 def describe_all(registry: NodeRegistry) -> list[NodeInfo]:
     """Return all nodes of a registry: missions' own first, then the format's, by kind and name."""
     order = [kind.value for kind in NodeKind]
-    infos = [describe(registry[node_id]) for node_id in registry]
+    infos = [describe(registry[node_id], registry) for node_id in registry]
     return sorted(infos, key=lambda info: (info.builtin, order.index(info.kind), info.node_id))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Final
@@ -15,7 +15,7 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.loading.lookup import Inclusion
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes.base import SubTree
+from uav_bt.tree.placing import place_tree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
@@ -30,22 +30,6 @@ class Place:
     def __str__(self) -> str:
         """Return `file:line:column`."""
         return f"{self.path}:{self.position}"
-
-
-def child_paths(parent: str, names: Sequence[str]) -> list[str]:
-    """Return the paths of a node's children; the second of one name gets `#2`.
-
-    Args:
-        parent: the parent's path.
-        names: of its children, in order.
-    """
-    seen: Counter[str] = Counter()
-    paths: list[str] = []
-    for name in names:
-        seen[name] += 1
-        number = f"#{seen[name]}" if seen[name] > 1 else ""
-        paths.append(f"{parent}/{name}{number}")
-    return paths
 
 
 _FRAMES_PER_LEVEL: Final = 8  # of Python's, in a tick that is watched, asks conditions and halts
@@ -102,7 +86,7 @@ class MissionTree:
                 f"node '{twice.name}' stands in tree '{name}' {counts[twice]} times: make an "
                 "object for each of its places"
             )
-        self._place(root, f"{name}/{root.name}", self.variables)
+        place_tree(root, f"{name}/{root.name}", self.variables)
         _allow_depth(max(node.path.count("/") for node in self.nodes()))
         for hook in self.made_hooks:
             hook(self)
@@ -115,16 +99,9 @@ class MissionTree:
 
     def _repr_svg_(self) -> str:
         """Return the drawing that a notebook shows."""
-        from uav_bt.tree.render import render  # noqa: PLC0415  (it draws trees, and needs them)
+        from uav_bt.tree.render import render  # noqa: PLC0415 - only notebooks draw
 
         return render(self, "svg")
-
-    def _place(self, node: Node, path: str, scope: Variables) -> None:
-        node.place(path, scope)
-        inner = node.open_scope(scope) if isinstance(node, SubTree) else scope
-        paths = child_paths(path, [child.name for child in node.children])
-        for child, child_path in zip(node.children, paths, strict=True):
-            self._place(child, child_path, inner)
 
     @property
     def path(self) -> Path:

@@ -19,11 +19,11 @@ from py_trees import common
 from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
-from uav_bt.tree.observer import NodeEvent, Observer
+from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import Port, check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.surroundings import Surroundings
-from uav_bt.tree.visits import visited_tick
+from uav_bt.tree.variables import Variables
 
 if TYPE_CHECKING:
     from abc import ABC
@@ -52,6 +52,7 @@ _ANSWERED: Final = {
     FAILURE.value: NodeEvent.FAILED,
     SKIPPED.value: NodeEvent.SKIPPED,
 }
+_ANSWER_OF: Final = {event: Status(value) for value, event in _ANSWERED.items()}
 
 
 class NodeKind(enum.Enum):
@@ -124,6 +125,14 @@ class Node(Surroundings, Behaviour):
         if self._conditions is None:
             return {}
         return {name: script.source for name, script in self._conditions.scripts.items()}
+
+    def open_scope(self, outer: Variables) -> Variables:
+        """Return the variables that the children use: those of the node's own tree.
+
+        Args:
+            outer: the variables of the tree that the node stands in.
+        """
+        return outer
 
     def setup(self, mission: MissionContext | None = None, **_kwargs: Any) -> None:
         """Hand the node its mission; py_trees' own `BehaviourTree.setup(mission=...)` works too.
@@ -272,8 +281,30 @@ class Node(Surroundings, Behaviour):
         """Ignore the assignment of py_trees' constructor; `stop` is how py_trees changes it."""
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick as py_trees does, yielding every ticked node, children first, for its visitors."""
-        return visited_tick(self)
+        """Tick as py_trees does, and yield every node that was ticked, children first.
+
+        While a visitor of py_trees looks at a node, the node shows what its tick answered.
+        """
+        if self.node_status is SUCCESS or self.node_status is FAILURE:
+            self.reset()
+        visits: list[tuple[Node, Status]] = []
+
+        def note(ticked: Node, event: NodeEvent) -> None:
+            if event in _ANSWER_OF:
+                visits.append((ticked, _ANSWER_OF[event]))
+
+        nodes = list(self.iterate())
+        observe(nodes, note)
+        try:
+            self.execute_tick()
+        finally:
+            unobserve(nodes, note)
+        for ticked, answered in visits:
+            ticked.visited = answered
+            try:
+                yield ticked
+            finally:  # py_trees' composites leave the generator here
+                ticked.visited = None
 
     def stop(self, new_status: common.Status = common.Status.INVALID) -> None:
         """Stop from outside, as py_trees' composites do."""

@@ -10,10 +10,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from uav_bt.tree.node import Node
+from typing import Any, Protocol
 
 
 class NodeEvent(enum.Enum):
@@ -31,8 +28,14 @@ class NodeEvent(enum.Enum):
     STATUS = "status"  # `node_status` has changed
 
 
-Observer = Callable[["Node", NodeEvent], None]
-"""Called with each event as it happens."""
+Observer = Callable[[Any, NodeEvent], None]
+"""Called with the node and each event as it happens."""
+
+
+class Observed(Protocol):
+    """Anything with an observer slot. Every node has one."""
+
+    observer: Observer | None
 
 
 @dataclass(frozen=True)
@@ -41,12 +44,12 @@ class _Observers:
 
     observers: tuple[Observer, ...]
 
-    def __call__(self, node: Node, event: NodeEvent) -> None:
+    def __call__(self, node: Observed, event: NodeEvent) -> None:
         for observer in self.observers:
             observer(node, event)
 
 
-def observe(nodes: Iterable[Node], observer: Observer) -> None:
+def observe(nodes: Iterable[Observed], observer: Observer) -> None:
     """Notify an observer from now on, after those that the nodes already have.
 
     Args:
@@ -57,7 +60,7 @@ def observe(nodes: Iterable[Node], observer: Observer) -> None:
         node.observer = _joined((*_observers(node), observer))
 
 
-def unobserve(nodes: Iterable[Node], observer: Observer) -> None:
+def unobserve(nodes: Iterable[Observed], observer: Observer) -> None:
     """Notify an observer no longer; nodes that do not have it are left as they are.
 
     Args:
@@ -68,7 +71,7 @@ def unobserve(nodes: Iterable[Node], observer: Observer) -> None:
         node.observer = _joined(tuple(one for one in _observers(node) if one != observer))
 
 
-def _observers(node: Node) -> tuple[Observer, ...]:
+def _observers(node: Observed) -> tuple[Observer, ...]:
     slot = node.observer
     if slot is None:
         return ()

@@ -130,6 +130,10 @@ class NodeRegistry:
         except KeyError:
             raise UnknownNameError("node", node_id, self._nodes) from None
 
+    def get(self, node_id: str) -> type[Node] | None:
+        """Return a node class; None for an unknown id."""
+        return self._nodes.get(node_id)
+
     def __contains__(self, node_id: object) -> bool:
         """Return whether a node of that id is known."""
         return node_id in self._nodes

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Final
 
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import ValueRangeError
+from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import RUNNING, SUCCESS, Status
@@ -79,7 +80,7 @@ class ScriptedLeaf(Leaf):
         ValueRangeError: the script cannot be read, or a condition's script has an R.
     """
 
-    mocked: ClassVar[type[Leaf] | None] = None  # whose place it takes
+    mocked: ClassVar[type[Leaf | ExpandedNode] | None] = None  # whose place it takes
 
     def __init__(self, name: str | None = None, script: str = "S", /, **given: object) -> None:
         super().__init__(name, **given)
@@ -118,21 +119,26 @@ class ScriptedLeaf(Leaf):
 
 
 @cache
-def mock_class(leaf: type[Leaf]) -> type[ScriptedLeaf]:
-    """Return a class of scripted leaves that stand in for a class of leaves.
+def mock_class(node: type[Leaf | ExpandedNode]) -> type[ScriptedLeaf]:
+    """Return a class of scripted leaves that stand in for a class of nodes.
 
-    They have its id, kind, ports and board keys, and run none of its code.
+    They have its id, kind, ports and board keys, and run none of its code. In place of a node that
+    is made of a tree stands one leaf, without that tree.
+
+    Args:
+        node: a class of leaves, or of nodes that are made of a tree.
     """
+    leaf = node if issubclass(node, Leaf) else None
     return type(
-        f"Scripted{leaf.__name__}",
+        f"Scripted{node.__name__}",
         (ScriptedLeaf,),
         {
-            "__doc__": leaf.__doc__,
-            "node_id": leaf.node_id,
-            "ports": leaf.ports,
-            "condition": leaf.condition,
-            "reads": leaf.reads,
-            "writes": leaf.writes,
-            "mocked": leaf,
+            "__doc__": node.__doc__,
+            "node_id": node.node_id,
+            "ports": node.ports,
+            "condition": leaf is not None and leaf.condition,
+            "reads": leaf.reads if leaf else (),
+            "writes": leaf.writes if leaf else (),
+            "mocked": node,
         },
     )

@@ -8,14 +8,7 @@ from typing import Final
 
 from uav_bt.errors import FileError, UnknownNameError, did_you_mean
 from uav_bt.files import writing
-from uav_bt.tree.loading.lookup import files_in
-
-
-def shipped_trees() -> Path:
-    """Return the folder of the missions that ship with uav-bt."""
-    from importlib import resources  # noqa: PLC0415 - slow, and mostly not needed
-
-    return Path(str(resources.files("trees")))
+from uav_bt.tree.loading.lookup import files_in, shipped_trees
 
 
 def resolve_tree(tree: str | Path) -> Path:

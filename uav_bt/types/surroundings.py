@@ -130,11 +130,12 @@ class HeldTurn:
 
     direction: int = 0  # +1 clockwise, -1 counter-clockwise, 0 none
     turned_rad: float = 0.0  # since the last advance, both ways added up
+    relief_turns: int = 0  # detours in vain: the policy is asked as after this number of full turns
 
     @property
     def full_turns(self) -> int:
-        """How many full turns found no free path."""
-        return int(self.turned_rad / (2.0 * math.pi))
+        """The number of full turns that found no free path, and of those that count as such."""
+        return self.relief_turns + int(self.turned_rad / (2.0 * math.pi))
 
 
 BODY_SIZE_M: Final = (0.24, 0.32, 0.10)

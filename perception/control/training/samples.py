@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.control.ego_state import ControlNetConfig, EgoState, state_vector
+from uav_bt.answers import Advance, Answer, Blocked
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import whole_file
-from uav_bt.protocols import Advice, Decision
+from uav_bt.protocols import Advice
 from uav_bt.types.dead_reckoning import OdometryPose
 
-LABELS: Final = ("forward_m", "yaw_rad", "carpet_ends", "free_m")
-"""The columns of a label: the rule's decision."""
+LABELS: Final = ("forward_m", "yaw_rad", "ground_ends", "free_m")
+"""The columns of a label: the rule's answer."""
 
 # At a network's size noise is gone already; these bytes are a sixth of a PNG's.
 _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 95]
@@ -74,10 +75,11 @@ class FlightBuilder:
 
         Args:
             image: (H, W, 3) RGB, of the builder's size.
-            advice: the rule's decision on it.
+            advice: the rule's answer to it.
 
         Raises:
             ShapeError: the image is of another size.
+            ValueRangeError: the rule answered with a class that the student cannot learn.
         """
         width, height = self._size_px
         if image.shape != (height, width, 3):
@@ -93,7 +95,7 @@ class FlightBuilder:
                 float(advice.full_turns),
             )
         )
-        self._labels.append([_label(advice.decision), _label(advice.fresh)])
+        self._labels.append([_label(advice.answer), _label(advice.fresh)])
 
     def __len__(self) -> int:
         """How many views there are."""
@@ -117,9 +119,18 @@ class FlightBuilder:
         )
 
 
-def _label(decision: Decision) -> tuple[float, ...]:
-    free_m = np.nan if decision.free_m is None else decision.free_m
-    return decision.forward_m, decision.yaw_rad, float(decision.carpet_ends), free_m
+def _label(answer: Answer) -> tuple[float, ...]:
+    match answer:
+        case Advance(forward_m=forward_m, yaw_rad=yaw_rad, free_m=free_m):
+            ends = 0.0
+        case Blocked(yaw_rad=yaw_rad, ground_ends=ground_ends, free_m=free_m):
+            forward_m, ends = 0.0, float(ground_ends)
+        case _:
+            raise ValueRangeError(
+                "the student learns from answers that are Advance or Blocked, got "
+                f'{answer!r:.80}: fly with <Advise policy="corridor"/>'
+            )
+    return forward_m, yaw_rad, ends, np.nan if free_m is None else free_m
 
 
 def write_flight(path: Path, flight: ControlFlight) -> None:
@@ -159,7 +170,7 @@ class SampleConfig:
     near_m: float = 0.7
     near_weight: float = 2.0
     # Share of views with a turn under way that are shown as if there were none, with the rule's
-    # decision then: few views show the beginning of a turn, where its side is chosen.
+    # answer then: few views show the beginning of a turn, where its side is chosen.
     fresh: float = 0.5
 
     def __post_init__(self) -> None:

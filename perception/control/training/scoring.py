@@ -28,7 +28,7 @@ class ControlScore:
     wrong_side: float  # share of turns to begin that go the other way
     step_error_m: float  # mean absolute, where both advance
     step_excess_m: float  # mean of what is too long, where both advance
-    wrong_end: float  # share of views where it errs on whether the carpet ends
+    wrong_end: float  # share of views where it errs on whether the ground ends
     free_error_m: float  # mean absolute, of the way free of obstacles
     movement_mse: float  # the paper's: of forward metres and yaw radians
 
@@ -62,7 +62,7 @@ def score_control(
         wrong_side=_mean((values["clockwise"] > 0.5) != (values["yaw_rad"] > 0.0), begins),
         step_error_m=_mean(np.abs(excess), both),
         step_excess_m=_mean(np.maximum(excess, 0.0), both),
-        wrong_end=_mean((values["carpet_ends"] > 0.5) != (values["ends"] > 0.5)),
+        wrong_end=_mean((values["ground_ends"] > 0.5) != (values["ends"] > 0.5)),
         free_error_m=_mean(
             np.abs(values["estimated_free_m"] - values["free_m"]), np.isfinite(values["free_m"])
         ),
@@ -82,7 +82,7 @@ def _rows(predict: Predict, batch: Batch) -> Iterator[dict[str, float]]:
             "advance": estimate.advance,
             "clockwise": estimate.clockwise,
             "step_m": estimate.step_m,
-            "carpet_ends": estimate.carpet_ends,
+            "ground_ends": estimate.ground_ends,
             "estimated_free_m": estimate.free_m,
             **dict(zip(("forward_m", "yaw_rad", "ends", "free_m"), map(float, label), strict=True)),
             "turning": float(turning),

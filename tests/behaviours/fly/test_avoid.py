@@ -19,8 +19,8 @@ from tests.behaviours.leaf_world import (
     show,
     steering_bench,
 )
+from uav_bt.answers import Done, Rotate
 from uav_bt.board import HELD_TURN, OBSTACLES, STATE
-from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import Attitude, HeldTurn, MoveBy, ObstaclePoints, Velocity
@@ -87,7 +87,7 @@ def test_a_free_way_counts_only_after_the_least_turn() -> None:
 
 def test_who_flies_at_a_speed_goes_on_from_the_turn() -> None:
     """It steers by a heading: no need to turn back to the view that showed the way."""
-    bench = turning(Says(TURN_RIGHT, replace(ADVANCE, yaw_rad=-1.0, speed_mps=0.0)))
+    bench = turning(Says(TURN_RIGHT, Rotate(yaw_rad=-1.0)))
     for yaw_rad in (0.2, 0.45, 0.55):
         assert live(bench, yaw_rad=yaw_rad) is Status.RUNNING
     assert live(bench, yaw_rad=0.60) is Status.SUCCESS
@@ -269,6 +269,6 @@ def test_a_turn_keeps_off_the_edge_of_the_carpet() -> None:
 
 
 def test_when_a_look_round_leaves_nothing_to_do_it_ends() -> None:
-    bench = steering_bench(Avoid, Says(Decision(done=True, reason="covered")))
+    bench = steering_bench(Avoid, Says(Done(reason="covered")))
     live(bench)
     assert live(bench, seconds=0.3) is Status.SUCCESS

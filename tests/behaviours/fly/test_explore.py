@@ -19,6 +19,7 @@ from tests.behaviours.leaf_world import (
     steering_bench,
 )
 from tests.behaviours.path.test_survey import drawn_map
+from uav_bt.answers import Advance, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
     FLIGHT_HEIGHT,
@@ -31,8 +32,7 @@ from uav_bt.board import (
     SITE_MAP,
     STATE,
 )
-from uav_bt.errors import NodeFailedError, UnknownNameError, ValueRangeError
-from uav_bt.protocols import Decision
+from uav_bt.errors import NodeFailedError, UnknownNameError
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -218,7 +218,7 @@ def test_an_advance_forgets_the_held_turn() -> None:
 
 # --- flowing --------------------------------------------------------------------------------------
 
-FAR = Decision(forward_m=1.0, reason="clear")
+FAR = Advance(forward_m=1.0, reason="clear")
 
 
 def moving_on(bench: LeafBench, forward_mps: float) -> Status:
@@ -269,14 +269,16 @@ def test_without_flowing_a_step_is_flown_to_its_end() -> None:
 
 
 @pytest.mark.parametrize("answer", [None, (0.2, 0.0)])
-def test_a_policy_that_returns_no_decision_is_named(answer: object) -> None:
-    with pytest.raises(NodeFailedError, match=r"decide\(\) of Says must return a Decision, got"):
+def test_a_policy_that_returns_no_answer_is_named(answer: object) -> None:
+    with pytest.raises(
+        NodeFailedError, match=r"decide\(\) of Says must return Advance, .*uav_bt\.answers, got"
+    ):
         stepping(Says(answer))  # type: ignore[arg-type]
 
 
 def test_a_decision_with_a_speed_is_flown_without_a_stop() -> None:
     """Ahead at that speed, the heading towards the bearing, every tick; no movement of its own."""
-    policy = Says(Decision(forward_m=1.0, yaw_rad=0.3, speed_mps=0.5, reason="on"))
+    policy = Says(FollowLeg(yaw_rad=0.3, speed_mps=0.5, reason="on"))
     bench = stepping(policy)
     for _ in range(3):
         assert live(bench) is Status.RUNNING
@@ -286,14 +288,14 @@ def test_a_decision_with_a_speed_is_flown_without_a_stop() -> None:
 
 
 def test_a_speed_of_zero_turns_on_the_spot() -> None:
-    bench = stepping(Says(Decision(forward_m=1.0, yaw_rad=-1.0, speed_mps=0.0)))
+    bench = stepping(Says(Rotate(yaw_rad=-1.0)))
     assert isinstance(bench.proposed, Velocity)
     assert bench.proposed.forward_mps == 0.0
     assert bench.proposed.yaw_rate_radps < 0.0
 
 
 def test_at_a_speed_the_height_is_kept() -> None:
-    bench = steering_bench(Explore, Says(Decision(forward_m=1.0, speed_mps=0.4)))
+    bench = steering_bench(Explore, Says(FollowLeg(speed_mps=0.4)))
     bench.board[FLIGHT_HEIGHT] = 1.5
     live(bench, height_m=1.2)
     live(bench, seconds=0.3, height_m=1.2)
@@ -303,7 +305,7 @@ def test_at_a_speed_the_height_is_kept() -> None:
 
 @pytest.mark.parametrize(("beside_m", "goes"), [(-0.35, 1.0), (0.35, -1.0), (0.6, 0.0)])
 def test_at_a_speed_it_keeps_away_from_what_is_beside_it(beside_m: float, goes: float) -> None:
-    bench = steering_bench(Explore, Says(Decision(forward_m=1.0, speed_mps=0.4)))
+    bench = steering_bench(Explore, Says(FollowLeg(speed_mps=0.4)))
     live(bench)
     bench.board[OBSTACLES] = ObstaclePoints(points_m=np.array([[0.1, beside_m]]), captured_s=0.0)
     bench.allow_stale()
@@ -335,7 +337,7 @@ def test_at_the_edge_the_camera_is_lowered_to_the_ground(*, looks_down: bool) ->
 
 def test_a_speed_is_not_flown_on_blind() -> None:
     """Without a view for half a second the drone stops."""
-    bench = stepping(Says(Decision(forward_m=1.0, speed_mps=0.5)))
+    bench = stepping(Says(FollowLeg(speed_mps=0.5)))
     bench.board[CLASS_MAP] = ClassMap(ids=bench.board[CLASS_MAP].ids, captured_s=-1.0)
     bench.allow_stale()
     proposed = []
@@ -349,11 +351,6 @@ def test_a_speed_is_not_flown_on_blind() -> None:
 
 
 def test_nothing_left_to_do_is_a_success() -> None:
-    bench = steering_bench(Explore, Says(Decision(done=True, reason="covered")))
+    bench = steering_bench(Explore, Says(Done(reason="covered")))
     live(bench)
     assert live(bench, seconds=0.3) is Status.SUCCESS
-
-
-def test_a_negative_speed_is_refused() -> None:
-    with pytest.raises(ValueRangeError, match="speed_mps"):
-        Decision(forward_m=1.0, speed_mps=-0.1)

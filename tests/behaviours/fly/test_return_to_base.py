@@ -20,8 +20,8 @@ from tests.behaviours.leaf_world import (
     steering_bench,
 )
 from tests.behaviours.path.test_survey import drawn_map, where
+from uav_bt.answers import Done, FollowLeg
 from uav_bt.board import HELIPAD, OBSTACLES, ODOMETRY, PHASE, SITE_MAP, STATE
-from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -111,10 +111,17 @@ def test_searches_under_the_policy() -> None:
 
 def test_a_policy_that_flies_at_a_speed_is_searched_under_at_that_speed() -> None:
     """Not in one step to the end of what it says, which may be metres away."""
-    bench = searching(Says(Decision(forward_m=2.6, yaw_rad=0.1, speed_mps=0.4)))
+    bench = searching(Says(FollowLeg(yaw_rad=0.1, speed_mps=0.4)))
     fly(bench, seconds=0.3)
     assert velocity(bench).forward_mps == pytest.approx(0.4)
     assert velocity(bench).yaw_rate_radps > 0.0
+
+
+def test_while_the_policy_is_done_the_search_looks_round() -> None:
+    bench = searching(Says(Done(reason="covered")))
+    fly(bench, seconds=0.3)
+    assert velocity(bench).forward_mps == 0.0
+    assert abs(velocity(bench).yaw_rate_radps) > 0.3
 
 
 def test_the_search_turns_away_by_itself() -> None:
@@ -206,13 +213,24 @@ def test_a_pad_further_away_is_flown_to_by_the_map(*, by_map: bool) -> None:
     assert (velocity(bench).yaw_rate_radps > 0.2) == by_map
 
 
-def test_a_pad_that_the_map_knows_no_way_to_is_approached_by_its_track() -> None:
+def test_a_pad_that_the_map_knows_no_way_to_is_approached_by_a_detour() -> None:
     wall = np.column_stack([np.full(41, 0.8), np.linspace(-2.0, 2.0, 41)])
-    bench = searching(Says(ADVANCE))
-    fly(bench, (1.8, 0.0), site_map=replace(marked(1.8, 0.0), obstacles_m=wall))
+    bench = searching(Says(TURN_RIGHT))
+    for _ in range(3):
+        fly(bench, (1.8, 0.0), site_map=replace(marked(1.8, 0.0), obstacles_m=wall), seconds=0.3)
 
     assert bench.board[PHASE] == "approach"
+    assert velocity(bench) == Velocity(yaw_rate_radps=0.6)
+
+
+def test_by_a_map_that_views_contradict_no_route_is_flown() -> None:
+    """It flies straight while nothing that was seen is near that way."""
+    wrong = replace(marked(1.8, 0.0), contradicted_s=9.0)
+    bench = searching(Says(ADVANCE))
+    fly(bench, (1.8, 0.0), site_map=wrong)
     assert velocity(bench).forward_mps > 0.0
+    fly(bench, (1.8, 0.0), site_map=wrong, obstacles=[(1.0, 0.1)])
+    assert bench.proposed is None
 
 
 def test_it_turns_to_a_mark_behind() -> None:
@@ -307,25 +325,11 @@ def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_polic
     assert lowered == (approach == "memory")
 
 
-class WithoutMap(ReturnToBase):
-    by_map = False
-
-
-def test_the_map_can_be_left_out() -> None:
-    bench = steering_bench(WithoutMap, Says(ADVANCE), gimbal_deg=-30.0)
-    fly(bench, site_map=marked(1.6, 0.0))
-    fly(bench, site_map=marked(1.6, 0.0), seconds=0.3)
-
-    assert isinstance(bench.proposed, MoveBy)
-
-
-def test_a_step_under_way_ends_before_the_map_leads() -> None:
+def test_the_map_leads_as_soon_as_it_knows_a_way() -> None:
+    """A step under the policy is broken off for it."""
     bench = searching(Says(ADVANCE))
     fly(bench, seconds=0.3)
-    fly(bench, site_map=marked(1.6, 0.0))
     assert bench.proposed == MoveBy(id=1, forward_m=0.3)
-    bench.finish_movement()
-    bench.tick()
     fly(bench, site_map=marked(1.6, 0.0))
 
     assert isinstance(bench.proposed, Velocity)
@@ -381,44 +385,67 @@ def test_what_stands_beside_or_behind_the_way_is_passed() -> None:
     assert velocity(bench).forward_mps > 0.0
 
 
+def boxed(*places_m: tuple[float, float]) -> SiteMap:
+    """Return ground of 6 x 6 m with points of obstacles; the drone is in the middle of one side."""
+    side = np.indices((91, 91)) * 0.1 - 4.5
+    ground = np.abs(side).max(axis=0) <= 3.0
+    return replace(
+        drawn_map(pose=(-1.5, 0.0, 0.0)),
+        corner_m=(-4.5, -4.5),
+        seen_s=np.where(ground, 1.0, -math.inf).astype(np.float32),
+        free=ground,
+        outside=~ground,
+        passed=np.zeros_like(ground),
+        obstacles_m=np.array([(x_m - 1.5, y_m) for x_m, y_m in places_m]),
+    )
+
+
 @pytest.mark.parametrize(
     ("box", "side"), [((1.0, 0.1), -1.0), ((0.8, -0.2), 1.0)], ids=["right", "left"]
 )
 def test_a_box_on_the_way_is_passed_on_its_free_side(box: tuple[float, float], side: float) -> None:
-    """It turns to the way round before it flies on."""
-    bench = approaching((2.5, 0.0))
-    fly(bench, (2.5, 0.0), obstacles=[box])
+    bench = searching(Says(ADVANCE))
+    fly(bench, (2.5, 0.0), site_map=boxed(box))
 
     assert side * velocity(bench).yaw_rate_radps > 0.2
-    assert velocity(bench).forward_mps == 0.0
-    assert bench.pointed == SEARCH_GIMBAL
-
-
-def test_a_side_once_taken_is_kept() -> None:
-    """A box that comes to lie a little to the other side does not turn it round."""
-    bench = approaching((2.5, 0.0))
-    fly(bench, (2.5, 0.0), obstacles=[(1.0, 0.1)])
-    fly(bench, (2.5, 0.0), obstacles=[(1.0, -0.05)])
-
-    assert velocity(bench).yaw_rate_radps < -0.2
 
 
 def test_a_wide_way_round_is_better_than_a_narrow_one_straight_on() -> None:
-    """Half a metre is near for an obstacle that is remembered to a decimetre or two."""
-    bench = approaching((2.5, 0.0))
-    fly(bench, (2.5, 0.0), obstacles=[(0.8, 0.47)])
+    """Half a metre is flown past slowly."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, (2.5, 0.0), site_map=boxed((0.9, 0.42)))
 
     assert velocity(bench).yaw_rate_radps < 0.0
 
 
 def test_where_there_is_no_wide_way_the_narrow_one_will_do() -> None:
-    """A gate of a metre between two rows of boxes."""
-    bench = approaching((2.5, 0.0))
-    gate = [(0.45 + 0.1 * n, side * 0.47) for n in range(10) for side in (-1.0, 1.0)]
-    beside = [(0.45 * math.cos(a), 0.45 * math.sin(a)) for a in np.radians([-150, -90, 90, 150])]
-    fly(bench, (2.5, 0.0), obstacles=[*gate, *beside])
+    """A gate of 0.7 m in a wall across the whole ground."""
+    gate = [(1.0, y_m) for y_m in np.arange(-3.0, 3.05, 0.05) if abs(y_m) >= 0.35]
+    bench = searching(Says(ADVANCE))
+    fly(bench, (2.5, 0.0), site_map=boxed(*gate))
 
+    assert velocity(bench).forward_mps > 0.1
+    assert abs(velocity(bench).yaw_rate_radps) < 0.2
+
+
+@pytest.mark.parametrize("apart_m", [0.55, 0.5])
+def test_beside_the_pad_the_way_may_be_narrow(apart_m: float) -> None:
+    """Boxes on three sides of it, and the ground below and behind it was never seen."""
+    pad = np.array([1.5, 0.0])
+    sides = [(0.0, -apart_m), (0.0, apart_m), (apart_m, 0.0)]
+    points = [pad + side + (0.02 * n, 0.02 * n) for side in sides for n in range(-2, 3)]
+    points = [point - (1.5, 0.0) for point in points]
+    around = boxed(*((x_m + 1.5, y_m) for x_m, y_m in points))
+    hidden = np.hypot(*np.moveaxis(around.places_m() - (0.0, 0.0), -1, 0)) < 0.4
+    around = replace(
+        around,
+        free=around.free & ~hidden,
+        seen_s=np.where(hidden, -math.inf, around.seen_s).astype(np.float32),
+    )
+    bench = searching(Says(ADVANCE))
+    fly(bench, (1.5, 0.0), site_map=around)
     assert velocity(bench).forward_mps > 0.2
+    assert abs(velocity(bench).yaw_rate_radps) < 0.1
 
 
 WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-180, 180, 10))]
@@ -462,25 +489,26 @@ def test_the_camera_follows_the_pad_down() -> None:
 
 
 def test_it_looks_down_at_what_has_no_range_yet() -> None:
-    """And waits if that is ahead; a second after it has gone, the camera rises again."""
-    bench = approaching((2.5, 0.0))
-    fly(bench, (2.5, 0.0), unplaced_rad=UNPLACED_RAD)
+    """And waits if that is ahead; a second after it has gone, the camera follows the pad."""
+    bench = approaching((1.4, 0.0))
+    fly(bench, (1.4, 0.0), unplaced_rad=UNPLACED_RAD)
 
     assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
     assert velocity(bench).forward_mps == 0.0
 
-    fly(bench, (2.5, 0.0), seconds=0.5)
+    fly(bench, (1.4, 0.0), seconds=0.5)
     assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
     assert velocity(bench).forward_mps > 0.0
-    fly(bench, (2.5, 0.0), seconds=0.6)
-    assert bench.pointed == SEARCH_GIMBAL
+    fly(bench, (1.4, 0.0), seconds=0.6)
+    assert bench.pointed is not None
+    assert bench.pointed.pitch_rad == pytest.approx(-math.atan2(1.1, 1.4))
 
 
 def test_what_has_no_range_even_from_above_is_gone_round() -> None:
     """It stands where no camera looks: a detour."""
-    bench = approaching((2.5, 0.0))
+    bench = approaching((1.4, 0.0))
     for _ in range(21):
-        fly(bench, (2.5, 0.0), unplaced_rad=UNPLACED_RAD)
+        fly(bench, (1.4, 0.0), unplaced_rad=UNPLACED_RAD)
 
     assert bench.proposed is None
     assert bench.pointed == SEARCH_GIMBAL
@@ -503,7 +531,8 @@ def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
         bench.finish_movement()
         bench.tick()  # the class map still shows the view before the step
         assert bench.proposed is None
-    fly(bench, (1.8, -1.5), yaw_rad=0.6)
+    for _ in range(2):
+        fly(bench, (1.8, -1.5), yaw_rad=0.6, seconds=0.6)
 
     assert bench.board[PHASE] == "approach"
     assert velocity(bench).yaw_rate_radps < 0.0

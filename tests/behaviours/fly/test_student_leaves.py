@@ -22,6 +22,7 @@ from tests.behaviours.leaf_world import (
     show,
     steering_bench,
 )
+from uav_bt.answers import Advance, Blocked, Done, FollowLeg
 from uav_bt.board import (
     ADVICE,
     CORRIDOR,
@@ -32,7 +33,7 @@ from uav_bt.board import (
     PHASE,
     RECENT_VIEWS,
 )
-from uav_bt.protocols import Decision
+from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -136,7 +137,7 @@ def test_advice_says_what_the_policy_decides_and_where() -> None:
     assert (advice.frame_index, advice.captured_s) == (frame.index, frame.captured_s)
     assert (advice.x_m, advice.y_m, advice.yaw_rad) == (1.0, 2.0, 0.3)
     assert (advice.height_above_carpet_m, advice.turning) == (1.5, 0)
-    assert advice.decision == advice.fresh == replace(ADVANCE, free_m=0.9)
+    assert advice.answer == advice.fresh == replace(ADVANCE, free_m=0.9)
     assert bench.proposed is None
 
 
@@ -147,7 +148,7 @@ def test_with_a_turn_under_way_it_also_asks_as_if_there_were_none() -> None:
     bench.tick()
     advice = bench.board[ADVICE]
     assert (advice.turning, advice.full_turns) == (-1, 1)
-    assert (advice.decision, advice.fresh) == (TURN_LEFT, TURN_RIGHT)
+    assert (advice.answer, advice.fresh) == (TURN_LEFT, TURN_RIGHT)
     assert [(view.turning, view.full_turns) for view in policy.views] == [(-1, 1), (0, 0)]
 
 
@@ -234,7 +235,7 @@ def off_the_carpet(pad: tuple[float, float] | None = None) -> Status:
     return bench.tick()
 
 
-def test_where_the_carpet_ends_is_no_room() -> None:
+def test_where_the_ground_ends_is_no_room() -> None:
     assert off_the_carpet() is Status.FAILURE
 
 
@@ -271,9 +272,9 @@ def test_a_stale_corridor_is_none_either() -> None:
 
 # --- ReturnToBase under a policy ------------------------------------------------------------------
 
-FREE = Decision(forward_m=0.8, free_m=0.9, reason="clear")
-NO_WAY = Decision(yaw_rad=0.5, free_m=0.1, reason="obstacle")
-EDGE = Decision(yaw_rad=0.5, carpet_ends=True, free_m=1.0, reason="edge")
+FREE = Advance(forward_m=0.8, free_m=0.9, reason="clear")
+NO_WAY = Blocked(yaw_rad=0.5, free_m=0.1, reason="obstacle")
+EDGE = Blocked(yaw_rad=0.5, ground_ends=True, free_m=1.0, reason="edge")
 
 
 def fly(bench: LeafBench, pad: tuple[float, float], *, seconds: float = 0.3) -> Status:
@@ -331,7 +332,26 @@ def test_waits_for_a_view_that_was_judged() -> None:
     assert speed(bench) == 0.0
 
 
-def test_a_policy_that_tells_no_distance_is_believed_by_its_decision() -> None:
+@pytest.mark.parametrize("free_m", [0, np.float32(0.1)])
+def test_a_distance_may_be_any_number(free_m: float) -> None:
+    bench = approaching(Says(Blocked(yaw_rad=0.5, ground_ends=True, free_m=free_m)))
+    fly(bench, (2.0, 0.0))
+    fly(bench, (2.0, 0.0))
+    assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+
+
+def test_a_policy_that_follows_legs_does_not_judge_the_way_to_the_pad() -> None:
+    assert speed(approaching(Says(FollowLeg(speed_mps=0.2)))) == pytest.approx(0.45)
+
+
+def test_a_policy_that_is_done_gives_no_way_to_the_pad() -> None:
+    bench = approaching(Says(Done()))
+    fly(bench, (2.0, 0.0))
+    fly(bench, (2.0, 0.0))
+    assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+
+
+def test_a_policy_that_tells_no_distance_is_believed_by_its_answer() -> None:
     assert speed(approaching(Says(ADVANCE))) == pytest.approx(0.45)
     bench = approaching(Says(TURN_RIGHT))
     fly(bench, (2.0, 0.0))
@@ -385,6 +405,5 @@ def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
 
 
 def test_an_unknown_approach_is_refused() -> None:
-    bench = steering_bench(ReturnToBase, Says(FREE), approach="memry")
-    with pytest.raises(Exception, match="unknown approach 'memry'; did you mean 'memory'"):
-        fly(bench, (2.0, 0.0))
+    with pytest.raises(InputError, match="got 'memry'; did you mean 'memory'"):
+        steering_bench(ReturnToBase, Says(FREE), approach="memry")

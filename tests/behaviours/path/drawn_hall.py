@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.next_view import Sight
-from uav_bt.protocols import Decision
+from behaviours.path.next_viewpoint import GroundInView
+from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapMark, SiteMap
 
 CELL_M = 0.1
-SIGHT = Sight(near_m=1.2, far_m=3.8, half_rad=math.radians(34))
+SIGHT = GroundInView(near_m=1.2, far_m=3.8, half_rad=math.radians(34))
 _YAW_RATE_RADPS = 0.9
 _TICK_S = 0.2
 
@@ -75,10 +75,11 @@ class DrawnHall:
         self.free |= body
         self.found |= bool((shown & on_pad).sum() > 20)
 
-    def fly(self, decision: Decision) -> None:
+    def fly(self, course: FollowLeg | Rotate | Done) -> None:
         """Fly for one tick, and look."""
-        turn = max(-_YAW_RATE_RADPS, min(_YAW_RATE_RADPS, 1.6 * decision.yaw_rad)) * _TICK_S
-        step_m = (decision.speed_mps or 0.0) * _TICK_S
+        turn_rad = 0.0 if isinstance(course, Done) else course.yaw_rad
+        turn = max(-_YAW_RATE_RADPS, min(_YAW_RATE_RADPS, 1.6 * turn_rad)) * _TICK_S
+        step_m = course.speed_mps * _TICK_S if isinstance(course, FollowLeg) else 0.0
         yaw_rad = self.pose.yaw_rad + turn
         self.pose = Pose2D(
             x_m=self.pose.x_m + step_m * math.cos(yaw_rad),

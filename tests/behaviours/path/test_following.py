@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.path.following import FollowConfig, around, follow
-from behaviours.path.room import Lately, Margins, Room
-from behaviours.path.survey import best_leg
+from behaviours.path.clearance import ClearanceMap
+from behaviours.path.following import FollowConfig, follow
+from behaviours.path.margins import Margins
+from behaviours.path.nearby import RecentObstacles, recent_obstacles
+from behaviours.path.survey import best_route
 from tests.behaviours.path.test_survey import drawn_map, where
-from uav_bt.protocols import Decision
+from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.types import Corridor, ObstaclePoints
 
 MARGINS = Margins()
@@ -27,15 +29,15 @@ def seen(points_m: np.ndarray, edges_m: np.ndarray | None = None) -> ObstaclePoi
 
 def test_what_the_map_shows_too_is_where_the_map_shows_it() -> None:
     """The memory has drifted by a decimetre since: it must not make the box larger."""
-    lately = around(seen(BOX - AHEAD, BOX + AHEAD), drawn_map(obstacles=BOX))
+    lately = recent_obstacles(seen(BOX - AHEAD, BOX + AHEAD), drawn_map(obstacles=BOX))
     assert not len(lately.seen_m)
     assert len(lately.edges_m) == len(BOX)  # the map knows of no edge there
     mapped = replace(drawn_map(), edges_m=BOX)
-    assert not len(around(seen(BOX, BOX + AHEAD), mapped).edges_m)
+    assert not len(recent_obstacles(seen(BOX, BOX + AHEAD), mapped).edges_m)
 
 
 def test_what_is_not_on_the_map_counts_from_where_the_drone_is() -> None:
-    lately = around(seen(BOX), drawn_map(pose=(0.5, 0.0, math.pi / 2)))
+    lately = recent_obstacles(seen(BOX), drawn_map(pose=(0.5, 0.0, math.pi / 2)))
     assert np.allclose(lately.seen_m, np.column_stack([0.5 - BOX[:, 1], BOX[:, 0]]))
 
 
@@ -47,32 +49,34 @@ def test_what_the_map_does_not_show_on_its_ground_counts_for_a_while(
     old = replace(
         seen(BOX, BOX), points_age_s=np.full(len(BOX), age_s), edges_age_s=np.full(len(BOX), age_s)
     )
-    lately = around(old, drawn_map(), unmapped_s=3.0)
+    lately = recent_obstacles(old, drawn_map(), unmapped_s=3.0)
     assert (len(lately.seen_m) > 0, len(lately.edges_m) > 0) == (counts, counts)
     nothing = np.zeros((61, 61), dtype=bool)
-    unseen = around(old, drawn_map(known=nothing), unmapped_s=3.0)
+    unseen = recent_obstacles(old, drawn_map(known=nothing), unmapped_s=3.0)
     assert len(unseen.seen_m) == len(BOX)  # nobody saw the ground
-    assert len(around(old, drawn_map()).seen_m) == len(BOX)  # what pushes away counts as before
+    assert len(recent_obstacles(old, drawn_map()).seen_m) == len(
+        BOX
+    )  # what pushes away counts as before
 
 
 def test_single_points_are_no_obstacle() -> None:
     lonely = np.array([[1.0, 1.0], [1.1, 1.0], [-1.0, -1.0]])
-    assert not len(around(seen(lonely), drawn_map()).seen_m)
-    assert len(around(seen(np.vstack([lonely, [[1.0, 1.1]]])), drawn_map()).seen_m) == 3
+    assert not len(recent_obstacles(seen(lonely), drawn_map()).seen_m)
+    assert len(recent_obstacles(seen(np.vstack([lonely, [[1.0, 1.1]]])), drawn_map()).seen_m) == 3
 
 
 def test_nothing_seen_is_nothing_lately() -> None:
-    assert around(None, drawn_map()).seen_m.shape == (0, 2)
+    assert recent_obstacles(None, drawn_map()).seen_m.shape == (0, 2)
 
 
 def test_it_steers_around_a_corner_not_across_it() -> None:
     """Beside the corner of a block; 0.6 m further the path has gone round it."""
     block = np.array([(x, y) for x in np.arange(-1.0, 0.5, 0.05) for y in np.arange(0.4, 1.5, 0.1)])
-    room = Room(drawn_map(pose=(0.45, 0.0, 0.0), obstacles=block), Lately())
+    clearance = ClearanceMap(drawn_map(pose=(0.45, 0.0, 0.0), obstacles=block), RecentObstacles())
     ahead = [(x_m, 0.0) for x_m in (0.5, 0.6, 0.7, 0.8, 0.9)]
     path_m = ahead + [(0.9, y_m) for y_m in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)]
-    leg = room.leg([room.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
-    way = follow(leg, room.map, None, margins=MARGINS, config=FollowConfig())
+    leg = clearance.route_along([clearance.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
+    way = follow(leg, clearance.map, None, margins=MARGINS, config=FollowConfig())
     assert way is not None
     course = np.arange(0.0, 0.6, 0.05)[:, None] * (math.cos(way.yaw_rad), math.sin(way.yaw_rad))
     nearest_m = np.linalg.norm((0.45, 0.0) + course[:, None] - block, axis=-1).min()
@@ -80,16 +84,18 @@ def test_it_steers_around_a_corner_not_across_it() -> None:
 
 
 def test_in_the_open_it_looks_far_ahead() -> None:
-    leg = best_leg(Room(drawn_map(passed=where("left")), Lately()))
+    leg = best_route(ClearanceMap(drawn_map(passed=where("left")), RecentObstacles()))
     assert leg is not None
     assert leg.straight_m == pytest.approx(np.minimum.accumulate(leg.clear_m), abs=0.15)
 
 
-def past(obstacles: np.ndarray, free_m: float = 0.3) -> Decision | None:
+def past(obstacles: np.ndarray, free_m: float = 0.3) -> FollowLeg | Rotate | None:
     """Return the course straight ahead with a corridor that is blocked so near."""
-    room = Room(drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), Lately())
+    clearance = ClearanceMap(
+        drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), RecentObstacles()
+    )
     path_m = [(x_m, 0.0) for x_m in np.arange(0.0, 1.0, 0.1)]
-    leg = room.leg([room.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
+    leg = clearance.route_along([clearance.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
     corridor = Corridor(
         captured_s=1.0,
         free_distance_m=free_m,
@@ -97,14 +103,14 @@ def past(obstacles: np.ndarray, free_m: float = 0.3) -> Decision | None:
         nearest_side="left",
         time_to_impact_s=math.inf,
     )
-    return follow(leg, room.map, corridor, margins=MARGINS, config=FollowConfig())
+    return follow(leg, clearance.map, corridor, margins=MARGINS, config=FollowConfig())
 
 
 def test_it_creeps_past_what_the_map_has_beside_the_way() -> None:
     """The corridor is wider than the way there."""
     beside = np.array([[x_m, -0.45] for x_m in (0.3, 0.4, 0.5)])
     way = past(beside)
-    assert way is not None
+    assert isinstance(way, FollowLeg)
     assert way.speed_mps == pytest.approx(FollowConfig().past_mps)
 
 

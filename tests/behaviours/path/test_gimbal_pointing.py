@@ -7,21 +7,18 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.path.gimbal_pointing import GimbalPointing, ground_pitch_rad, ground_share
+from behaviours.path.gimbal_pointing import (
+    LookingDown,
+    ground_pitch_rad,
+    ground_share,
+    mark_pitch_rad,
+)
 from tests.behaviours.path.test_survey import drawn_map
 from tests.behaviours.policies.cast_world import CAMERA
-from uav_bt.types import DroneState, FlyingState, HelipadFix, ObstaclePoints
+from uav_bt.types import ObstaclePoints
 
 FLIGHT_RAD = math.radians(-30)
 LOWEST_RAD = math.radians(-50)
-
-
-def pitch_rad(
-    pointing: GimbalPointing, known: ObstaclePoints | None, *, range_m: float, now_s: float
-) -> float:
-    state = DroneState(captured_s=now_s, flying=FlyingState.FLYING, height_above_carpet_m=1.5)
-    fix = HelipadFix(captured_s=now_s, forward_m=range_m, right_m=0.0, detected=True)
-    return pointing.pitch_rad(fix, known, state, flight_rad=FLIGHT_RAD, now_s=now_s)
 
 
 def known(**bearings_deg: list[float]) -> ObstaclePoints:
@@ -36,26 +33,22 @@ def known(**bearings_deg: list[float]) -> ObstaclePoints:
     ("range_m", "expected_rad"),
     [(3.0, FLIGHT_RAD), (1.5, -math.atan2(1.1, 1.5)), (0.2, LOWEST_RAD)],
 )
-def test_the_camera_follows_the_pad_down(range_m: float, expected_rad: float) -> None:
-    assert pitch_rad(GimbalPointing(), None, range_m=range_m, now_s=0.0) == pytest.approx(
-        expected_rad
-    )
+def test_the_camera_follows_the_mark_down(range_m: float, expected_rad: float) -> None:
+    assert mark_pitch_rad(range_m, 1.5, FLIGHT_RAD) == pytest.approx(expected_rad)
 
 
 @pytest.mark.parametrize("what", ["unplaced", "unplaced_edges"])
 def test_what_has_no_range_ahead_is_looked_at_from_above_for_a_while(what: str) -> None:
-    pointing = GimbalPointing()
-    assert pitch_rad(pointing, known(**{what: [-40.0, 44.0]}), range_m=3.0, now_s=0.0) == LOWEST_RAD
-    assert pitch_rad(pointing, known(), range_m=3.0, now_s=0.9) == LOWEST_RAD
-    assert pitch_rad(pointing, known(), range_m=3.0, now_s=1.1) == FLIGHT_RAD
+    looking = LookingDown()
+    assert looking.pitch_rad(known(**{what: [-40.0, 44.0]}), 0.0) == LOWEST_RAD
+    assert looking.pitch_rad(known(), 0.9) == LOWEST_RAD
+    assert looking.pitch_rad(known(), 1.1) is None
 
 
 @pytest.mark.parametrize("what", ["unplaced", "unplaced_edges"])
 @pytest.mark.parametrize("degrees", [[10.0], [-60.0, 50.0, 70.0]])
 def test_specks_and_what_is_beside_are_not(what: str, degrees: list[float]) -> None:
-    assert (
-        pitch_rad(GimbalPointing(), known(**{what: degrees}), range_m=3.0, now_s=0.0) == FLIGHT_RAD
-    )
+    assert LookingDown().pitch_rad(known(**{what: degrees}), 0.0) is None
 
 
 def test_in_the_open_the_camera_looks_ahead() -> None:

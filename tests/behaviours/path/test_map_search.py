@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from behaviours.path.map_search import Aim, MapSearch
+from behaviours.path.map_search import Aim, Course, MapSearch
 from tests.behaviours.path.drawn_hall import SIGHT, DrawnHall
 from tests.behaviours.path.test_survey import drawn_map
-from uav_bt.protocols import Decision
+from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
 from uav_bt.types.site_map import MapMark
 
@@ -18,7 +18,7 @@ BOXES = (
     *((-3.4, 3.2), (-0.9, 3.7), (2.1, 3.4), (3.9, 1.2), (3.3, -1.9), (1.0, -3.6)),
     *((-1.2, -2.4), (-3.7, 0.3), (-1.4, 1.1), (1.2, 0.8), (0.7, -1.2), (4.1, -4.0)),
 )
-TURN = Decision(yaw_rad=0.3, speed_mps=0.0)
+TURN = Rotate(yaw_rad=0.3)
 
 
 def hall(x_m: float, y_m: float, yaw_rad: float, **what: object) -> DrawnHall:
@@ -42,7 +42,7 @@ def test_a_hall_is_searched_systematically() -> None:
     while place.seen_share() < 0.95 and place.now_s < 150.0:
         row, column = place.map().cell_of(place.pose.x_m, place.pose.y_m)
         assert place.free[row, column]
-        place.fly(search.decide(place.map(), None, None, SIGHT) or TURN)
+        place.fly(search.decide(place.map(), None, None, None, SIGHT) or TURN)
         nearest_m = min(nearest_m, place.clearance_m())
     assert place.seen_share() >= 0.95
     assert place.flown_m < 40.0
@@ -53,11 +53,10 @@ def test_a_hall_is_searched_systematically() -> None:
 def test_when_all_was_seen_it_begins_anew() -> None:
     search, place = MapSearch(), known(hall(0.0, -0.2, 0.0))
     place.now_s = 60.0
-    decision = search.decide(place.map(), None, None, SIGHT)
-    assert decision is not None
-    assert not decision.done
+    decision = search.decide(place.map(), None, None, None, SIGHT)
+    assert isinstance(decision, FollowLeg | Rotate)
     for _ in range(300):
-        place.fly(search.decide(place.map(), None, None, SIGHT) or TURN)
+        place.fly(search.decide(place.map(), None, None, None, SIGHT) or TURN)
     assert place.flown_m > 10.0
 
 
@@ -68,7 +67,7 @@ def test_ground_that_stays_unseen_is_not_stared_at() -> None:
     hidden[95:105, 70:80] = True
     for _ in range(250):
         place.seen_s[hidden] = -math.inf
-        place.fly(search.decide(place.map(), None, None, SIGHT) or TURN)
+        place.fly(search.decide(place.map(), None, None, None, SIGHT) or TURN)
     assert place.flown_m > 6.0
 
 
@@ -76,14 +75,15 @@ def test_it_flies_to_the_mark_and_says_when_it_is_there() -> None:
     """Round the boxes, without a stop on the way, and not much further than straight."""
     mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=0.0)
     search, place = MapSearch(), known(hall(2.6, 2.2, -2.4))
-    decision, nearest_m = TURN, math.inf
-    while not decision.done and place.now_s < 60.0:
-        decision = search.decide(place.map(mark), None, None, SIGHT) or TURN
+    decision: Course = TURN
+    nearest_m = math.inf
+    while not isinstance(decision, Done) and place.now_s < 60.0:
+        decision = search.decide(place.map(mark), mark, None, None, SIGHT) or TURN
         assert search.aim is Aim.MARK
         place.fly(decision)
         nearest_m = min(nearest_m, place.clearance_m())
     apart_m = math.hypot(place.pose.x_m - mark.x_m, place.pose.y_m - mark.y_m)
-    assert decision.done
+    assert isinstance(decision, Done)
     assert apart_m < 1.1
     assert place.flown_m < 10.0
     assert place.now_s < 25.0
@@ -96,21 +96,20 @@ def test_home_leads_through_a_gap_where_there_is_no_other_way() -> None:
     wall = tuple((0.0, y_m) for y_m in np.arange(-4.9, 5.0, 0.1) if abs(y_m) > 0.25)
     place = known(DrawnHall(side_m=10.0, boxes=wall, box_m=0.05))
     place.pose = Pose2D(x_m=-2.0, y_m=1.0, yaw_rad=0.0)
-    search, decision = MapSearch(), TURN
-    while not decision.done and place.now_s < 60.0:
-        decision = search.decide(place.map(mark), None, None, SIGHT) or TURN
+    search = MapSearch()
+    decision: Course = TURN
+    while not isinstance(decision, Done) and place.now_s < 60.0:
+        decision = search.decide(place.map(mark), mark, None, None, SIGHT) or TURN
         place.fly(decision)
     assert place.pose.x_m > 0.5
 
 
-def test_a_mark_that_is_gone_is_not_flown_to_until_it_is_seen_again() -> None:
+def test_without_a_mark_unseen_ground_is_flown_to() -> None:
     mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=5.0)
     search, place = MapSearch(), known(hall(2.6, 2.2, -2.4))
-    search.mark_is_gone(place.map(mark))
-    search.decide(place.map(mark), None, None, SIGHT)
+    search.decide(place.map(mark), None, None, None, SIGHT)
     assert search.aim is Aim.GROUND
-    assert search.mark_of(place.map(mark)) is None
-    search.decide(place.map(replace(mark, seen_s=6.0)), None, None, SIGHT)
+    search.decide(place.map(mark), mark, None, None, SIGHT)
     assert search.aim is Aim.MARK
 
 
@@ -118,19 +117,19 @@ def test_a_mark_across_unknown_ground_is_not_flown_to_straight() -> None:
     """First the ground before it is looked at."""
     mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=0.0)
     search, place = MapSearch(), hall(2.6, 2.2, -2.4)
-    search.decide(place.map(mark), None, None, SIGHT)
+    search.decide(place.map(mark), mark, None, None, SIGHT)
     assert search.aim is Aim.GROUND
 
 
 def test_a_map_that_is_contradicted_is_not_flown_by() -> None:
     search, place = MapSearch(), known(hall(0.0, -0.2, 0.0))
-    assert search.decide(place.map(contradicted_s=3.0), None, None, SIGHT) is None
+    assert search.decide(place.map(contradicted_s=3.0), None, None, None, SIGHT) is None
 
 
 def test_corridor_and_assumed_obstacles_limit_the_speed() -> None:
     mark = MapMark(x_m=3.0, y_m=-0.2, std_m=0.03, seen_s=0.0)
     place = known(DrawnHall(side_m=10.0))
-    free = MapSearch().decide(place.map(mark), None, None, SIGHT)
+    free = MapSearch().decide(place.map(mark), mark, None, None, SIGHT)
     near = Corridor(
         captured_s=0.0,
         free_distance_m=0.6,
@@ -138,16 +137,16 @@ def test_corridor_and_assumed_obstacles_limit_the_speed() -> None:
         nearest_side="front",
         time_to_impact_s=math.inf,
     )
-    by_corridor = MapSearch().decide(place.map(mark), None, near, SIGHT)
+    by_corridor = MapSearch().decide(place.map(mark), mark, None, near, SIGHT)
     beside = np.array([(0.6, 0.5), (0.6, -0.5)])
     assumed = ObstaclePoints(points_m=np.empty((0, 2)), assumed_m=beside, captured_s=0.0)
-    by_doubt = MapSearch().decide(place.map(mark), assumed, None, SIGHT)
-    speeds = [each.speed_mps if each else None for each in (free, by_corridor, by_doubt)]
-    assert speeds[0] == 0.6
-    assert speeds[1] is not None
-    assert speeds[1] < 0.3
-    assert speeds[2] is not None
-    assert speeds[2] < 0.5
+    by_doubt = MapSearch().decide(place.map(mark), mark, assumed, None, SIGHT)
+    assert isinstance(free, FollowLeg)
+    assert isinstance(by_corridor, FollowLeg)
+    assert isinstance(by_doubt, FollowLeg)
+    assert free.speed_mps == 0.6
+    assert by_corridor.speed_mps < 0.3
+    assert by_doubt.speed_mps < 0.5
 
 
 def test_what_lies_beyond_the_grid_is_looked_at_once() -> None:
@@ -157,12 +156,12 @@ def test_what_lies_beyond_the_grid_is_looked_at_once() -> None:
     for step in range(400):
         whole = replace(drawn_map(), pose=pose, free=cells, outside=~cells, full=True)
         whole = replace(whole, seen_s=cells.astype(np.float32), captured_s=1.0 + 0.2 * step)
-        decision = search.decide(whole, None, None, SIGHT)
-        if decision is None:
+        decision = search.decide(whole, None, None, None, SIGHT)
+        if decision is None or isinstance(decision, Done):
             break
         looked += decision.reason == "looked"
         yaw_rad = pose.yaw_rad + max(-0.2, min(0.2, decision.yaw_rad))
-        step_m = 0.2 * (decision.speed_mps or 0.0)
+        step_m = 0.2 * decision.speed_mps if isinstance(decision, FollowLeg) else 0.0
         x_m, y_m = pose.x_m + step_m * math.cos(yaw_rad), pose.y_m + step_m * math.sin(yaw_rad)
         pose = Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
     assert looked >= 3

@@ -11,8 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from behaviours.path.room import Lately, Leg, Margins, Room
-from behaviours.path.survey import best_leg
+from behaviours.path.clearance import ClearanceMap, Route
+from behaviours.path.margins import Margins
+from behaviours.path.nearby import RecentObstacles
+from behaviours.path.survey import best_route
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapObject, SiteMap
@@ -53,8 +55,8 @@ def where(condition: str) -> NDArray[np.bool_]:
 
 def leg(
     site_map: SiteMap, assumed: NDArray[np.float64] = NOTHING, margins: Margins = MARGINS
-) -> Leg | None:
-    return best_leg(Room(site_map, Lately(assumed_m=assumed), margins))
+) -> Route | None:
+    return best_route(ClearanceMap(site_map, RecentObstacles(assumed_m=assumed), margins))
 
 
 def test_the_leg_leads_to_the_half_that_was_not_passed() -> None:
@@ -165,8 +167,8 @@ def test_a_leg_ends_where_there_is_room() -> None:
     x, y = np.indices((61, 61)) * 0.1 - 3.0
     ahead = (np.abs(y) < 0.3) & (x > 0.55) & (x < 1.2)
     site_map = drawn_map(obstacles=np.array(gap), passed=~ahead)
-    assert best_leg(Room(site_map, Lately())) is None
-    out_of_it = best_leg(Room(replace(site_map, passed=where("near")), Lately()))
+    assert best_route(ClearanceMap(site_map, RecentObstacles())) is None
+    out_of_it = best_route(ClearanceMap(replace(site_map, passed=where("near")), RecentObstacles()))
     assert out_of_it is not None
     assert out_of_it.clear_m[-1] >= MARGINS.touch_m
 
@@ -184,15 +186,17 @@ def test_objects_are_solid() -> None:
         std_m=0.05,
         seen_s=1.0,
     )
-    room = Room(replace(site_map, objects=(box,)), Lately())
+    clearance = ClearanceMap(replace(site_map, objects=(box,)), RecentObstacles())
     for x_m, y_m, distance_m in ((0.0, 0.0, 0.8), (2.0, 0.0, 0.8), (1.0, 1.0, 0.75), (1.0, 0, 0)):
-        assert room.obstacle_m[site_map.cell_of(x_m, y_m)] == pytest.approx(distance_m, abs=0.11)
+        assert clearance.obstacle_m[site_map.cell_of(x_m, y_m)] == pytest.approx(
+            distance_m, abs=0.11
+        )
 
 
 def test_walls_all_round_shut_in() -> None:
     ring = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 120)]
-    assert Room(drawn_map(obstacles=np.array(ring)), Lately()).shut_in
-    assert not Room(drawn_map(), Lately()).shut_in
+    assert ClearanceMap(drawn_map(obstacles=np.array(ring)), RecentObstacles()).shut_in
+    assert not ClearanceMap(drawn_map(), RecentObstacles()).shut_in
 
 
 def test_the_speed_rises_with_the_room() -> None:
@@ -216,8 +220,8 @@ def test_an_edge_seen_lately_counts_beside_the_maps() -> None:
     site_map = drawn_map()
     ahead_m = np.array([[0.6, y_m] for y_m in np.arange(-0.5, 0.55, 0.05)])
     row, column = site_map.cell_of(0.5, 0.0)
-    assert Room(site_map, Lately()).open[row, column]
-    assert not Room(site_map, Lately(edges_m=ahead_m)).open[row, column]
+    assert ClearanceMap(site_map, RecentObstacles()).open[row, column]
+    assert not ClearanceMap(site_map, RecentObstacles(edges_m=ahead_m)).open[row, column]
 
 
 def test_views_that_are_off_the_map_widen_the_distances() -> None:
@@ -227,21 +231,25 @@ def test_views_that_are_off_the_map_widen_the_distances() -> None:
     assert unsure.edge_m == pytest.approx(MARGINS.edge_m + 0.01 * MARGINS.unsure_times)
     assert MARGINS.by(1.0).touch_m == pytest.approx(MARGINS.touch_m + MARGINS.unsure_m)
     site_map = drawn_map(obstacles=np.array([[1.0, 0.0]]))
-    open_now = Room(site_map, Lately()).open.sum()
-    assert Room(replace(site_map, residual_m=0.05), Lately()).open.sum() < open_now
+    open_now = ClearanceMap(site_map, RecentObstacles()).open.sum()
+    assert ClearanceMap(replace(site_map, residual_m=0.05), RecentObstacles()).open.sum() < open_now
 
 
 def test_the_unknown_is_kept_away_from_on_all_sides_alike() -> None:
     x, y = np.indices((61, 61)) * 0.1 - 3.0
     hidden = (np.abs(x) < 0.25) & (np.abs(y) < 0.25)
-    room = Room(drawn_map(known=~hidden, pose=(-1.5, -1.5, 0.0)), Lately(), MARGINS)
-    assert np.array_equal(room.clear_m, room.clear_m[::-1])
-    assert np.array_equal(room.clear_m, room.clear_m[:, ::-1])
-    assert room.clear_m[30, 30 + 6] == pytest.approx(0.4 + MARGINS.touch_m - MARGINS.unknown_m)
+    clearance = ClearanceMap(
+        drawn_map(known=~hidden, pose=(-1.5, -1.5, 0.0)), RecentObstacles(), MARGINS
+    )
+    assert np.array_equal(clearance.clear_m, clearance.clear_m[::-1])
+    assert np.array_equal(clearance.clear_m, clearance.clear_m[:, ::-1])
+    assert clearance.clear_m[30, 30 + 6] == pytest.approx(0.4 + MARGINS.touch_m - MARGINS.unknown_m)
 
 
 def test_a_single_cell_that_no_ray_has_met_is_not_unknown() -> None:
     x, y = np.indices((61, 61)) * 0.1 - 3.0
     speck = (np.abs(x) < 0.05) & (np.abs(y) < 0.05)
-    room = Room(drawn_map(known=~speck, pose=(-1.5, -1.5, 0.0)), Lately(), MARGINS)
-    assert room.clear_m[30, 31] > MARGINS.wide_m
+    clearance = ClearanceMap(
+        drawn_map(known=~speck, pose=(-1.5, -1.5, 0.0)), RecentObstacles(), MARGINS
+    )
+    assert clearance.clear_m[30, 31] > MARGINS.wide_m

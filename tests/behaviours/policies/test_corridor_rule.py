@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from behaviours.policies.corridor_rule import CorridorRule, CorridorRuleConfig, carpet_reach
 from tests.behaviours.policies.cast_world import CAMERA, cast, view
+from uav_bt.answers import Advance, Blocked
 from uav_bt.classes import group_of
 from uav_bt.errors import ValueRangeError
-from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints
 
 # Fixed here, so that tuning the defaults does not change what these tests ask.
@@ -49,7 +49,7 @@ def corridor(
     )
 
 
-def decide(found: Corridor | None = None, ids: Any = None, **seen: Any) -> Decision:
+def decide(found: Corridor | None = None, ids: Any = None, **seen: Any) -> Advance | Blocked:
     shown = cast() if ids is None else ids
     return RULE.decide(view(shown, corridor=found or corridor(), **seen))
 
@@ -65,13 +65,17 @@ def test_a_clear_front_is_advanced_a_metre() -> None:
     """Nothing within the corridor: the longest step, no turn."""
     decision = decide(corridor(2.5))
 
+    assert isinstance(decision, Advance)
     assert (decision.forward_m, decision.yaw_rad, decision.reason) == (1.0, 0.0, "clear")
 
 
 @pytest.mark.parametrize(("free_m", "step_m"), [(1.6, 1.0), (1.3, 0.7), (0.95, 0.35)])
 def test_something_ahead_shortens_the_step(free_m: float, step_m: float) -> None:
     """The step ends the margin before it."""
-    assert decide(corridor(free_m, "front")).forward_m == pytest.approx(step_m)
+    decision = decide(corridor(free_m, "front"))
+
+    assert isinstance(decision, Advance)
+    assert decision.forward_m == pytest.approx(step_m)
 
 
 @pytest.mark.parametrize("free_m", [0.0, 0.5, 0.89])
@@ -79,15 +83,16 @@ def test_too_little_room_is_no_step(free_m: float) -> None:
     """Less than the shortest step before the margin: a turn."""
     decision = decide(corridor(free_m, "left"))
 
-    assert decision.blocked
+    assert isinstance(decision, Blocked)
     assert decision.reason == "obstacle"
-    assert not decision.carpet_ends
+    assert not decision.ground_ends
 
 
 def test_the_carpets_end_shortens_the_step() -> None:
     """The step ends the edge's margin before it, from the body's centre."""
     decision = decide(ids=cast(carpet_m=1.45))
 
+    assert isinstance(decision, Advance)
     assert decision.forward_m == pytest.approx(1.45 + 0.15 - 0.7, abs=0.06)
 
 
@@ -95,7 +100,7 @@ def test_remembered_obstacles_shorten_the_step() -> None:
     """What stands beside the way was seen earlier: the step stops before passing it."""
     decision = decide(obstacles=points((1.0, 0.4)))
 
-    assert decision.reason == "clear"
+    assert isinstance(decision, Advance)
     assert 0.3 <= decision.forward_m <= 1.0 - math.sqrt(0.55**2 - 0.4**2) + 1e-9
 
 
@@ -105,7 +110,7 @@ def test_an_obstacle_of_unknown_range_forbids_the_step() -> None:
         points_m=np.empty((0, 2)), captured_s=0.0, unplaced_rad=np.radians([3.0, 4.0])
     )
 
-    assert decide(obstacles=unplaced).blocked
+    assert isinstance(decide(obstacles=unplaced), Blocked)
 
 
 # --- which way ------------------------------------------------------------------------------------
@@ -134,7 +139,8 @@ def test_the_edge_is_turned_along(slant: float, sign: int) -> None:
     """Where the carpet ends aslant, the turn goes to where more of it lies."""
     decision = decide(ids=cast(carpet_m=1.2, slant=slant))
 
-    assert (decision.reason, decision.carpet_ends) == ("edge", True)
+    assert isinstance(decision, Blocked)
+    assert (decision.reason, decision.ground_ends) == ("edge", True)
     assert decision.yaw_rad == pytest.approx(sign * CONFIG.turn_rad)
 
 
@@ -142,7 +148,8 @@ def test_a_corner_is_named() -> None:
     """An intrusion and the carpet's end."""
     decision = decide(corridor(0.4, "front"), cast(carpet_m=0.0))
 
-    assert (decision.reason, decision.carpet_ends, decision.blocked) == ("corner", True, True)
+    assert isinstance(decision, Blocked)
+    assert (decision.reason, decision.ground_ends) == ("corner", True)
 
 
 @pytest.mark.parametrize("turning", [-1, 1])
@@ -158,7 +165,7 @@ def test_without_depth_it_stops_and_looks_round() -> None:
     decision = RULE.decide(view(cast(), tie_break=0.1))
 
     assert decision.reason == "no depth"
-    assert decision.blocked
+    assert isinstance(decision, Blocked)
     assert decision.yaw_rad == pytest.approx(-CONFIG.turn_rad)
 
 
@@ -166,17 +173,17 @@ def test_leaving_a_turn_takes_more_room_than_a_step() -> None:
     """No dithering at the threshold."""
     found = corridor(0.95, "front")
 
-    assert not decide(found).blocked
-    assert decide(found, turning=1).blocked
+    assert isinstance(decide(found), Advance)
+    assert isinstance(decide(found, turning=1), Blocked)
 
 
 def test_full_turns_ask_for_less() -> None:
     """So that it does not circle for ever; the relief has an end."""
     found = corridor(0.8, "front")
 
-    assert decide(found).blocked
-    assert not decide(found, full_turns=2).blocked
-    assert decide(corridor(0.7, "front"), full_turns=50).blocked
+    assert isinstance(decide(found), Blocked)
+    assert isinstance(decide(found, full_turns=2), Advance)
+    assert isinstance(decide(corridor(0.7, "front"), full_turns=50), Blocked)
 
 
 @given(
@@ -196,15 +203,18 @@ def test_a_step_never_reaches_an_obstacle(
         turning=turning,
     )
 
-    assert decision.forward_m <= max(free_m - 0.4, 0.0) + 1e-9
-    assert decision.blocked == (decision.yaw_rad != 0.0)
+    if isinstance(decision, Advance):
+        assert decision.forward_m <= max(free_m - 0.4, 0.0) + 1e-9
+        assert decision.yaw_rad == 0.0
+    else:
+        assert decision.yaw_rad != 0.0
 
 
 # --- the carpet's reach ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("carpet_m", [1.4, 2.0, 3.1])
-def test_the_reach_is_where_the_carpet_ends(carpet_m: float) -> None:
+def test_the_reach_is_where_the_ground_ends(carpet_m: float) -> None:
     """To a step of the scan and a row of the image."""
     seen = view(cast(carpet_m=carpet_m))
 

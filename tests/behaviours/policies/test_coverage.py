@@ -11,15 +11,15 @@ import pytest
 from behaviours.policies.coverage import Coverage
 from tests.behaviours.path.test_survey import drawn_map, where
 from tests.behaviours.policies.cast_world import cast, view
+from uav_bt.answers import Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import MissionError
-from uav_bt.protocols import Decision
 from uav_bt.types import Corridor
 from uav_bt.types.site_map import SiteMap
 
 ALL = np.ones((61, 61), dtype=bool)
 
 
-def decide(site_map: SiteMap | None, **seen: object) -> Decision:
+def decide(site_map: SiteMap | None, **seen: object) -> Answer:
     return Coverage().decide(view(cast(), site_map=site_map, **seen))
 
 
@@ -43,23 +43,21 @@ def test_without_ground_it_looks_round_and_nothing_is_covered() -> None:
     nowhere = replace(nowhere, seen_s=np.full_like(nowhere.seen_s, -np.inf))
     for full_turns in (0, 1, 3):
         decision = decide(nowhere, full_turns=full_turns)
-        assert decision.blocked
-        assert not decision.done
+        assert isinstance(decision, Blocked)
         assert decision.reason == "no ground seen"
 
 
 def test_it_turns_before_it_flies_to_what_lies_behind() -> None:
     decision = decide(drawn_map(passed=where("right"), pose=(0.0, 0.5, math.pi / 2)))
-    assert not decision.blocked
-    assert decision.speed_mps == 0.0
+    assert isinstance(decision, Rotate)
     assert abs(decision.yaw_rad) > math.radians(35)
 
 
 def test_by_a_map_that_the_view_contradicts_it_does_not_fly() -> None:
     ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
-    assert not decide(replace(ahead, contradicted_s=0.5)).blocked
-    assert decide(replace(ahead, contradicted_s=1.5)).blocked
-    assert not decide(replace(ahead, contradicted_s=1.5), full_turns=2).done
+    assert isinstance(decide(replace(ahead, contradicted_s=0.5)), FollowLeg | Rotate)
+    assert isinstance(decide(replace(ahead, contradicted_s=1.5)), Blocked)
+    assert not isinstance(decide(replace(ahead, contradicted_s=1.5), full_turns=2), Done)
 
 
 @pytest.mark.parametrize(("yaw_deg", "side"), [(60, -1), (120, 1), (-60, -1), (-120, 1)])
@@ -68,17 +66,20 @@ def test_without_a_way_it_turns_to_where_the_ground_is(yaw_deg: float, side: int
     wall = np.column_stack([np.arange(-2.2, 2.3, 0.05), np.full(90, 1.4)])
     shut = drawn_map(obstacles=wall, passed=ALL, pose=(0.0, 1.9, math.radians(yaw_deg)))
     decision = decide(shut)
+    assert isinstance(decision, Blocked)
     assert decision.reason == "no way"
     assert math.copysign(1.0, decision.yaw_rad) == side
-    assert decide(shut, turning=-side).yaw_rad * side < 0.0  # a turn under way is held
+    held = decide(shut, turning=-side)
+    assert isinstance(held, Blocked)
+    assert held.yaw_rad * side < 0.0  # a turn under way is held
 
 
 def test_when_it_looks_at_no_ground_for_long_it_turns_back_to_it() -> None:
     outwards = drawn_map(pose=(0.0, 1.8, math.radians(90)))
     assert decide(replace(outwards, untracked_s=1.5)).reason != "turns to the ground"
     decision = decide(replace(outwards, untracked_s=2.5))
+    assert isinstance(decision, Rotate)
     assert decision.reason == "turns to the ground"
-    assert decision.speed_mps == 0.0
     assert abs(decision.yaw_rad) == pytest.approx(math.pi, abs=0.1)
 
 
@@ -95,43 +96,41 @@ def test_where_no_ground_is_seen_though_the_map_has_some_there_it_turns_back() -
 
 def test_facing_new_ground_it_flies() -> None:
     decision = decide(drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2)))
-    assert decision.speed_mps is not None
+    assert isinstance(decision, FollowLeg)
     assert decision.speed_mps > 0.25
 
 
 @pytest.mark.parametrize(("free_m", "max_mps"), [(0.4, 0.25), (0.6, 0.25), (1.0, 0.6)])
 def test_what_the_corridor_shows_limits_the_speed(free_m: float, max_mps: float) -> None:
     ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
-    speed = decide(ahead, corridor=corridor(free_m)).speed_mps
-    assert speed is not None
-    assert speed <= max_mps
+    answer = decide(ahead, corridor=corridor(free_m))
+    assert isinstance(answer, FollowLeg)
+    assert answer.speed_mps <= max_mps
 
 
 def test_what_the_corridor_shows_right_ahead_blocks() -> None:
     ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
-    assert decide(ahead, corridor=corridor(0.3)).blocked
+    assert isinstance(decide(ahead, corridor=corridor(0.3)), Blocked)
 
 
 def test_covered_after_a_full_turn_without_a_leg() -> None:
     covered = drawn_map(passed=ALL)
-    assert decide(covered).blocked
-    assert not decide(covered).done
-    assert decide(covered, full_turns=1).done
+    assert isinstance(decide(covered), Blocked)
+    assert isinstance(decide(covered, full_turns=1), Done)
 
 
 def test_a_drone_that_is_shut_in_leaves_through_the_gap_that_it_came_by() -> None:
     x_m = np.linspace(-2.0, 2.0, 41)
     wall = np.column_stack([x_m, np.full(41, -0.5)])[np.abs(x_m) > 0.29]
     behind = drawn_map(obstacles=wall, passed=where("left"), pose=(0.0, -1.0, math.pi / 2))
-    assert not decide(behind).blocked
+    assert isinstance(decide(behind), FollowLeg | Rotate)
     closed = replace(behind, obstacles_m=np.vstack([wall, [[0.0, -0.5]]]))
-    assert decide(closed).blocked
+    assert isinstance(decide(closed), Blocked)
 
 
 def test_while_something_moves_nothing_is_covered_for_good() -> None:
     lane = replace(drawn_map(passed=ALL), lanes_m=np.array([[1.0, 1.0]]))
-    assert not decide(lane, full_turns=1).done
-    assert decide(lane, full_turns=1).blocked
+    assert isinstance(decide(lane, full_turns=1), Blocked)
 
 
 def test_the_same_view_gives_the_same_decision() -> None:
@@ -148,6 +147,5 @@ def test_where_nowhere_is_room_enough_it_flies_the_narrow_way() -> None:
     passage = drawn_map(obstacles=walls, known=between, pose=(-1.5, 0.0, 0.0))
     passage = replace(passage, outside=~between)
     decision = decide(passage, full_turns=1)
-    assert not decision.done
-    assert decision.speed_mps is not None
-    assert decide(replace(passage, passed=ALL), full_turns=1).done
+    assert isinstance(decision, FollowLeg | Rotate)
+    assert isinstance(decide(replace(passage, passed=ALL), full_turns=1), Done)

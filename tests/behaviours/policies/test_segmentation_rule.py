@@ -16,6 +16,7 @@ from behaviours.policies.segmentation_rule import (
     SegmentationRuleConfig,
 )
 from tests.behaviours.policies.cast_world import CAMERA, FOR_EVER, Box, cast, view
+from uav_bt.answers import Advance, Blocked
 from uav_bt.classes import BACKGROUND, BOXES, HELIPAD_BOX
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import PolicyView
@@ -48,8 +49,7 @@ def test_open_carpet_is_advanced_over() -> None:
     """Carpet without end and nothing on it: a step ahead, no turn."""
     decision = RULE.decide(view(cast()))
 
-    assert (decision.forward_m, decision.yaw_rad, decision.reason) == (0.3, 0.0, "clear")
-    assert not decision.blocked
+    assert decision == Advance(forward_m=0.3, reason="clear")
 
 
 @pytest.mark.parametrize(("left_m", "right_m", "side"), [(-0.9, 0.1, 1), (-0.1, 0.9, -1)])
@@ -57,7 +57,7 @@ def test_a_box_is_turned_away_from(left_m: float, right_m: float, side: int) -> 
     """A near box more to the left turns the drone to the right, and the other way round."""
     decision = RULE.decide(view(cast([(1.2, left_m, right_m)])))
 
-    assert decision.blocked
+    assert isinstance(decision, Blocked)
     assert decision.reason == "obstacle"
     assert decision.yaw_rad == pytest.approx(side * CONFIG.turn_rad)
 
@@ -75,7 +75,7 @@ def test_the_carpets_edge_is_turned_along(slant: float, side: int) -> None:
     """Where the carpet ends aslant, the turn goes to where more of it lies."""
     decision = RULE.decide(view(cast(carpet_m=1.35, slant=slant)))
 
-    assert decision.blocked
+    assert isinstance(decision, Blocked)
     assert decision.reason == "edge"
     assert decision.yaw_rad == pytest.approx(side * CONFIG.turn_rad)
 
@@ -106,22 +106,22 @@ def test_the_pad_is_no_obstacle() -> None:
     """What would block the way as a box does not as the pad: the drone flies above it."""
     front = [(1.2, -0.4, 0.4)]
 
-    assert RULE.decide(view(cast(front))).blocked
-    assert not RULE.decide(view(cast(front, thing=HELIPAD_BOX))).blocked
+    assert isinstance(RULE.decide(view(cast(front))), Blocked)
+    assert isinstance(RULE.decide(view(cast(front, thing=HELIPAD_BOX))), Advance)
 
 
 def test_only_boxes_within_range_block() -> None:
     """A wall based beyond `obstacle_range_m` does not reach into the rectangle; nearer, it does."""
     wide = 3.0
 
-    assert not RULE.decide(view(cast([(2.0, -wide, wide)]))).blocked
-    assert RULE.decide(view(cast([(1.5, -wide, wide)]))).blocked
+    assert isinstance(RULE.decide(view(cast([(2.0, -wide, wide)]))), Advance)
+    assert isinstance(RULE.decide(view(cast([(1.5, -wide, wide)]))), Blocked)
 
 
 def test_boxes_beside_the_way_do_not_block() -> None:
     """A box a metre aside is passed."""
-    assert not RULE.decide(view(cast([(1.3, 1.0, 1.6)]))).blocked
-    assert not RULE.decide(view(cast([(1.3, -1.6, -1.0)]))).blocked
+    assert isinstance(RULE.decide(view(cast([(1.3, 1.0, 1.6)]))), Advance)
+    assert isinstance(RULE.decide(view(cast([(1.3, -1.6, -1.0)]))), Advance)
 
 
 # --- thresholds -----------------------------------------------------------------------------------
@@ -139,15 +139,15 @@ def with_obstacle_pixels(count: int, camera: CameraModel = CAMERA) -> NDArray[np
 
 def test_the_obstacle_threshold_is_exact() -> None:
     """900 pixels are still free, 901 are not."""
-    assert not RULE.decide(view(with_obstacle_pixels(900))).blocked
-    assert RULE.decide(view(with_obstacle_pixels(901))).blocked
+    assert isinstance(RULE.decide(view(with_obstacle_pixels(900))), Advance)
+    assert isinstance(RULE.decide(view(with_obstacle_pixels(901))), Blocked)
 
 
 @pytest.mark.parametrize("turning", [1, -1])
 def test_leaving_a_turn_takes_a_freer_way(turning: int) -> None:
     """Under way in a turn the threshold is three quarters of 900: no dithering around it."""
-    assert RULE.decide(view(with_obstacle_pixels(676), turning=turning)).blocked
-    assert not RULE.decide(view(with_obstacle_pixels(675), turning=turning)).blocked
+    assert isinstance(RULE.decide(view(with_obstacle_pixels(676), turning=turning)), Blocked)
+    assert isinstance(RULE.decide(view(with_obstacle_pixels(675), turning=turning)), Advance)
 
 
 @pytest.mark.parametrize(
@@ -158,8 +158,12 @@ def test_thresholds_scale_with_the_map(size_px: tuple[int, int], share: float) -
     camera = CAMERA.resized(*size_px)
     limit = math.floor(900 * share)
 
-    assert not RULE.decide(view(with_obstacle_pixels(limit, camera), camera=camera)).blocked
-    assert RULE.decide(view(with_obstacle_pixels(limit + 1, camera), camera=camera)).blocked
+    assert isinstance(
+        RULE.decide(view(with_obstacle_pixels(limit, camera), camera=camera)), Advance
+    )
+    assert isinstance(
+        RULE.decide(view(with_obstacle_pixels(limit + 1, camera), camera=camera)), Blocked
+    )
 
 
 @pytest.mark.parametrize("size_px", [(112, 56), (448, 224), (640, 360)])
@@ -201,18 +205,18 @@ def test_a_turn_keeps_its_direction(turning: int, boxes: Sequence[Box], carpet_m
 @pytest.mark.parametrize("turning", [1, -1])
 def test_a_turn_ends_when_the_way_is_free(turning: int) -> None:
     """Open carpet ends it."""
-    assert not RULE.decide(view(cast(), turning=turning)).blocked
+    assert isinstance(RULE.decide(view(cast(), turning=turning)), Advance)
 
 
 def test_full_turns_in_vain_lower_the_demands() -> None:
     """After each full turn a little more obstacle and less carpet will do, up to a limit."""
     crowded = view(with_obstacle_pixels(1200))
-    assert RULE.decide(crowded).blocked
-    assert not RULE.decide(replace(crowded, full_turns=1)).blocked
+    assert isinstance(RULE.decide(crowded), Blocked)
+    assert isinstance(RULE.decide(replace(crowded, full_turns=1)), Advance)
 
     very_crowded = view(with_obstacle_pixels(1900))  # 900 * (1 + 3 * 0.35) = 1845
-    assert RULE.decide(replace(very_crowded, full_turns=3)).blocked
-    assert RULE.decide(replace(very_crowded, full_turns=100)).blocked
+    assert isinstance(RULE.decide(replace(very_crowded, full_turns=3)), Blocked)
+    assert isinstance(RULE.decide(replace(very_crowded, full_turns=100)), Blocked)
 
 
 # --- what is remembered ---------------------------------------------------------------------------
@@ -232,28 +236,30 @@ def remembered(*points: tuple[float, float], unplaced_deg: Sequence[float] = ())
 
 def test_nothing_remembered_does_not_block() -> None:
     """An empty memory, and a tree without one, leave it to the view."""
-    assert not RULE.decide(remembered()).blocked
-    assert not RULE.decide(view(cast())).blocked
+    assert isinstance(RULE.decide(remembered()), Advance)
+    assert isinstance(RULE.decide(view(cast())), Advance)
 
 
 @pytest.mark.parametrize("right_m", [0.41, -0.41])
 def test_a_step_keeps_its_margin_from_what_left_the_view(right_m: float) -> None:
     """An obstacle beside where the step would end blocks it, a little further aside does not."""
-    assert RULE.decide(remembered((0.3, right_m))).blocked
-    assert not RULE.decide(remembered((0.3, right_m + math.copysign(0.02, right_m)))).blocked
+    assert isinstance(RULE.decide(remembered((0.3, right_m))), Blocked)
+    assert isinstance(
+        RULE.decide(remembered((0.3, right_m + math.copysign(0.02, right_m)))), Advance
+    )
 
 
 def test_too_near_already_a_step_may_lead_away() -> None:
     """Inside the margin, a step that comes no nearer is free; one that does is not."""
-    assert not RULE.decide(remembered((-0.1, 0.3))).blocked
-    assert RULE.decide(remembered((0.2, 0.3))).blocked
+    assert isinstance(RULE.decide(remembered((-0.1, 0.3))), Advance)
+    assert isinstance(RULE.decide(remembered((0.2, 0.3))), Blocked)
 
 
 def test_an_obstacle_of_unknown_range_ahead_blocks() -> None:
     """A few columns of it do; specks, and what lies far aside, do not."""
-    assert RULE.decide(remembered(unplaced_deg=[10, 11, 12, 13])).blocked
-    assert not RULE.decide(remembered(unplaced_deg=[10])).blocked
-    assert not RULE.decide(remembered(unplaced_deg=[80, 81, 82, 83])).blocked
+    assert isinstance(RULE.decide(remembered(unplaced_deg=[10, 11, 12, 13])), Blocked)
+    assert isinstance(RULE.decide(remembered(unplaced_deg=[10])), Advance)
+    assert isinstance(RULE.decide(remembered(unplaced_deg=[80, 81, 82, 83])), Advance)
 
 
 # --- the rectangles -------------------------------------------------------------------------------

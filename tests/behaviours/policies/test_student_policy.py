@@ -18,9 +18,10 @@ from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import OnnxControlStudent
 from perception.control.training.network import STUDENT_FILES, ControlNet
 from tests.behaviours.policies import cast_world
+from uav_bt.answers import Advance, Blocked
 from uav_bt.app import make_policy
 from uav_bt.errors import InputError, MissionError, ValueRangeError, WeightsError
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import Frame, PastView, RecentViews
@@ -76,7 +77,7 @@ def test_it_goes_on_as_far_as_the_network_says(policy_saying: Any) -> None:
     decision = policy_saying(*GO).decide(seen())
     assert decision.forward_m == pytest.approx(0.7)
     assert decision.free_m == pytest.approx(0.9)
-    assert (decision.carpet_ends, decision.yaw_rad, decision.reason) == (False, 0.0, "clear 0.95")
+    assert (decision.yaw_rad, decision.reason) == (0.0, "clear 0.95")
 
 
 @pytest.mark.parametrize(("said_m", "flown_m"), [(0.05, 0.3), (0.6, 0.6), (7.0, 1.0)])
@@ -91,18 +92,18 @@ def test_it_turns_to_the_side_the_network_says(
     policy_saying: Any, logit: float, side: float
 ) -> None:
     decision = policy_saying(-3.0, logit, 0.7, 3.0, 0.2).decide(seen())
-    assert decision.blocked
+    assert isinstance(decision, Blocked)
     assert decision.yaw_rad == pytest.approx(side * math.radians(30))
-    assert (decision.carpet_ends, decision.reason) == (True, "edge 0.05")
+    assert (decision.ground_ends, decision.reason) == (True, "edge 0.05")
 
 
 @pytest.mark.parametrize("full_turns", [0, 3])
-def test_where_the_carpet_ends_it_turns_however_free_the_way(
+def test_where_the_ground_ends_it_turns_however_free_the_way(
     policy_saying: Any, full_turns: int
 ) -> None:
     decision = policy_saying(3.0, 1.0, 0.7, 2.0, 1.0).decide(seen(full_turns=full_turns))
-    assert decision.blocked
-    assert (decision.carpet_ends, decision.reason) == (True, "edge 0.95")
+    assert isinstance(decision, Blocked)
+    assert (decision.ground_ends, decision.reason) == (True, "edge 0.95")
 
 
 def test_a_turn_under_way_keeps_its_side(policy_saying: Any) -> None:
@@ -112,8 +113,8 @@ def test_a_turn_under_way_keeps_its_side(policy_saying: Any) -> None:
 def test_after_full_turns_it_asks_for_less(policy_saying: Any) -> None:
     """A share of 0.43 is not enough at first."""
     policy = policy_saying(-0.3, 0.0, 0.5, -3.0, 0.5)
-    assert policy.decide(seen()).blocked
-    assert not policy.decide(seen(full_turns=1)).blocked
+    assert isinstance(policy.decide(seen()), Blocked)
+    assert isinstance(policy.decide(seen(full_turns=1)), Advance)
 
 
 def test_the_same_view_gives_the_same_decision(policy_saying: Any) -> None:
@@ -164,7 +165,7 @@ def test_a_tree_names_its_network_behind_a_colon(policy_saying: Any, tmp_path: P
     policy_saying(*GO)
     policy = make_policy(f"student:{tmp_path / 'student.onnx'}")
     decision = policy.decide(seen())
-    assert isinstance(decision, Decision)
+    assert isinstance(decision, Advance)
     with pytest.raises(WeightsError, match="no such network"):
         make_policy(f"student:{tmp_path / 'none.onnx'}")
     with pytest.raises(InputError, match="'segmentation' takes no argument, got 'segmentation:x'"):

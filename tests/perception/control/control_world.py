@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from perception.control.ego_state import ControlNetConfig
 from perception.control.training.samples import ControlFlight, FlightBuilder
-from uav_bt.protocols import Advice, Decision
+from uav_bt.answers import Advance, Answer, Blocked
+from uav_bt.protocols import Advice
 
 TINY = ControlNetConfig(
     width_px=32, height_px=16, channels=(4, 8), bottleneck=4, embedding=12, hidden=8
@@ -20,18 +21,18 @@ TURN_RAD = 0.5
 
 
 def picture(
-    decision: Decision, rng: np.random.Generator, net: ControlNetConfig = TINY
+    answer: Answer, rng: np.random.Generator, net: ControlNetConfig = TINY
 ) -> NDArray[np.uint8]:
-    """Return what a way looks like that the rule decides so about."""
+    """Return what a way looks like that the rule gives this answer to."""
     rgb = rng.integers(90, 110, (net.height_px, net.width_px, 3)).astype(np.uint8)
-    if decision.blocked:
+    if isinstance(answer, Blocked):
         half = net.width_px // 2
-        rgb[:, half:] = 220 if decision.yaw_rad > 0.0 else 20
-        rgb[:, :half] = 20 if decision.yaw_rad > 0.0 else 220
+        rgb[:, half:] = 220 if answer.yaw_rad > 0.0 else 20
+        rgb[:, :half] = 20 if answer.yaw_rad > 0.0 else 220
     return rgb
 
 
-def advice(index: int, decision: Decision, **changed: object) -> Advice:
+def advice(index: int, answer: Answer, **changed: object) -> Advice:
     """Return advice on a view, ten of them a second, the drone moving ahead at 0.4 m/s."""
     values: dict[str, object] = {
         "frame_index": index,
@@ -43,8 +44,8 @@ def advice(index: int, decision: Decision, **changed: object) -> Advice:
         "gimbal_pitch_rad": -0.5,
         "turning": 0,
         "full_turns": 0,
-        "decision": decision,
-        "fresh": decision,
+        "answer": answer,
+        "fresh": answer,
     }
     return Advice(**{**values, **changed})  # type: ignore[arg-type]  # by name
 
@@ -56,10 +57,10 @@ def made_up_flight(
     rng = np.random.default_rng(seed)
     builder = FlightBuilder((net.width_px, net.height_px))
     for index in range(views):
-        decision = (
-            Decision(forward_m=0.8, free_m=1.0)
+        answer = (
+            Advance(forward_m=0.8, free_m=1.0)
             if rng.random() < 0.5
-            else Decision(yaw_rad=TURN_RAD * rng.choice([-1.0, 1.0]), free_m=0.1)
+            else Blocked(yaw_rad=TURN_RAD * rng.choice([-1.0, 1.0]), free_m=0.1)
         )
-        builder.add(picture(decision, rng, net), advice(index, decision, **changed))
+        builder.add(picture(answer, rng, net), advice(index, answer, **changed))
     return builder.flight()

@@ -14,11 +14,12 @@ from behaviours.fly.take_off import TakeOff
 from behaviours.policies.segmentation_rule import SegmentationRule
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
+from uav_bt.answers import Advance, Answer
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.board import STATE
 from uav_bt.errors import FileError, InputError, NodeFailedError, TreeError
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
@@ -54,10 +55,12 @@ class Careful:
         self.rule = SegmentationRule()
         self.asked = 0
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Answer:
         self.asked += 1
-        decision = self.rule.decide(view)
-        return replace(decision, forward_m=decision.forward_m / 2.0)
+        answer = self.rule.decide(view)
+        if isinstance(answer, Advance):
+            return replace(answer, forward_m=answer.forward_m / 2.0)
+        return answer
 
 
 MISSION = """

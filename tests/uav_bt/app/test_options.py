@@ -13,18 +13,19 @@ import pytest
 from sim_bridge.olympe.config import AnafiConfig, OlympeConfig, SphinxConfig
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
+from uav_bt.answers import Advance, Answer
 from uav_bt.errors import FileError, InputError
 from uav_bt.mission.safety import Limits
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.testing import ScriptedDrone
 
 
 class Ahead:
     """Goes straight on."""
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Answer:
         del view
-        return Decision(forward_m=0.3)
+        return Advance(forward_m=0.3)
 
 
 @dataclass(frozen=True, kw_only=True)

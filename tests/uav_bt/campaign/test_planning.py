@@ -15,7 +15,7 @@ from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.flight import PathKeeper
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.errors import InputError, SceneError, TreeError, UnknownNameError
-from uav_bt.tree.shipped import shipped_trees
+from uav_bt.tree.loading.lookup import shipped_trees
 
 SCENES = Path(scene_file.__file__).parent / "scenes"
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'

@@ -12,6 +12,7 @@ from pygls.exceptions import JsonRpcException
 
 from tests.uav_bt.lsp.editor import Editor, applied
 from uav_bt.tree.loading.loader import check_file
+from uav_bt.tree.loading.lookup import Lookup
 
 MISSION = """\
 <root BTCPP_format="4" main_tree_to_execute="Mission">
@@ -178,7 +179,10 @@ def test_attributes_are_completed_but_those_that_are_there(mission: Document) ->
 
 def test_values_are_completed(editor: Editor, mission: Document, tmp_path: Path) -> None:
     assert {"corridor", "segmentation", "student"} <= set(mission.complete('policy="'))
-    assert set(mission.complete('<SubTree ID="')) == {"Mission", "Round", "Deep", "Lib"}
+    shipped = {"ExploreFor", "ExploreOrTurn"}
+    assert shipped <= set(mission.complete('<SubTree ID="'))
+    own = {"Mission", "Round", "Deep", "Lib"}
+    assert own == set(mission.complete('<SubTree ID="')) - set(Lookup().shipped.trees)
     assert {"speed", "goal", "@height_above_carpet_m"} <= set(mission.complete('_skipIf="spe'))
     folder = tmp_path / "other"
     folder.mkdir()

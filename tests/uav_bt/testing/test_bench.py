@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from uav_bt.answers import Advance, Answer
 from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, HEIGHT, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import (
@@ -16,7 +17,7 @@ from uav_bt.errors import (
     NodeFailedError,
     ValueRangeError,
 )
-from uav_bt.protocols import Decision, LeafPolicy, PolicyView
+from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import (
@@ -29,13 +30,13 @@ from uav_bt.types import (
 )
 
 
-class Advance:
+class AlwaysOn:
     """A policy that always advances."""
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Answer:
         """Advance by a step."""
         del view
-        return Decision(forward_m=0.3)
+        return Advance(forward_m=0.3)
 
 
 class Step(Leaf):
@@ -75,7 +76,7 @@ class Step(Leaf):
 
 def bench_of(**attributes: object) -> LeafBench:
     bench = LeafBench(Step, **attributes)
-    bench.policies["always"] = Advance()
+    bench.policies["always"] = AlwaysOn()
     return bench
 
 

@@ -68,7 +68,7 @@ def test_hovering_looks_around_once() -> None:
 
 def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     """A blocked step makes it turn away; after 90 s it goes home, whatever is under way."""
-    flies = {"TakeOff": "S", "Explore": "(RSF)", "Avoid": "(RS)", "HelipadCenter": "S", "Land": "S"}
+    flies = {"TakeOff": "S", "Explore": "(RRF)", "Avoid": "(RS)", "HelipadCenter": "S", "Land": "S"}
     bench = load_tree(
         TREES / "explore_and_land_segmentation.xml",
         mocks={**SEES, **flies, "ReturnToBase": "RS", "EmergencyLand": "F"},
@@ -76,11 +76,11 @@ def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     )
     bench.tick_until(Status.SUCCESS, max_ticks=100)
     (start, *_), (home, *_) = (
-        bench.log.of(node, "started") for node in ("explore_for_90_s", "ReturnToBase")
+        bench.log.of(node, "started") for node in ("ExploreFor", "ReturnToBase")
     )
     assert home.time_s - start.time_s == pytest.approx(90.0)
     bench.log.assert_order(
         *("Explore failed", "Avoid started", "Avoid succeeded", "Explore started"),
-        *("step_or_turn halted", "Timeout failed", "explore_for_90_s succeeded", "Land started"),
+        *("step_or_turn halted", "Timeout failed", "explore_for succeeded", "Land started"),
     )
     bench.log.assert_not_started("EmergencyLand")

@@ -12,9 +12,8 @@ from uav_bt.errors import TreeError
 from uav_bt.tree import load_tree, parse_tree
 from uav_bt.tree.loading.findings import ERROR, Findings
 from uav_bt.tree.loading.loader import check_file, check_text
-from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+from uav_bt.tree.loading.lookup import Library, Lookup, files_in, shipped_trees
 from uav_bt.tree.loading.palette import read_palette, with_palette
-from uav_bt.tree.shipped import shipped_trees
 
 SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
 

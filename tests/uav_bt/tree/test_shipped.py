@@ -9,11 +9,11 @@ import pytest
 from uav_bt.errors import FileError, UnknownNameError
 from uav_bt.tree import load_tree, parse_tree
 from uav_bt.tree.loading.loader import check_file
+from uav_bt.tree.loading.lookup import shipped_trees
 from uav_bt.tree.render import render
 from uav_bt.tree.shipped import (
     STARTERS,
     resolve_tree,
-    shipped_trees,
     starter_mission,
     tree_files,
     write_starter,

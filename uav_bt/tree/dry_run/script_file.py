@@ -19,7 +19,7 @@ Only `leaves` or `default` must be there. The letters are those of `uav_bt.tree.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,8 +27,9 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from uav_bt.errors import FileError, TreeError, ValueRangeError, did_you_mean
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, load_tree
+from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, load_tree
 from uav_bt.tree.dry_run.stand_ins import with_stand_ins, without_stand_in
+from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.nodes import BUILTIN_NODES
@@ -168,15 +169,23 @@ def _mocks(tree: MissionTree, path: Path, script: SimulationScript) -> dict[str,
     """Return the answers of all leaves that do not run by themselves, by selector."""
     mocks = {selector: str(scalar.value) for selector, scalar in script.leaves.items()}
     for selector, scalar in script.leaves.items():
-        leaves = [leaf for leaf in tree.leaves() if _fits(selector, leaf)]
-        if not leaves:
+        nodes = [node for node in _scriptable(tree) if _fits(selector, node)]
+        if not nodes:
             raise _unknown_leaf(script, selector, tree, scalar.line)
-        for leaf in leaves:
-            _check_answers(script, leaf, mocks[selector], scalar.line)
+        for node in nodes:
+            _check_answers(script, node, mocks[selector], scalar.line)
+    # In place of a node that is made of a tree and has answers stands one leaf.
+    replaced = [
+        f"{node.path}/"
+        for node in _scriptable(tree)
+        if isinstance(node, ExpandedNode) and any(_fits(name, node) for name in mocks)
+    ]
     missing = [
         leaf
         for leaf in tree.leaves()
-        if type(leaf) not in BUILTIN_NODES and not any(_fits(name, leaf) for name in mocks)
+        if type(leaf) not in BUILTIN_NODES
+        and not any(_fits(name, leaf) for name in mocks)
+        and not leaf.path.startswith(tuple(replaced))
     ]
     if missing and script.default is None:
         raise TreeError(path, [_without_script(tree, leaf, path, script) for leaf in missing])
@@ -196,17 +205,26 @@ def _defaults(tree: MissionTree, missing: list[Leaf], script: SimulationScript) 
     return {leaf.path if leaf.node_id in others else leaf.node_id: text for leaf in missing}
 
 
-def _selectors(leaf: Leaf) -> tuple[str, str, str]:
-    return leaf.path, leaf.name, leaf.node_id
+def _scriptable(tree: MissionTree) -> Iterator[Leaf | ExpandedNode]:
+    """Yield what can answer by a script: leaves, and nodes that are made of a tree."""
+    for node in tree.nodes():
+        if isinstance(node, (Leaf, ExpandedNode)):
+            yield node
 
 
-def _fits(selector: str, leaf: Leaf) -> bool:
-    return selector in _selectors(leaf)
+def _selectors(node: Node) -> tuple[str, str, str]:
+    return node.path, node.name, node.node_id
 
 
-def _check_answers(script: SimulationScript, leaf: Leaf, text: str, line: int | None) -> None:
+def _fits(selector: str, node: Node) -> bool:
+    return selector in _selectors(node)
+
+
+def _check_answers(
+    script: SimulationScript, node: Leaf | ExpandedNode, text: str, line: int | None
+) -> None:
     try:
-        mock_class(type(leaf)).check_script(text)
+        mock_class(type(node)).check_script(text)
     except ValueRangeError as error:
         raise FileError(script.path, str(error), line) from error
 
@@ -224,7 +242,7 @@ def _without_script(tree: MissionTree, leaf: Leaf, path: Path, script: Simulatio
 def _unknown_leaf(
     script: SimulationScript, selector: str, tree: MissionTree, line: int | None
 ) -> FileError:
-    known = {name for leaf in tree.leaves() for name in _selectors(leaf)}
+    known = {name for node in _scriptable(tree) for name in _selectors(node)}
     message = f"the tree has no leaf '{selector}'{did_you_mean(selector, known)}"
     return FileError(script.path, message, line)
 

@@ -10,8 +10,8 @@ from typing import Final
 from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.loading.source import Element
-from uav_bt.tree.mission_tree import child_paths
 from uav_bt.tree.node import NodeKind
+from uav_bt.tree.placing import child_paths
 
 UNORDERED: Final = frozenset({"root", "TreeNodesModel"})
 """What holds its parts by name: their order means nothing."""

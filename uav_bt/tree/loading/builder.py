@@ -2,47 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
 
 from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.elements import node_id_of
+from uav_bt.tree.loading.elements import (
+    expanded_class,
+    node_attributes,
+    node_id_of,
+    tree_within,
+)
 from uav_bt.tree.loading.findings import Finding, Findings, Position, errors_of
-from uav_bt.tree.loading.palette import PalettePort
+from uav_bt.tree.loading.plans import GivenValue, Plan, name_of
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
-from uav_bt.tree.mission_tree import Place, child_paths
-from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.mission_tree import Place
+from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
-from uav_bt.tree.port import parse_reference
+from uav_bt.tree.placing import child_paths
+from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.scripted import ScriptedLeaf, mock_class
+from uav_bt.tree.scripted import mock_class
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
 _FIXED: Final = frozenset({"ID", "_autoremap", "name"})  # these say which nodes there are
-
-
-@dataclass
-class _Plan:
-    """A node to be made."""
-
-    element: Element
-    name: str
-    path: str
-    attributes: dict[str, str]
-    children: list[_Plan]
-    mock: str | None = None  # the script of the leaf that takes its place
-
-    def walk(self) -> Iterator[_Plan]:
-        yield self
-        for child in self.children:
-            yield from child.walk()
 
 
 class _TooLargeError(Exception):
@@ -65,6 +54,8 @@ class Builder:
         self._count = 0
         self.places: dict[str, Place] = {}  # of the nodes, by path; filled by `build`
         self.replaced: dict[str, dict[str, str]] = {}  # attributes by path; filled by `build`
+        # What the files give to ports of leaves; filled by `build`.
+        self.given: list[tuple[Port[Any], GivenValue]] = []
 
     def build(
         self,
@@ -86,9 +77,9 @@ class Builder:
         """
         main = self._document.trees[self._document.main]
         root = main.children[0]
-        name = _name_of(root)
+        name = name_of(root)
         try:
-            plan = self._plan(root, name, f"{self._document.main}/{name}", depth=1)
+            plan = self._plan(root, name, f"{self._document.main}/{name}", None, depth=1)
         except _TooLargeError as error:
             finding = Finding(str(main.path), main.position, str(error), main.label)
             raise TreeError(self._document.path, [finding]) from error
@@ -96,38 +87,45 @@ class Builder:
         self._apply_by_id(by_id, plans)
         self._apply(overrides, plans)
         self._mock(mocks, plans)
-        self._check_policies(plans)
+        self._findings.raise_any(self._document.path)
+        self.given = list(plan.given())
+        self._check_policies()
         self._findings.raise_any(self._document.path)
         return self._make(plan)
 
-    def _plan(self, element: Element, name: str, path: str, *, depth: int) -> _Plan:
+    def _plan(
+        self, element: Element, name: str, path: str, door: Plan | None, *, depth: int
+    ) -> Plan:
         self._count += 1
         if self._count > MAX_NODES:
             raise _TooLargeError(f"more than {MAX_NODES} nodes once its subtrees are in place")
         if depth > MAX_DEPTH:
             raise _TooLargeError(f"deeper than {MAX_DEPTH} once its subtrees are in place")
-        inner = element.children
-        if element.tag == NodeKind.SUBTREE.value:
-            inner = self._document.trees[element.attributes["ID"]].children
-        names = [_name_of(child) for child in inner]
-        children = [
-            self._plan(child, child_name, child_path, depth=depth + 1)
-            for child, child_name, child_path in zip(
-                inner, names, child_paths(path, names), strict=True
-            )
-        ]
-        return _Plan(element, name, path, self._document.entries(element), children)
+        node = expanded_class(element, self._registry)
+        attributes = self._document.entries(element) if node is None else node_attributes(element)
+        node_class = node or self._registry[node_id_of(element)]
+        plan = Plan(element, node_class, name, path, attributes, door)
+        tree_id = tree_within(element, self._registry)
+        inner = element.children if tree_id is None else self._document.trees[tree_id].children
+        names = [name_of(child) for child in inner]
+        for child, child_name, child_path in zip(
+            inner, names, child_paths(path, names), strict=True
+        ):
+            nearest = door if tree_id is None else plan
+            made = self._plan(child, child_name, child_path, nearest, depth=depth + 1)
+            plan.children.append(made)
+        return plan
 
-    def _apply_by_id(self, by_id: Mapping[str, Mapping[str, str]], plans: list[_Plan]) -> None:
+    def _apply_by_id(self, by_id: Mapping[str, Mapping[str, str]], plans: list[Plan]) -> None:
         for plan in plans if by_id else ():
-            leaf, attributes = self._leaf_class(plan), by_id.get(_id_of(plan), {})
-            if leaf is not None and attributes:
-                ports = {port.name for port in leaf.ports}
+            node, attributes = plan.mockable, by_id.get(plan.node.node_id, {})
+            if node is not None and attributes:
+                ports = {port.name for port in node.ports}
                 known = {name: text for name, text in attributes.items() if name in ports}
                 self._replace(plan, known)
-                self._check_override(_id_of(plan), known, plan)
+                self._check_override(node.node_id, known, plan)
 
-    def _apply(self, overrides: Mapping[str, Mapping[str, str]], plans: list[_Plan]) -> None:
+    def _apply(self, overrides: Mapping[str, Mapping[str, str]], plans: list[Plan]) -> None:
         for target, attributes in overrides.items():
             hits = [plan for plan in plans if target in (plan.name, plan.path)]
             if not hits:
@@ -141,13 +139,15 @@ class Builder:
                 self._replace(plan, attributes)
                 self._check_override(target, attributes, plan)
 
-    def _replace(self, plan: _Plan, attributes: Mapping[str, str]) -> None:
+    def _replace(self, plan: Plan, attributes: Mapping[str, str]) -> None:
         plan.attributes.update(attributes)
         self.replaced.setdefault(plan.path, {}).update(attributes)
 
-    def _check_override(self, target: str, attributes: Mapping[str, str], plan: _Plan) -> None:
+    def _check_override(self, target: str, attributes: Mapping[str, str], plan: Plan) -> None:
         element, lead = plan.element, f"override of '{target}': "
-        for name in _FIXED.intersection(attributes):
+        node = plan.node
+        choosing = {name for name, _ in node.variants} if issubclass(node, ExpandedNode) else set()
+        for name in (_FIXED | choosing).intersection(attributes):
             self._findings.note(element, f"{lead}'{name}' cannot be replaced")
         for name in attributes:
             if name.startswith("_") and name not in CONDITION_ATTRIBUTES | _FIXED:
@@ -164,110 +164,80 @@ class Builder:
                 finding.path, finding.position, f"{lead}{finding.message}", finding.node
             )
 
-    def _mock(self, mocks: Mapping[str, str], plans: list[_Plan]) -> None:
+    def _mock(self, mocks: Mapping[str, str], plans: list[Plan]) -> None:
         if not mocks:
             return
-        classes = {plan.path: leaf for plan in plans if (leaf := self._leaf_class(plan))}
-        leaves = [plan for plan in plans if plan.path in classes]
-        for names in (_id_of, lambda plan: plan.name, lambda plan: plan.path):
-            # The most exact name of a leaf comes last, and so is the one that counts.
-            for plan in leaves:
-                plan.mock = mocks.get(names(plan), plan.mock)
-        named: dict[str, list[_Plan]] = {}
+        leaves = [plan for plan in plans if plan.mockable is not None]
+        named: dict[str, list[Plan]] = {}
         for plan in leaves:
-            for name in set(_names(plan)):
+            for name in reversed(plan.names):  # the most exact name counts, and so comes last
+                plan.mock = mocks.get(name, plan.mock)
+            for name in set(plan.names):
                 named.setdefault(name, []).append(plan)
         for target, script in mocks.items():
             hits = named.get(target, [])
             for plan in hits:
-                self._check_mock(target, script, plan, mock_class(classes[plan.path]))
+                self._check_mock(target, script, plan)
             if not hits:
                 self._findings.add(
                     self._document.path, Position(1, 1), _no_such_leaf(target, plans, leaves)
                 )
 
-    def _check_policies(self, plans: list[_Plan]) -> None:
+    def _check_policies(self) -> None:
         """Refuse names of policies that are not registered; one in a variable shows in flight."""
         known = self._registry.policies
         if known is None:
             return
-        for plan in plans:
-            leaf = self._leaf_class(plan)
-            ports = leaf.ports if leaf else ()
-            port = next((port for port in ports if port.name == POLICY_PORT), None)
-            if port is None or plan.mock is not None or isinstance(port, PalettePort):
-                continue
-            name = str(plan.attributes.get(POLICY_PORT, port.default))
-            registered = name.partition(":")[0]  # what follows is the policy's own business
-            if parse_reference(name, POLICY_PORT) is None and registered not in known:
-                message = str(UnknownNameError("policy", registered, known))
-                where = plan.element.at(POLICY_PORT)
+        for port, value in self.given:
+            name = value.text.partition(":")[0]  # what follows is the policy's own business
+            if port.name == POLICY_PORT and name not in known:
+                message = str(UnknownNameError("policy", name, known))
+                where = value.element.at(value.attribute)
                 self._findings.add(
-                    plan.element.path, where, message, plan.path, rule=Rule.NOT_INSTALLED
+                    value.element.path, where, message, value.path, rule=Rule.NOT_INSTALLED
                 )
 
-    def _leaf_class(self, plan: _Plan) -> type[Leaf] | None:
-        if plan.element.tag == NodeKind.SUBTREE.value:
-            return None
-        node = self._registry[node_id_of(plan.element)]
-        return node if issubclass(node, Leaf) else None
-
-    def _check_mock(self, target: str, script: str, plan: _Plan, leaf: type[ScriptedLeaf]) -> None:
+    def _check_mock(self, target: str, script: str, plan: Plan) -> None:
+        if plan.mockable is None:
+            return
+        plan.children.clear()  # of a node that is made of a tree
         try:
-            leaf.check_script(script)
+            mock_class(plan.mockable).check_script(script)
         except ValueRangeError as error:
             self._findings.note(plan.element, f"mock of '{target}': {error}")
 
-    def _make(self, plan: _Plan) -> Node:
+    def _make(self, plan: Plan) -> Node:
         self.places[plan.path] = Place(plan.element.path, plan.element.position)
         children = [self._make(child) for child in plan.children]
         given: dict[str, object] = dict(plan.attributes)
-        if plan.element.tag == NodeKind.SUBTREE.value:
-            autoremap = SubTree.AUTOREMAP.convert(plan.element.attributes.get("_autoremap", False))
-            conditions = {
-                key: given.pop(key) for key in plan.attributes if key in CONDITION_ATTRIBUTES
-            }
-            entries = {key: str(text) for key, text in given.items()}
-            return SubTree(
-                plan.name,
-                children[0],
-                entries,
-                autoremap=autoremap,
-                tree_id=plan.element.attributes["ID"],
-                **conditions,
-            )
-        node = self._registry[node_id_of(plan.element)]
+        node = plan.node
+        if plan.mock is not None and plan.mockable is not None:
+            return mock_class(plan.mockable)(plan.name, plan.mock, **given)
+        if node is SubTree:
+            return self._make_subtree(plan, children[0], given)
         if issubclass(node, ControlNode):
             return node(plan.name, children, **given)
-        if issubclass(node, DecoratorNode):
+        if issubclass(node, DecoratorNode):  # those that are made of a tree, too
             return node(plan.name, children[0], **given)
-        if plan.mock is not None and issubclass(node, Leaf):
-            return mock_class(node)(plan.name, plan.mock, **given)
         return node(plan.name, **given)
 
-
-def _name_of(element: Element) -> str:
-    name = element.attributes.get("name")
-    if name:
-        return name
-    if element.tag == NodeKind.SUBTREE.value:
-        return element.attributes["ID"]
-    return node_id_of(element)
-
-
-def _id_of(plan: _Plan) -> str:
-    return node_id_of(plan.element)
+    def _make_subtree(self, plan: Plan, child: Node, given: dict[str, object]) -> SubTree:
+        conditions = {key: given.pop(key) for key in plan.attributes if key in CONDITION_ATTRIBUTES}
+        return SubTree(
+            plan.name,
+            child,
+            {key: str(text) for key, text in given.items()},
+            autoremap=SubTree.AUTOREMAP.convert(plan.element.attributes.get("_autoremap", False)),
+            tree_id=plan.element.attributes["ID"],
+            **conditions,
+        )
 
 
-def _names(plan: _Plan) -> tuple[str, str, str]:
-    return plan.path, plan.name, _id_of(plan)
-
-
-def _no_such_leaf(target: str, plans: list[_Plan], leaves: list[_Plan]) -> str:
+def _no_such_leaf(target: str, plans: list[Plan], leaves: list[Plan]) -> str:
     for plan in plans:
         if target in (plan.path, plan.name) or target == plan.element.tag:
             return f"mock of '{target}': only leaves can be mocked, this is a {plan.element.tag}"
-    known = {name for plan in leaves for name in _names(plan)}
+    known = {name for plan in leaves for name in plan.names}
     return (
         f"mock of '{target}': the tree has no leaf of that path, name or node id"
         f"{did_you_mean(target, known)}"

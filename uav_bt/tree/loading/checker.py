@@ -8,8 +8,9 @@ from typing import Any, Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
+from uav_bt.tree.expanded import ExpandedNode, literal_wanted
 from uav_bt.tree.loading.document import Document, autoremaps
-from uav_bt.tree.loading.elements import node_attributes, node_id_of
+from uav_bt.tree.loading.elements import doors, expanded_class, node_attributes, node_id_of
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element, walk
@@ -77,7 +78,10 @@ class Checker:
 
     def check_element(self, element: Element) -> None:
         """Check the attributes of one node, which is known and has its place."""
-        if element.tag == NodeKind.SUBTREE.value:
+        expanded = expanded_class(element, self._registry)
+        if expanded is not None:
+            self._check_expanded(element, expanded)
+        elif element.tag == NodeKind.SUBTREE.value:
             self._check_subtree(element)
         elif node_id_of(element) in self._registry:
             self._check_ports(element, self._registry[node_id_of(element)])
@@ -168,6 +172,21 @@ class Checker:
         if described is not None and not autoremaps(element):
             self._check_missing_entries(element, described)
 
+    def _check_expanded(self, element: Element, node: type[ExpandedNode]) -> None:
+        self._check_ports(element, node)
+        for name, _ in node.variants:
+            text = element.attributes.get(name, "")
+            if text.strip().startswith("{"):
+                self._note(element, literal_wanted(name), name)
+        if "_autoremap" in element.attributes:
+            message = f"'{node.node_id}' has ports, and shares nothing else: leave _autoremap out"
+            self._note(element, message, "_autoremap")
+        tree_id = node.tree_of(element.attributes)
+        if tree_id not in self._document.trees:
+            hint = f"{did_you_mean(tree_id, self._document.trees)}{self._document.unread}"
+            message = f"the node is made of tree '{tree_id}', and there is no such tree{hint}"
+            self._note(element, message, rule=Rule.UNKNOWN_TREE)
+
     def _check_missing_entries(self, element: Element, described: dict[str, str | None]) -> None:
         for name, default in described.items():
             if default is None and name not in element.attributes:
@@ -200,29 +219,30 @@ class Checker:
 
     def _check_recursion(self) -> None:
         uses = {
-            tree_id: [node for node in walk(tree) if node.tag == NodeKind.SUBTREE.value]
-            for tree_id, tree in self._document.trees.items()
+            tree_id: doors(tree, self._registry) for tree_id, tree in self._document.trees.items()
         }
         done: set[str] = set()
         for tree_id in self._document.trees:
             if tree_id not in done:
                 self._follow(tree_id, uses, done)
 
-    def _follow(self, start: str, uses: Mapping[str, list[Element]], done: set[str]) -> None:
+    def _follow(
+        self, start: str, uses: Mapping[str, list[tuple[Element, str]]], done: set[str]
+    ) -> None:
         # Depth first, with a stack of its own: a chain of trees can be longer than Python's.
         chain = {start: iter(uses[start])}
         while chain:
             tree_id = next(reversed(chain))
-            node = next(chain[tree_id], None)
-            if node is None:
+            door = next(chain[tree_id], None)
+            if door is None:
                 del chain[tree_id]
                 done.add(tree_id)
                 continue
-            inner = node.attributes.get("ID", "")
+            node, inner = door
             if inner in chain:
                 names = [*chain]
                 loop = " > ".join([*names[names.index(inner) :], inner])
                 message = f"the tree contains itself: {loop}"
-                self._note(node, message, "ID", Rule.UNKNOWN_TREE)
+                self._note(node, message, "ID", rule=Rule.UNKNOWN_TREE)
             elif inner not in done and inner in uses:
                 chain[inner] = iter(uses[inner])

@@ -8,14 +8,23 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.elements import check_attributes, check_no_text, node_attributes
+from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
+from uav_bt.tree.expanded import ExpandedNode
+from uav_bt.tree.loading.elements import (
+    check_attributes,
+    check_no_text,
+    doors,
+    expanded_class,
+    node_attributes,
+)
 from uav_bt.tree.loading.findings import WARNING, Findings
 from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
 from uav_bt.tree.loading.models import read_enumerations, read_models
 from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import Element, walk
+from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
+from uav_bt.tree.port import bind_ports
 from uav_bt.tree.registry import NodeRegistry
 
 _ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
@@ -32,6 +41,7 @@ class Document:
     """The outline of a tree file."""
 
     path: Path
+    registry: NodeRegistry  # the nodes that may occur
     roots: list[Element] = field(default_factory=list)  # of the file and of what it includes
     main: str = ""  # "": the file leaves it open
     trees: dict[str, Element] = field(default_factory=dict)
@@ -48,10 +58,10 @@ class Document:
     def unused(self) -> tuple[str, ...]:
         """The file's own trees that no SubTree of another of them uses."""
         used = {
-            node.attributes.get("ID")
+            inner
             for tree_id in self.own
-            for node in subtrees(self.trees[tree_id])
-            if node.attributes.get("ID") != tree_id
+            for _, inner in doors(self.trees[tree_id], self.registry)
+            if inner != tree_id
         }
         return tuple(tree_id for tree_id in self.own if tree_id not in used)
 
@@ -63,16 +73,22 @@ class Document:
             tree_id = waiting.pop()
             if tree_id in self.trees and tree_id not in found:
                 found.add(tree_id)
-                inner = subtrees(self.trees[tree_id])
-                waiting += [node.attributes.get("ID", "") for node in inner]
+                waiting += [inner for _, inner in doors(self.trees[tree_id], self.registry)]
         return frozenset(found)
 
     def entries(self, subtree: Element) -> dict[str, str]:
         """Return a SubTree's entries and conditions, the described defaults included.
 
-        As in the engine, a subtree that shares all variables has no defaults.
+        As in the engine, a subtree that shares all variables has no defaults. The entries of a node
+        that is made of a tree are its ports.
         """
         given = node_attributes(subtree)
+        node = expanded_class(subtree, self.registry)
+        if node is not None:
+            names = CONDITION_ATTRIBUTES.intersection(given)
+            conditions = {name: given.pop(name) for name in names}
+            bound, _ = bind_ports(node.ports, dict(given))
+            return {**conditions, **node.entries_of(bound)}
         ports = self.subtree_ports.get(subtree.attributes.get("ID", ""))
         if not ports or autoremaps(subtree):
             return given
@@ -86,11 +102,6 @@ def autoremaps(subtree: Element) -> bool:
         return SubTree.AUTOREMAP.convert(subtree.attributes.get("_autoremap", False))
     except ValueError:
         return True
-
-
-def subtrees(tree: Element) -> list[Element]:
-    """Return the SubTree elements of a tree."""
-    return [node for node in walk(tree) if node.tag == NodeKind.SUBTREE.value]
 
 
 def outline(
@@ -108,7 +119,7 @@ def outline(
         TreeError: an included file cannot be read or is no XML.
     """
     lookup = lookup or Lookup()
-    document = Document(root.path, enum_members=dict(registry.enum_members))
+    document = Document(root.path, registry, enum_members=dict(registry.enum_members))
     included = Includes(root.path, lookup)
     waiting = [root]
     while waiting:
@@ -123,7 +134,7 @@ def outline(
     included.note_circles(findings)
     document.included, document.inclusions = included.sources, included.found
     document.unread = lookup.library.hint()
-    _fetch(document, lookup, registry, findings)
+    _fetch(document, lookup, findings)
     return document
 
 
@@ -205,20 +216,22 @@ def _check_id(element: Element, tree_id: str, registry: NodeRegistry, findings: 
         better = "".join("_" if letter in _NOT_IN_AN_ID else letter for letter in tree_id)
         message = f"a tree's ID cannot have '{forbidden}' (the engine refuses it since 4.8.4)"
         findings.note(element, f"{message}; write '{better}'", "ID", rule=Rule.TREE_ID)
-    elif tree_id in _RESERVED or tree_id in registry:
+    elif tree_id in _RESERVED or (
+        tree_id in registry and not issubclass(registry[tree_id], ExpandedNode)
+    ):
         since = "is reserved (since 4.8.4 of the engine)"
         what = since if tree_id in _RESERVED else "is the name of a node"
         message = f"'{tree_id}' {what}: choose another ID"
         findings.note(element, message, "ID", rule=Rule.TREE_ID)
 
 
-def _fetch(document: Document, lookup: Lookup, registry: NodeRegistry, findings: Findings) -> None:
+def _fetch(document: Document, lookup: Lookup, findings: Findings) -> None:
     """Take over the trees of other files that the document's own use."""
-    waiting = [node for tree in document.trees.values() for node in subtrees(tree)]
+    registry = document.registry
+    waiting = [door for tree in document.trees.values() for door in doors(tree, registry)]
     while waiting:
-        node = waiting.pop()
-        tree_id = node.attributes.get("ID", "")
-        found = [] if tree_id in document.trees else lookup.library.find(tree_id, document.path)
+        node, tree_id = waiting.pop()
+        found = [] if tree_id in document.trees else lookup.find(tree_id, document.path)
         if not found:
             continue
         if len(found) > 1:
@@ -231,7 +244,7 @@ def _fetch(document: Document, lookup: Lookup, registry: NodeRegistry, findings:
         for models in file.root.children:
             if models.tag == "TreeNodesModel":
                 _read_models(models, document, registry, findings)
-        waiting += subtrees(tree)
+        waiting += doors(tree, registry)
 
 
 def find_main(document: Document, root: Element, findings: Findings, tree_id: str | None) -> None:

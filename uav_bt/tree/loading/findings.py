@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
 from uav_bt.errors import TreeError
 from uav_bt.tree.loading.rules import Rule
-
-if TYPE_CHECKING:
-    from uav_bt.tree.loading.source import Element
 
 MAX_FINDINGS: Final = 500  # more are not read, and each costs the search for a suggestion
 ERROR: Final = "error"
@@ -32,6 +29,19 @@ class Position:
 
 WHOLE_FILE: Final = Position(0, 0)
 """The position of what is wrong with a file, but nowhere in it."""
+
+
+class Placed(Protocol):
+    """An element of a file, as far as findings need it."""
+
+    path: Path
+
+    @property
+    def label(self) -> str:
+        """How messages name the element."""
+
+    def at(self, attribute: str) -> Position:
+        """Return where an attribute stands, or where the element does when it has none such."""
 
 
 @dataclass(frozen=True, order=True)
@@ -101,7 +111,7 @@ class Findings:
             raise TreeError(finding.path, [*sorted(self._errors), last])
 
     def note(
-        self, element: Element, message: str, attribute: str = "", *, rule: Rule = Rule.OTHER
+        self, element: Placed, message: str, attribute: str = "", *, rule: Rule = Rule.OTHER
     ) -> None:
         """Note what is wrong with an element.
 
@@ -117,7 +127,7 @@ class Findings:
         self.add(element.path, element.at(attribute), message, element.label, rule=rule)
 
     def warn(
-        self, element: Element, message: str, attribute: str = "", *, rule: Rule = Rule.NO_MEANING
+        self, element: Placed, message: str, attribute: str = "", *, rule: Rule = Rule.NO_MEANING
     ) -> None:
         """Note what is odd about an element, but no reason to refuse the file.
 

@@ -6,9 +6,10 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from uav_bt import plugins
-from uav_bt.errors import FileError, InputError, TreeError
+from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
 from uav_bt.tree.loading.builder import POLICY_PORT, Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import find_main, outline
@@ -21,12 +22,14 @@ from uav_bt.tree.loading.findings import (
     errors_of,
 )
 from uav_bt.tree.loading.lookup import Lookup
-from uav_bt.tree.loading.palette import PalettePort
+from uav_bt.tree.loading.plans import GivenValue
 from uav_bt.tree.loading.releases import check_releases
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.variable_uses import VariableUses
 from uav_bt.tree.mission_tree import MissionTree
+from uav_bt.tree.node import Node
+from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 
 _log = logging.getLogger(__name__)
@@ -111,6 +114,23 @@ def parse_tree(
     return read.build(overrides or {}, by_id=by_id or {}, mocks=mocks or {})
 
 
+def load_shipped_tree(tree_id: str) -> Node:
+    """Return the root of a new tree from `trees/lib/`, with all installed nodes.
+
+    Args:
+        tree_id: the ID.
+
+    Raises:
+        UnknownNameError: there is no such tree.
+        TreeError: its file was refused.
+    """
+    shipped = Lookup().shipped
+    if tree_id not in shipped.trees:
+        raise UnknownNameError("tree of trees/lib", tree_id, shipped.trees)
+    element, file = shipped.trees[tree_id][0]
+    return parse_tree(file.source, path=element.path, tree_id=tree_id).root
+
+
 class _Read:
     """A tree file that was read."""
 
@@ -148,6 +168,7 @@ class _Read:
         document = self.document
         builder = Builder(document, self._registry, self._findings)
         root = builder.build(overrides, by_id=by_id, mocks=mocks)
+        self._given = builder.given
         return MissionTree(
             root,
             name=document.main,
@@ -157,6 +178,15 @@ class _Read:
             replaced=builder.replaced,
             enum_members=document.enum_members,
         )
+
+    def remarks(self) -> Iterator[Finding]:
+        """Build the main tree, and yield what its leaves name and will not find, and odd values.
+
+        Raises:
+            TreeError: it grows too large.
+        """
+        self.build({}, by_id={}, mocks={})
+        return (finding for port, value in self._given for finding in _remarks(port, value))
 
 
 def check_file(
@@ -215,7 +245,7 @@ def check_text(
         Checker(read.document, registry, findings).check(roots)
         if not errors_of(findings):
             for read.document.main in roots:
-                remarks += _remarks(read.build({}, by_id={}, mocks={}))
+                remarks += read.remarks()
         check_releases(read.document, registry, findings, engines, roots)
     except InputError as error:
         return findings_of(error, path)
@@ -261,24 +291,24 @@ def unset_variables(
     )
 
 
-def _remarks(tree: MissionTree) -> Iterator[Finding]:
-    """Yield what the leaves of a tree name and will not find when set up, and odd values."""
-    for leaf in tree.leaves():
-        for port in leaf.ports:
-            if isinstance(port, PalettePort) or port.name not in leaf.literals:
-                continue
-            place, value = tree.places[leaf.path], leaf.literals[port.name]
-            finding = partial(Finding, str(place.path), place.position, node=leaf.path)
-            lead = f"attribute '{port.name}': "
-            look_up = plugins.look_up_policy if port.name == POLICY_PORT else port.look_up
-            if look_up is not None:
-                try:
-                    look_up(value)
-                except InputError as error:
-                    yield finding(message=f"{lead}{error}", rule=Rule.NOT_INSTALLED)
-            odd = None if port.caution is None else port.caution(value)
-            if odd is not None:
-                yield finding(message=f"{lead}{odd}", severity=WARNING, rule=Rule.LIMIT)
+def _remarks(port: Port[Any], value: GivenValue) -> Iterator[Finding]:
+    """Yield what a leaf will not find when it is set up, and odd values."""
+    element, lead = value.element, f"attribute '{value.attribute}': "
+    where = element.at(value.attribute)
+    finding = partial(Finding, str(element.path), where, node=value.path)
+    look_up = plugins.look_up_policy if port.name == POLICY_PORT else port.look_up
+    try:
+        typed = port.convert(value.text)
+    except ValueError:  # the first value of a variable that another one replaces
+        return
+    if look_up is not None:
+        try:
+            look_up(typed)
+        except InputError as error:
+            yield finding(message=f"{lead}{error}", rule=Rule.NOT_INSTALLED)
+    odd = None if port.caution is None else port.caution(typed)
+    if odd is not None:
+        yield finding(message=f"{lead}{odd}", severity=WARNING, rule=Rule.LIMIT)
 
 
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:

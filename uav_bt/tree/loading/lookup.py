@@ -6,6 +6,7 @@ import contextlib
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +22,13 @@ MAX_FOLDER_FILES: Final = 200_000  # of any kind: a disk is no workspace
 TREE_SUFFIXES: Final = (".xml", ".btproj")
 """Of the files that hold trees; `.btproj` is a project of Groot2, which includes its files."""
 _FAULTS_SHOWN: Final = 3
+
+
+def shipped_trees() -> Path:
+    """Return the folder of the missions that ship with uav-bt."""
+    from importlib import resources  # noqa: PLC0415 - slow, and mostly not needed
+
+    return Path(str(resources.files("trees")))
 
 
 def files_in(folder: Path) -> tuple[Path, ...]:
@@ -147,6 +155,20 @@ class Lookup:
     include_root: Path | None = None
     packages: Mapping[str, Path] = field(default_factory=dict)
     included: Mapping[Inclusion, Path] = field(default_factory=dict)
+
+    @cached_property
+    def shipped(self) -> Library:
+        """The trees that ship with the package, in `trees/lib/`; read when first asked for."""
+        return Library(files_in(shipped_trees() / "lib"))
+
+    def find(self, tree_id: str, path: Path) -> list[tuple[Element, LibraryFile]]:
+        """Return the trees of an ID, with their files: the library's, or else the shipped one.
+
+        Args:
+            tree_id: the ID.
+            path: the file that asks.
+        """
+        return self.library.find(tree_id, path) or self.shipped.find(tree_id, path)
 
 
 class Includes:

@@ -44,7 +44,7 @@ def schema_xml(registry: NodeRegistry) -> str:
     _add_group(schema, nodes)
     for node in nodes:
         if _TAG.fullmatch(node.node_id):
-            _add_node(schema, node)
+            _add_node(schema, node, registry)
     for kind in _EXPLICIT:
         _add_explicit(schema, kind, [node.node_id for node in nodes if node.kind is kind])
     _add_subtree(schema)
@@ -160,9 +160,9 @@ def _add_group(schema: ET.Element, nodes: Iterable[type[Node]]) -> None:
         _add(choice, "element", name=tag, type=f"node.{tag}")
 
 
-def _add_node(schema: ET.Element, node: type[Node]) -> None:
+def _add_node(schema: ET.Element, node: type[Node], registry: NodeRegistry) -> None:
     content = _add(schema, "complexType", name=f"node.{node.node_id}")
-    info = describe(node)
+    info = describe(node, registry)
     _document(content, _documentation(info))
     if node.max_children != 0:
         most = "unbounded" if node.max_children is None else str(node.max_children)

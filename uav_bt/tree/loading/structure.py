@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.document import Document, subtrees
+from uav_bt.tree.expanded import ExpandedNode
+from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.elements import (
     KIND_TAGS,
     check_no_text,
@@ -59,7 +60,7 @@ def _check_subtree(element: Element, registry: NodeRegistry, findings: Findings)
     tree_id = element.attributes.get("ID", "")
     if not tree_id:
         findings.note(element, "attribute 'ID' is missing", rule=Rule.ATTRIBUTE)
-    elif tree_id in registry:
+    elif tree_id in registry and not issubclass(registry[tree_id], ExpandedNode):
         message = f"'{tree_id}' is a node, no tree: write <{tree_id}/>"
         findings.note(element, message, "ID", rule=Rule.UNKNOWN_TREE)
 
@@ -131,8 +132,8 @@ def _check_children(
 def _check_names(tree: Element, findings: Findings) -> None:
     """Refuse two SubTrees of one name under one tree, as the engine does since 4.8.4."""
     first: dict[str, Element] = {}
-    for element in subtrees(tree):
-        name = element.attributes.get("name")
+    for element in walk(tree):
+        name = element.attributes.get("name") if element.tag == NodeKind.SUBTREE.value else None
         if name and first.setdefault(name, element) is not element:
             findings.note(
                 element,

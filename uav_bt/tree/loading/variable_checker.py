@@ -95,7 +95,8 @@ class _VariableChecker:
         if door is None or slot.name.startswith("_"):
             return
         tree = scope.tree_id
-        unused = [name for name in scope.entries if name not in scope.touched]
+        given = [name for name in scope.entries if name in door.attributes]
+        unused = [name for name in given if name not in scope.touched]
         hint = did_you_mean(slot.name, scope.known_names())
         self._note(
             read.use,

@@ -10,10 +10,10 @@ from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.document import Document, autoremaps
-from uav_bt.tree.loading.elements import node_id_of
+from uav_bt.tree.loading.elements import expanded_class, node_id_of, tree_within
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
-from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
@@ -78,8 +78,9 @@ class VariableUses:
         given = self._document.entries(element)
         for name in CONDITION_ATTRIBUTES.intersection(given):
             self._script(given.pop(name), scope, Use(element, name))
-        if element.tag == NodeKind.SUBTREE.value:
-            self._subtree(element, given, scope, chain)
+        tree_id = tree_within(element, self._registry)
+        if tree_id is not None:
+            self._subtree(element, tree_id, given, scope, chain)
             return
         node_id = node_id_of(element)
         if node_id in self._registry:
@@ -92,7 +93,12 @@ class VariableUses:
     # --- subtrees ---------------------------------------------------------------------------------
 
     def _subtree(
-        self, element: Element, given: dict[str, str], outer: Scope, chain: tuple[str, ...]
+        self,
+        element: Element,
+        tree_id: str,
+        given: dict[str, str],
+        outer: Scope,
+        chain: tuple[str, ...],
     ) -> None:
         remapped: dict[str, str] = {}
         board: dict[str, Key[Any] | None] = {}
@@ -109,13 +115,13 @@ class VariableUses:
             else:
                 remapped[name] = reference.key
         scope = Scope(
-            element.attributes.get("ID", ""),
+            tree_id,
             outer,
             element,
             remapped=remapped,
             board=board,
             constants=constants,
-            autoremap=autoremaps(element),
+            autoremap=expanded_class(element, self._registry) is None and autoremaps(element),
         )
         known = scope.tree_id in self._document.trees and scope.tree_id not in chain
         if not known or len(chain) > MAX_DEPTH:

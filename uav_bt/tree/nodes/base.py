@@ -7,8 +7,10 @@ import re
 from collections.abc import Mapping
 from typing import ClassVar, Final
 
+from uav_bt.errors import InputError
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.port import Port, parse_reference
+from uav_bt.tree.placing import place_tree
+from uav_bt.tree.port import Port, parse_reference, port_text
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
@@ -112,10 +114,13 @@ class SubTree(DecoratorNode):
         if autoremap:
             self.attributes["_autoremap"] = "true"
         self._autoremap = autoremap
+        self._take_entries(entries or {})
+
+    def _take_entries(self, entries: Mapping[str, str]) -> None:
         self._shared: dict[str, str] = {}
         self._board_keys: dict[str, str] = {}
         self._constants: dict[str, int | float | str] = {}
-        for inner, text in (entries or {}).items():
+        for inner, text in entries.items():
             reference = parse_reference(text, inner)
             if reference is None:
                 self._constants[inner] = entry_value(text)
@@ -124,8 +129,31 @@ class SubTree(DecoratorNode):
             else:
                 self._shared[inner] = reference.key
 
+    def rebind(self, given: Mapping[str, object]) -> None:
+        """Replace entries; to be done before the setup.
+
+        Args:
+            given: entries by name.
+
+        Raises:
+            InputError: an entry cannot be one.
+        """
+        entries = {name: port_text(value) for name, value in given.items()}
+        self.attributes |= entries
+        try:
+            self._take_entries(
+                {name: text for name, text in self.attributes.items() if name != "_autoremap"}
+            )
+        except ValueError as error:
+            raise InputError(f"SubTree '{self.name}': {error}") from error
+        place_tree(self, self.path, self.variables)
+
     def open_scope(self, outer: Variables) -> Variables:
-        """Return the scope of the tree inside."""
+        """Return the variables of the tree inside.
+
+        Args:
+            outer: the variables of the tree that the node stands in.
+        """
         return Variables(
             outer,
             self._shared,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
 
-from uav_bt.tree.mission_tree import MissionTree
+from uav_bt.tree.node import Node
 from uav_bt.tree.render.sketch import Box, one_line, sketch
 from uav_bt.tree.render.svg import svg
 
@@ -39,7 +39,14 @@ FORMATS: Final[dict[str, Callable[[Box, str], str]]] = {"ascii": ascii_art, "svg
 """What draws a tree's root box under a title, by the format's name."""
 
 
-def render(tree: MissionTree, format_: str) -> str:
+class Drawable(Protocol):
+    """A tree, as far as drawings need it."""
+
+    root: Node
+    name: str
+
+
+def render(tree: Drawable, format_: str) -> str:
     """Return a drawing of a tree: its subtrees in place, each node with what the file gives it.
 
     Args:

@@ -65,8 +65,8 @@ def sketch(root: Node) -> Box:
 
 
 def _box(node: Node, children: tuple[Box, ...]) -> Box:
-    usual = node.tree_id if isinstance(node, SubTree) else node.node_id
-    tag = f"SubTree {usual}" if isinstance(node, SubTree) else usual
+    usual = node.tree_id if type(node) is SubTree else node.node_id
+    tag = f"SubTree {usual}" if type(node) is SubTree else usual
     return Box(
         tag=one_line(tag),
         name="" if node.name == usual else one_line(node.name),

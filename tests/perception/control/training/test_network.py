@@ -100,7 +100,7 @@ def test_what_flies_says_what_was_trained(weights: Path) -> None:
     assert student.size_px == (32, 16)
     wanted = decode(predicted_by_torch(seeded()))
     got = student.estimate(PICTURES, NUMBERS)
-    for name in ("advance", "clockwise", "step_m", "carpet_ends", "free_m"):
+    for name in ("advance", "clockwise", "step_m", "ground_ends", "free_m"):
         assert getattr(got, name) == pytest.approx(getattr(wanted, name), abs=1e-5), name
 
 
@@ -219,7 +219,7 @@ def test_a_choice_is_told_by_shares_and_metres() -> None:
     said = decode(np.array([0.0, 2.0, 0.7, -3.0, 0.9]))
     assert (said.advance, said.step_m, said.free_m) == (0.5, 0.7, 0.9)
     assert said.clockwise == pytest.approx(0.881, abs=1e-3)
-    assert said.carpet_ends == pytest.approx(0.047, abs=1e-3)
+    assert said.ground_ends == pytest.approx(0.047, abs=1e-3)
 
 
 # --- what ships -----------------------------------------------------------------------------------

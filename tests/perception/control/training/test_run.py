@@ -101,7 +101,7 @@ def test_settings_that_cannot_be_are_refused(changed: dict[str, float]) -> None:
 def test_the_score_tells_misses_from_stops() -> None:
     """A network that always goes on misses all that is blocked, and never stops."""
     samples = ControlSamples([made_up_flight(1)], TINY)
-    always = ControlEstimate(advance=1.0, clockwise=1.0, step_m=1.0, carpet_ends=0.0, free_m=1.0)
+    always = ControlEstimate(advance=1.0, clockwise=1.0, step_m=1.0, ground_ends=0.0, free_m=1.0)
     score = score_control(lambda batch: [always] * len(batch.labels), samples)
     assert (score.missed, score.stopped) == (1.0, 0.0)
     assert score.step_error_m == pytest.approx(0.2, abs=1e-6)

@@ -17,14 +17,14 @@ from perception.control.training.samples import (
     write_flight,
 )
 from tests.perception.control.control_world import TINY, advice, made_up_flight, picture
+from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
-from uav_bt.protocols import Decision
 
-FREE = Decision(forward_m=0.6, free_m=1.0)
-BLOCKED = Decision(yaw_rad=0.5, carpet_ends=True, free_m=0.2)
+FREE = Advance(forward_m=0.6, free_m=1.0)
+BLOCKED = Blocked(yaw_rad=0.5, ground_ends=True, free_m=0.2)
 
 
-def flight_of(*decisions: Decision, **changed: object) -> ControlSamples:
+def flight_of(*decisions: Answer, **changed: object) -> ControlSamples:
     rng, builder = np.random.default_rng(0), FlightBuilder((32, 16))
     for index, decision in enumerate(decisions):
         builder.add(picture(decision, rng), advice(index, decision, **changed))
@@ -55,10 +55,16 @@ def test_where_there_is_no_past_yet_the_oldest_view_stands_for_it() -> None:
     assert batch.state[0, [4, 9]] == pytest.approx([0.2, 0.2], abs=1e-6)
 
 
-def test_labels_are_the_rules_decision() -> None:
+def test_labels_are_the_rules_answer() -> None:
     batch = flight_of(FREE, BLOCKED).window([0, 1])
     expected = [[0.6, 0.0, 0.0, 1.0], [0.0, 0.5, 1.0, 0.2]]
     assert batch.labels == pytest.approx(np.array(expected), abs=1e-6)
+
+
+@pytest.mark.parametrize("answer", [FollowLeg(speed_mps=0.4), Rotate(yaw_rad=0.3), Done()])
+def test_answers_that_the_student_cannot_give_are_refused(answer: Answer) -> None:
+    with pytest.raises(ValueRangeError, match=r"are Advance or Blocked, got .*<Advise policy="):
+        flight_of(answer)
 
 
 def test_an_untold_free_way_is_no_number() -> None:

@@ -12,6 +12,7 @@ from behaviours.fly.land import Land
 from behaviours.policies.segmentation_rule import SegmentationRule
 from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, copy_part, fly_noisy, tree_file
 from uav_bt import app
+from uav_bt.answers import Advance, Answer
 from uav_bt.app import recorded_files
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.app.replay.recorded_drone import MovementIds
@@ -21,7 +22,7 @@ from uav_bt.errors import FileError, TreeError
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Limits
 from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.record import encoder
 from uav_bt.record.channels import Channel
 from uav_bt.record.reader import RecordReader
@@ -86,8 +87,8 @@ def test_recorded_masks_stand_in_for_the_network(perceived: Path) -> None:
 def test_another_policy_differs_where_it_decides_otherwise(
     perceived: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def decide(_self: SegmentationRule, _view: PolicyView) -> Decision:
-        return Decision(forward_m=0.1, reason="always on")
+    def decide(_self: SegmentationRule, _view: PolicyView) -> Answer:
+        return Advance(forward_m=0.1, reason="always on")
 
     monkeypatch.setattr(SegmentationRule, "decide", decide)
     report = replay(perceived)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 
-class Turn:
+class HeldRotation:
     """The turn of a steering leaf; none is under way at first."""
 
     def __init__(self) -> None:

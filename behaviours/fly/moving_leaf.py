@@ -7,7 +7,7 @@ from abc import abstractmethod
 from typing import ClassVar
 
 from behaviours.fly.leaf_clock import LeafClock
-from behaviours.fly.mover import Mover, Progress
+from behaviours.fly.step import Progress, StepInHand
 from uav_bt.board import STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import MissionError
@@ -43,7 +43,7 @@ class MovingLeaf(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a movement."""
-        self._mover = Mover(mission.proposals, resumes=self.resumes)
+        self._step = StepInHand(mission.proposals, resumes=self.resumes)
         self._progress = Progress.IDLE
         self._newest: DroneState | None = None
         self.leaf_clock = LeafClock(mission.clock)
@@ -65,7 +65,7 @@ class MovingLeaf(Leaf):
         self._newest = state
         paused_s = self.leaf_clock.tick()
         if paused_s > 0.0:
-            self._mover.pause(paused_s)
+            self._step.pause(paused_s)
         return self.work(state)
 
     @abstractmethod
@@ -79,7 +79,7 @@ class MovingLeaf(Leaf):
     def terminate(self, new_status: Status) -> None:
         """Drop the movement; the arbiter cancels what is no longer proposed."""
         del new_status
-        self._mover.drop(self.clock.now())
+        self._step.drop(self.clock.now())
         self.leaf_clock.stop()
 
     def state(self) -> DroneState | None:
@@ -94,21 +94,21 @@ class MovingLeaf(Leaf):
     @property
     def busy(self) -> bool:
         """Whether a movement is under way."""
-        return self._mover.busy
+        return self._step.busy
 
     @property
     def trouble(self) -> str:
         """Why the last movement that FAILED did, in a few words."""
-        return self._mover.trouble
+        return self._step.trouble
 
     def moving(self, state: DroneState) -> bool:
         """Propose the movement in progress again; False when there is none (any more).
 
         `progress` says how it ended.
         """
-        self._progress = self._mover.update(state, self.clock.now())
-        if self._mover.proposal is not None:
-            self.propose(self._mover.proposal)
+        self._progress = self._step.update(state, self.clock.now())
+        if self._step.proposal is not None:
+            self.propose(self._step.proposal)
         return self._progress is Progress.RUNNING
 
     def start_move(
@@ -133,7 +133,7 @@ class MovingLeaf(Leaf):
         if self._newest is None:
             raise MissionError("a movement starts from a known state: call start_move in work")
         self.propose(
-            self._mover.start(
+            self._step.start(
                 self._newest,
                 self.clock.now(),
                 forward_m=forward_m,

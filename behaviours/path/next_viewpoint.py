@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.room import Flags, Floats, Room
+from behaviours.path.clearance import ClearanceMap, Flags, Floats
 from uav_bt.types import CameraModel
 
 _SOLID_CELLS = 1.5  # so near to a point of an obstacle nothing is seen through
 
 
 @dataclass(frozen=True, kw_only=True)
-class ViewConfig:
+class ViewpointConfig:
     """How views are tried, and what they must show."""
 
     far_m: float = 3.5  # the map takes in hardly more, and the mark is small there
@@ -36,7 +36,7 @@ class ViewConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sight:
+class GroundInView:
     """The ground that the camera shows in level flight: a sector of a ring."""
 
     near_m: float
@@ -44,7 +44,9 @@ class Sight:
     half_rad: float
 
     @classmethod
-    def of(cls, camera: CameraModel, pitch_rad: float, height_m: float, far_m: float) -> Sight:
+    def of(
+        cls, camera: CameraModel, pitch_rad: float, height_m: float, far_m: float
+    ) -> GroundInView:
         """Return what a camera shows.
 
         Args:
@@ -65,7 +67,7 @@ class Sight:
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class Viewpoint:
     """Where to look from, and where to, in the map's frame."""
 
     x_m: float
@@ -74,45 +76,47 @@ class View:
     shows_m2: float  # of what was not seen
 
 
-def unseen(room: Room, since_s: float, config: ViewConfig) -> Flags:
+def unseen(clearance: ClearanceMap, since_s: float, config: ViewpointConfig) -> Flags:
     """Return the cells that may be ground, or a landing mark on it, and were not seen since.
 
     Args:
-        room: of the map.
+        clearance: of the map.
         since_s: what was seen to be ground before counts as unseen again; -inf: never.
         config: how far views reach.
 
     Returns:
         The map's cells and `config.around_cells` on each side, which the map does not know.
     """
-    solid = room.obstacle_m < _SOLID_CELLS * room.map.cell_m
-    seen = room.map.ground & (room.map.seen_s >= since_s)
-    around = config.around_cells(room.map.cell_m)
-    return np.pad(~seen & ~room.map.outside & ~solid, around, constant_values=True)
+    solid = clearance.obstacle_m < _SOLID_CELLS * clearance.map.cell_m
+    seen = clearance.map.ground & (clearance.map.seen_s >= since_s)
+    around = config.around_cells(clearance.map.cell_m)
+    return np.pad(~seen & ~clearance.map.outside & ~solid, around, constant_values=True)
 
 
-def best_view(room: Room, wanted: Flags, sight: Sight, config: ViewConfig) -> View | None:
+def best_viewpoint(
+    clearance: ClearanceMap, wanted: Flags, in_view: GroundInView, config: ViewpointConfig
+) -> Viewpoint | None:
     """Return the view that shows the most of what is wanted in a second; None: none does.
 
     Args:
-        room: of the map, and the paths to the places to look from.
+        clearance: of the map, and the paths to the places to look from.
         wanted: cells to see: the map's, and around it as in `unseen`.
-        sight: of the camera.
+        in_view: of the camera.
         config: how views are tried.
     """
     step = config.grid_step
-    tried = np.zeros(room.map.seen_s.shape, dtype=bool)
+    tried = np.zeros(clearance.map.seen_s.shape, dtype=bool)
     tried[::step, ::step] = True
-    tried[room.start] = True
-    places = np.argwhere(tried & np.isfinite(room.fastest.time_s))
-    shown_m2 = _shown_m2(room, wanted, places, sight, config)
-    spent_s = config.look_s + _times_s(room, places, config)
+    tried[clearance.start] = True
+    places = np.argwhere(tried & np.isfinite(clearance.fastest.time_s))
+    shown_m2 = _shown_m2(clearance, wanted, places, in_view, config)
+    spent_s = config.look_s + _times_s(clearance, places, config)
     worth = np.where(shown_m2 >= config.min_view_m2, shown_m2 / spent_s, 0.0)
     place, bearing = np.unravel_index(int(worth.argmax()), worth.shape)
     if worth[place, bearing] <= 0.0:
         return None
-    x_m, y_m = np.array(room.map.corner_m) + room.map.cell_m * places[place]
-    return View(
+    x_m, y_m = np.array(clearance.map.corner_m) + clearance.map.cell_m * places[place]
+    return Viewpoint(
         x_m=float(x_m),
         y_m=float(y_m),
         yaw_rad=2.0 * math.pi * float(bearing) / config.bearings,
@@ -121,63 +125,76 @@ def best_view(room: Room, wanted: Flags, sight: Sight, config: ViewConfig) -> Vi
 
 
 def still_shows_m2(
-    view: View, room: Room, wanted: Flags, sight: Sight, config: ViewConfig
+    view: Viewpoint,
+    clearance: ClearanceMap,
+    wanted: Flags,
+    in_view: GroundInView,
+    config: ViewpointConfig,
 ) -> float:
     """Return how much of what is wanted a view shows now."""
-    place = np.array([room.map.cell_of(view.x_m, view.y_m)])
-    return float(_shown_m2(room, wanted, place, sight, config)[0, _bearing(view, config)])
+    place = np.array([clearance.map.cell_of(view.x_m, view.y_m)])
+    return float(_shown_m2(clearance, wanted, place, in_view, config)[0, _bearing(view, config)])
 
 
-def shown_by(view: View, room: Room, sight: Sight, config: ViewConfig) -> Floats:
+def shown_by(
+    view: Viewpoint, clearance: ClearanceMap, in_view: GroundInView, config: ViewpointConfig
+) -> Floats:
     """Return the places that a view shows, (N, 2) in the map's frame."""
     rows, columns, ranges_m, clear = _rays(
-        room, np.array([room.map.cell_of(view.x_m, view.y_m)]), sight, config
+        clearance, np.array([clearance.map.cell_of(view.x_m, view.y_m)]), in_view, config
     )
-    fan = (_bearing(view, config) + _fan(sight, config)) % config.bearings
-    within = clear[0, fan] & (ranges_m >= sight.near_m)
+    fan = (_bearing(view, config) + _fan(in_view, config)) % config.bearings
+    within = clear[0, fan] & (ranges_m >= in_view.near_m)
     cells = np.stack([rows[0, fan][within], columns[0, fan][within]], axis=-1)
-    return np.asarray(np.array(room.map.corner_m) + room.map.cell_m * cells)
+    return np.asarray(np.array(clearance.map.corner_m) + clearance.map.cell_m * cells)
 
 
 def _shown_m2(
-    room: Room, wanted: Flags, places: NDArray[np.intp], sight: Sight, config: ViewConfig
+    clearance: ClearanceMap,
+    wanted: Flags,
+    places: NDArray[np.intp],
+    in_view: GroundInView,
+    config: ViewpointConfig,
 ) -> Floats:
     """Return how much of what is wanted each place shows along each heading, (K, bearings)."""
-    rows, columns, ranges_m, clear = _rays(room, places, sight, config)
-    around = config.around_cells(room.map.cell_m)
+    rows, columns, ranges_m, clear = _rays(clearance, places, in_view, config)
+    around = config.around_cells(clearance.map.cell_m)
     hit = clear & _looked_up(wanted, rows + around, columns + around)
-    area_m2 = ranges_m * (ranges_m >= sight.near_m)
-    area_m2 = area_m2 * room.map.cell_m * 2.0 * math.pi / config.bearings
+    area_m2 = ranges_m * (ranges_m >= in_view.near_m)
+    area_m2 = area_m2 * clearance.map.cell_m * 2.0 * math.pi / config.bearings
     by_bearing = hit @ area_m2
-    fan = _fan(sight, config)
+    fan = _fan(in_view, config)
     return np.asarray(sum(np.roll(by_bearing, turn, axis=1) for turn in fan))
 
 
 def _rays(
-    room: Room, places: NDArray[np.intp], sight: Sight, config: ViewConfig
+    clearance: ClearanceMap,
+    places: NDArray[np.intp],
+    in_view: GroundInView,
+    config: ViewpointConfig,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Flags]:
     """Return the cells on the rays round each place, (K, bearings, S) rows and columns.
 
     And the ranges of the samples, (S,), and whether nothing before them ends the ray.
     """
-    cell_m = room.map.cell_m
-    ranges_m = np.arange(cell_m, sight.far_m, cell_m)
+    cell_m = clearance.map.cell_m
+    ranges_m = np.arange(cell_m, in_view.far_m, cell_m)
     azimuths = 2.0 * math.pi * np.arange(config.bearings) / config.bearings
     rows = np.rint(np.cos(azimuths)[:, None] * ranges_m / cell_m).astype(np.intp)
     columns = np.rint(np.sin(azimuths)[:, None] * ranges_m / cell_m).astype(np.intp)
     rows, columns = rows + places[:, :1, None], columns + places[:, 1:, None]
-    solid = (room.obstacle_m < _SOLID_CELLS * cell_m) | room.map.outside
+    solid = (clearance.obstacle_m < _SOLID_CELLS * cell_m) | clearance.map.outside
     ends = _looked_up(solid, rows, columns)
     return rows, columns, ranges_m, ~np.logical_or.accumulate(ends, axis=2)
 
 
-def _bearing(view: View, config: ViewConfig) -> int:
+def _bearing(view: Viewpoint, config: ViewpointConfig) -> int:
     return round(view.yaw_rad / (2.0 * math.pi) * config.bearings) % config.bearings
 
 
-def _fan(sight: Sight, config: ViewConfig) -> NDArray[np.intp]:
+def _fan(in_view: GroundInView, config: ViewpointConfig) -> NDArray[np.intp]:
     """Return the bearings of a view, counted from its middle."""
-    width = math.floor(sight.half_rad / (2.0 * math.pi) * config.bearings)
+    width = math.floor(in_view.half_rad / (2.0 * math.pi) * config.bearings)
     return np.arange(-width, width + 1)
 
 
@@ -189,10 +206,10 @@ def _looked_up(grid: Flags, rows: NDArray[np.intp], columns: NDArray[np.intp]) -
     return np.asarray(inside & found)
 
 
-def _times_s(room: Room, places: NDArray[np.intp], config: ViewConfig) -> Floats:
+def _times_s(clearance: ClearanceMap, places: NDArray[np.intp], config: ViewpointConfig) -> Floats:
     """Return how long flying to each place and turning to each bearing takes, (K, bearings)."""
-    start, before = np.array(room.start), room.fastest.before
-    yaw_rad = room.map.pose.yaw_rad
+    start, before = np.array(clearance.start), clearance.fastest.before
+    yaw_rad = clearance.map.pose.yaw_rad
     apart = places - start
     first_rad = np.where(apart.any(axis=1), np.arctan2(apart[:, 1], apart[:, 0]), yaw_rad)
     came_from = before[tuple(places.T)]
@@ -203,7 +220,7 @@ def _times_s(room: Room, places: NDArray[np.intp], config: ViewConfig) -> Floats
     turn_rad = np.abs(_wrapped(first_rad - yaw_rad))[:, None]
     turn_rad = turn_rad + np.abs(_wrapped(azimuths - last_rad[:, None]))
     return np.asarray(
-        room.fastest.time_s[tuple(places.T)][:, None] + turn_rad / config.yaw_rate_radps
+        clearance.fastest.time_s[tuple(places.T)][:, None] + turn_rad / config.yaw_rate_radps
     )
 
 

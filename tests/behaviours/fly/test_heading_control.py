@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from behaviours.fly.heading import HeadingController, HeadingGains
+from behaviours.fly.heading_control import HeadingController, HeadingGains
 from benchmarks.heading_design import YawResponse, step_response
 from uav_bt.errors import ValueRangeError
 

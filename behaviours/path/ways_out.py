@@ -9,45 +9,45 @@ from typing import Final
 
 import numpy as np
 
-from behaviours.path.moving import Floats, MovingConfig, room_m
-from behaviours.path.room import Flags, Room
+from behaviours.path.clearance import ClearanceMap, Flags
+from behaviours.path.movers_ahead import Floats, MoversAheadConfig, gap_m
 from uav_bt.types.site_map import MapMover, SiteMap
 
 _AROUND_M: Final = 0.15  # of a mover's circle: so far off its points may be
 
 
 @dataclass(frozen=True, kw_only=True)
-class GiveWayConfig:
+class WayOutConfig:
     """How the drone gets out of the way."""
 
-    moving: MovingConfig = field(default_factory=MovingConfig)
+    moving: MoversAheadConfig = field(default_factory=MoversAheadConfig)
     directions: int = 24
     speeds_mps: tuple[float, ...] = (0.3, 0.6)
     reaction_s: float = 0.4  # from a decision until it flies
     furthest_m: float = 1.2
     brake_mps2: float = 0.8
     enough_m: float = 0.5  # of room; more is not worth a longer way
-    per_m: float = 0.08  # of room that a metre of way has to bring
-    kept_m: float = 0.1  # of room that another direction than the present one has to bring
+    per_m: float = 0.08  # of clearance that a metre of way has to bring
+    kept_m: float = 0.1  # of clearance that another direction than the present one has to bring
     stop_s: float = 1.0  # for so long the present velocity is predicted; then the drone has stopped
 
 
 @dataclass(frozen=True, kw_only=True)
-class Way:
+class WayOut:
     """A straight way out, or to stay."""
 
     x_mps: float = 0.0  # in the map's frame
     y_mps: float = 0.0
 
 
-def is_threatened(site_map: SiteMap, config: GiveWayConfig) -> bool:
+def is_threatened(site_map: SiteMap, config: WayOutConfig) -> bool:
     """Return whether something comes too near to a drone that stays where it is."""
     pose, moving = site_map.pose, config.moving
     here_m = np.broadcast_to((pose.x_m, pose.y_m), (len(moving.times_s), 2))
-    return bool(room_m(site_map.movers, here_m, moving) < moving.spare_m)
+    return bool(gap_m(site_map.movers, here_m, moving) < moving.spare_m)
 
 
-def runs_into(site_map: SiteMap, velocity_mps: Floats, config: GiveWayConfig) -> bool:
+def runs_into(site_map: SiteMap, velocity_mps: Floats, config: WayOutConfig) -> bool:
     """Return whether a drone that flies on for a moment comes too near to what moves.
 
     Args:
@@ -58,7 +58,7 @@ def runs_into(site_map: SiteMap, velocity_mps: Floats, config: GiveWayConfig) ->
     pose, moving = site_map.pose, config.moving
     flown_s = np.minimum(moving.times_s, config.stop_s)[:, None]
     places_m = np.array([pose.x_m, pose.y_m]) + flown_s * velocity_mps
-    return bool(room_m(site_map.movers, places_m, moving) < moving.spare_m)
+    return bool(gap_m(site_map.movers, places_m, moving) < moving.spare_m)
 
 
 def standing_alone(site_map: SiteMap) -> SiteMap:
@@ -81,57 +81,57 @@ def is_of_movers(movers: Sequence[MapMover], points_m: Floats) -> Flags:
 
 
 def way_out(
-    room: Room,
+    clearance: ClearanceMap,
     movers: Sequence[MapMover],
-    config: GiveWayConfig,
+    config: WayOutConfig,
     *,
-    before: Way | None = None,
-) -> Way:
-    """Return the velocity that leaves the most room to what moves; to stay is one, too.
+    before: WayOut | None = None,
+) -> WayOut:
+    """Return the velocity that leaves the most clearance to what moves; to stay is one, too.
 
     Only ground that is known to be free and away from what stands is flown over, and the drone can
     stop before it ends.
 
     Args:
-        room: what can be flown, of the map of what stands.
+        clearance: what can be flown, of the map of what stands.
         movers: what moves there.
         config: how far and how fast.
         before: the way that is being flown.
     """
-    pose, times_s = room.map.pose, config.moving.times_s
+    pose, times_s = clearance.map.pose, config.moving.times_s
     here_m = np.array([pose.x_m, pose.y_m])
     azimuths = np.arange(config.directions) * 2.0 * math.pi / config.directions
     headings = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)
-    reaches_m = _open_m(room, here_m, headings, config.furthest_m)
+    reaches_m = _open_m(clearance, here_m, headings, config.furthest_m)
     speeds_mps = np.array(config.speeds_mps)
     flown_m = speeds_mps[:, None] * np.maximum(times_s - config.reaction_s, 0.0)
     stops_m = speeds_mps * config.reaction_s + speeds_mps**2 / (2.0 * config.brake_mps2)
     reaches_m = np.maximum(reaches_m[:, None] - stops_m, 0.0)  # (directions, speeds)
     flown_m = np.minimum(flown_m, reaches_m[..., None])  # (directions, speeds, T)
     places_m = here_m + flown_m[..., None] * headings[:, None, None]
-    left_m = room_m(movers, places_m, config.moving)
+    left_m = gap_m(movers, places_m, config.moving)
     worth = np.minimum(left_m, config.enough_m) - config.per_m * flown_m[..., -1]
     if before is not None and math.hypot(before.x_mps, before.y_mps) > 0.0:
         worth += config.kept_m * np.cos(azimuths - math.atan2(before.y_mps, before.x_mps))[:, None]
     stays = np.broadcast_to(here_m, (len(times_s), 2))
-    stays_m = float(room_m(movers, stays, config.moving))
+    stays_m = float(gap_m(movers, stays, config.moving))
     direction, speed = np.unravel_index(int(worth.argmax()), worth.shape)
     if (
         worth[direction, speed] <= min(stays_m, config.enough_m)
         or reaches_m[direction, speed] <= 0.0
     ):
-        return Way()
+        return WayOut()
     x_mps, y_mps = map(float, speeds_mps[speed] * headings[direction])
-    return Way(x_mps=x_mps, y_mps=y_mps)
+    return WayOut(x_mps=x_mps, y_mps=y_mps)
 
 
-def _open_m(room: Room, here_m: Floats, headings: Floats, furthest_m: float) -> Floats:
+def _open_m(clearance: ClearanceMap, here_m: Floats, headings: Floats, furthest_m: float) -> Floats:
     """Return how far the ground is free along each heading, (D,)."""
-    found = room.map
+    found = clearance.map
     ranges_m = np.arange(found.cell_m, furthest_m + found.cell_m / 2, found.cell_m)
     places_m = here_m + ranges_m[:, None] * headings[:, None]
     cells = np.floor((places_m - found.corner_m) / found.cell_m + 0.5).astype(int)
     inside = np.asarray(((cells >= 0) & (cells < found.free.shape)).all(axis=-1))
     rows, columns = np.moveaxis(np.where(np.expand_dims(inside, -1), cells, 0), -1, 0)
-    is_open = np.logical_and(inside, np.asarray(room.open)[rows, columns])
+    is_open = np.logical_and(inside, np.asarray(clearance.open)[rows, columns])
     return np.asarray(found.cell_m * np.logical_and.accumulate(is_open, axis=1).sum(axis=1))

@@ -100,7 +100,7 @@ class _Way:
         )
 
 
-class Mover:
+class StepInHand:
     """Holds the `MoveBy` in progress.
 
     The owner starts one, calls `update` every tick, and proposes what `proposal` gives. Nothing is

@@ -17,7 +17,7 @@ _RIM = 12  # points around a mover
 
 
 @dataclass(frozen=True, kw_only=True)
-class MovingConfig:
+class MoversAheadConfig:
     """How far ahead movers are predicted, and how much room they get."""
 
     ahead_s: float = 3.0
@@ -36,9 +36,9 @@ class MovingConfig:
         return np.arange(0.0, self.ahead_s + self.step_s / 2, self.step_s)
 
 
-def taken_m(movers: Sequence[MapMover], config: MovingConfig | None = None) -> Floats:
+def outlines_m(movers: Sequence[MapMover], config: MoversAheadConfig | None = None) -> Floats:
     """Return points around the ground that movers fill now and soon, (N, 2) in the map's frame."""
-    config = config or MovingConfig()
+    config = config or MoversAheadConfig()
     times_s = np.arange(0.0, config.taken_s + config.step_s / 2, config.step_s)
     angles = np.linspace(0.0, 2.0 * math.pi, _RIM, endpoint=False)
     rim = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -50,7 +50,7 @@ def taken_m(movers: Sequence[MapMover], config: MovingConfig | None = None) -> F
     return np.array(points).reshape(-1, 2)
 
 
-def room_m(movers: Sequence[MapMover], places_m: Floats, config: MovingConfig) -> Floats:
+def gap_m(movers: Sequence[MapMover], places_m: Floats, config: MoversAheadConfig) -> Floats:
     """Return how much room is left between the body and the movers, beside what they err by.
 
     Args:
@@ -72,7 +72,7 @@ def room_m(movers: Sequence[MapMover], places_m: Floats, config: MovingConfig) -
 
 
 def yielding_mps(
-    movers: Sequence[MapMover], path_m: Floats, speed_mps: float, config: MovingConfig
+    movers: Sequence[MapMover], path_m: Floats, speed_mps: float, config: MoversAheadConfig
 ) -> float:
     """Return the speed along a path at which nothing that moves comes too near; 0 waits.
 
@@ -89,7 +89,7 @@ def yielding_mps(
     while tried_mps >= config.min_mps:
         flown_m = tried_mps * config.times_s
         places_m = np.stack([np.interp(flown_m, along_m, axis) for axis in path_m.T], axis=-1)
-        if float(room_m(movers, places_m, config)) >= config.spare_m:
+        if float(gap_m(movers, places_m, config)) >= config.spare_m:
             return tried_mps
         tried_mps *= config.yields_by
     return 0.0

@@ -10,21 +10,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.path.giving_way import (
-    GiveWayConfig,
-    Way,
+from behaviours.path.clearance import ClearanceMap
+from behaviours.path.movers_ahead import MoversAheadConfig, gap_m, outlines_m, yielding_mps
+from behaviours.path.nearby import RecentObstacles
+from behaviours.path.survey import best_route
+from behaviours.path.ways_out import (
+    WayOut,
+    WayOutConfig,
     is_threatened,
     runs_into,
     standing_alone,
     way_out,
 )
-from behaviours.path.moving import MovingConfig, room_m, taken_m, yielding_mps
-from behaviours.path.room import Lately, Room
-from behaviours.path.survey import best_leg
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types.site_map import MapMover, SiteMap
 
-CONFIG, MOVING = GiveWayConfig(), MovingConfig()
+CONFIG, MOVING = WayOutConfig(), MoversAheadConfig()
 AHEAD = np.array([[0.1 * step, 0.0] for step in range(20)])
 
 
@@ -47,18 +48,18 @@ def with_movers(*movers: MapMover, **drawn: object) -> SiteMap:
     return replace(drawn_map(**drawn), movers=movers)  # type: ignore[arg-type]
 
 
-def escape(site_map: SiteMap, before: Way | None = None) -> Way:
-    room = Room(standing_alone(site_map), Lately())
-    return way_out(room, site_map.movers, CONFIG, before=before)
+def escape(site_map: SiteMap, before: WayOut | None = None) -> WayOut:
+    clearance = ClearanceMap(standing_alone(site_map), RecentObstacles())
+    return way_out(clearance, site_map.movers, CONFIG, before=before)
 
 
-def min_room_m(way: Way, site_map: SiteMap) -> float:
-    """Return how much room a drone that flies a way leaves to what moves, after its reaction."""
+def min_room_m(way: WayOut, site_map: SiteMap) -> float:
+    """Return the gap to movers of a drone that flies a way after its reaction."""
     flown_s = np.maximum(MOVING.times_s - CONFIG.reaction_s, 0.0)
     speed_mps = math.hypot(way.x_mps, way.y_mps)
     flown_s = np.minimum(flown_s, CONFIG.furthest_m / max(speed_mps, 0.01))
     places_m = flown_s[:, None] * (way.x_mps, way.y_mps)
-    return float(room_m(site_map.movers, places_m, MOVING))
+    return float(gap_m(site_map.movers, places_m, MOVING))
 
 
 # --- along a path ---------------------------------------------------------------------------------
@@ -92,24 +93,24 @@ def test_the_speed_that_is_flown_keeps_the_room(
     assert 0.0 <= speed_mps <= wanted_mps
     if speed_mps > 0.0:
         places_m = np.column_stack([speed_mps * MOVING.times_s, np.zeros(len(MOVING.times_s))])
-        assert room_m(them, places_m, MOVING) >= MOVING.spare_m - 1e-9
+        assert gap_m(them, places_m, MOVING) >= MOVING.spare_m - 1e-9
 
 
 def test_a_leg_leads_round_what_stands_in_the_way_for_now() -> None:
     """A person who has stopped for a moment is passed at a distance."""
     halted = mover(0.0, 0.7)
     site_map = with_movers(halted, passed=where("left"), pose=(0.0, -0.4, math.pi / 2))
-    leg = best_leg(Room(site_map, Lately()))
+    leg = best_route(ClearanceMap(site_map, RecentObstacles()))
     assert leg is not None
     apart_m = np.hypot(*(leg.path_m - (halted.x_m, halted.y_m)).T)
     assert apart_m.min() > halted.radius_m + 0.3
 
 
 def test_ground_that_is_taken_lies_along_the_course() -> None:
-    points_m = taken_m([mover(0.0, 0.0, 0.6)])
+    points_m = outlines_m([mover(0.0, 0.0, 0.6)])
     assert points_m[:, 0].max() == pytest.approx(0.6 + 0.25)
     assert points_m[:, 0].min() == pytest.approx(-0.25)
-    assert taken_m([]).shape == (0, 2)
+    assert outlines_m([]).shape == (0, 2)
 
 
 # --- out of the way -------------------------------------------------------------------------------
@@ -137,7 +138,7 @@ def test_in_the_open_it_gets_out_of_the_way(azimuth: float, speed_mps: float) ->
     towards = np.array([math.cos(azimuth), math.sin(azimuth)])
     start_m, velocity = -towards * (0.6 + 2.0 * speed_mps), towards * speed_mps
     site_map = with_movers(mover(*map(float, start_m), *map(float, velocity)))
-    assert min_room_m(Way(), site_map) < 0.0
+    assert min_room_m(WayOut(), site_map) < 0.0
     assert min_room_m(escape(site_map), site_map) > 0.05
 
 
@@ -156,7 +157,7 @@ def test_beyond_the_edge_and_over_unknown_ground_is_no_way_out() -> None:
 
 
 def test_it_can_stop_before_what_stands() -> None:
-    """The faster it gives way, the more room it needs before a wall."""
+    """The faster it gives way, the more clearance it needs before a wall."""
     wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.42 + 0.15)])
     way = escape(with_movers(mover(1.0, -1.2, -0.5, 0.6), obstacles=wall))
     assert way.y_mps < 0.31
@@ -166,8 +167,8 @@ def test_ground_where_something_moved_is_not_flown_over_unseen() -> None:
     """It may come back; where nobody has looked since, no leg leads there."""
     lane = np.column_stack([np.arange(-2.0, 2.0, 0.1), np.full(40, 1.2)])
     crossed = drawn_map(passed=where("left") | where("near"))
-    assert best_leg(Room(crossed, Lately())) is not None
-    leg = best_leg(Room(replace(crossed, lanes_m=lane), Lately()))
+    assert best_route(ClearanceMap(crossed, RecentObstacles())) is not None
+    leg = best_route(ClearanceMap(replace(crossed, lanes_m=lane), RecentObstacles()))
     assert leg is None or leg.path_m[:, 1].max() < 1.2 - 0.6
 
 
@@ -179,6 +180,6 @@ def test_shut_in_it_stays() -> None:
 
 def test_it_does_not_change_its_mind_for_a_little_more_room() -> None:
     head_on = with_movers(mover(1.6, 0.02, -0.5))
-    left, right = Way(x_mps=0.0, y_mps=-0.6), Way(x_mps=0.0, y_mps=0.6)
+    left, right = WayOut(x_mps=0.0, y_mps=-0.6), WayOut(x_mps=0.0, y_mps=0.6)
     assert escape(head_on, left).y_mps < 0.0
     assert escape(head_on, right).y_mps > 0.0

@@ -1,0 +1,150 @@
+"""The base of the leaves that fly courses: a heading and a speed, held between answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from behaviours.fly.course import Course
+from behaviours.fly.giving_way import GivingWay
+from behaviours.fly.keeping_away import KeepAwayConfig, by_the_map, push_away_mps
+from behaviours.fly.moving_leaf import MovingLeaf
+from behaviours.path.gimbal_pointing import ground_pitch_rad
+from uav_bt.answers import FollowLeg, Rotate
+from uav_bt.board import (
+    CAMERA,
+    FLIGHT_HEIGHT,
+    HELD_TURN,
+    OBSTACLES,
+    ODOMETRY,
+    PHASE,
+    SITE_MAP,
+    STATE,
+)
+from uav_bt.board.blackboard import Key
+from uav_bt.board.context import MissionContext
+from uav_bt.tree import Port
+from uav_bt.types import DroneState, HeldTurn, ObstaclePoints, Velocity
+
+GIMBAL = Port(
+    "gimbal_deg", float, default=-30.0, least=-90, most=90, doc="camera pitch in flight, degrees"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CourseConfig:
+    """How courses are flown. The numbers were chosen in flights on the training scenes.
+
+    Attributes:
+        keep_away: How obstacles push the drone away.
+        climb_per_s: Climb rate per metre of error in height.
+        climb_mps: Highest climb rate.
+    """
+
+    keep_away: KeepAwayConfig = field(default_factory=KeepAwayConfig)
+    climb_per_s: float = 0.8
+    climb_mps: float = 0.25
+
+
+class CourseLeaf(MovingLeaf):
+    """Base of the leaves that fly at a speed, and keep away from what is near meanwhile."""
+
+    course: ClassVar[CourseConfig] = CourseConfig()
+    reads: ClassVar[tuple[Key[Any], ...]] = (
+        *(STATE, FLIGHT_HEIGHT, CAMERA, OBSTACLES, ODOMETRY, SITE_MAP),
+    )
+    writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, HELD_TURN)
+    resumes = False  # an interrupted movement is decided anew, on the view of that time
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Begin without a course."""
+        super().on_setup(mission)
+        self._course = Course()
+        self._giving_way = GivingWay()
+
+    def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
+        """Fly ahead at a speed while the heading follows, without a stop between answers.
+
+        Args:
+            state: Of the drone.
+            answer: The new one; None to fly on the last for a while.
+        """
+        cfg, yaw_rad = self.course, state.attitude.yaw_rad
+        if isinstance(answer, FollowLeg) and answer.speed_mps > 0.0:
+            self.write(HELD_TURN, HeldTurn())
+        course = self._course.follow(answer, yaw_rad=yaw_rad, now_s=self.clock.now())
+        if course is None:
+            return
+        speed_mps, yaw_rate = course
+        if speed_mps == 0.0:
+            self.propose(self.turn_keeping_away(yaw_rate))
+            return
+        down_mps = cfg.climb_per_s * self.too_high_m(state)
+        # The heading follows the route; a push along it would change its speed.
+        _, right_mps = self._push_mps()
+        self.propose(
+            Velocity(
+                forward_mps=speed_mps,
+                right_mps=right_mps,
+                down_mps=max(-cfg.climb_mps, min(cfg.climb_mps, down_mps)),
+                yaw_rate_radps=yaw_rate,
+            )
+        )
+
+    def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
+        """Return a turn on the spot that moves away from what is too near.
+
+        A hovering drone drifts, also to where the camera does not point.
+        """
+        forward_mps, right_mps = self._push_mps()
+        return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
+
+    def give_way(self) -> bool:
+        """Stop for what moves, or get out of its way; False when nothing comes too near."""
+        velocity = self._giving_way.velocity(
+            self.read(SITE_MAP).value,
+            self.obstacles(),
+            self.read(ODOMETRY).value,
+            now_s=self.clock.now(),
+        )
+        if velocity is None:
+            return False
+        self.drop_course()
+        self.feedback_message = "gives way"
+        self.propose(velocity)
+        return True
+
+    def drop_course(self) -> None:
+        """Forget movement and course."""
+        self._step.drop(self.clock.now())
+        self._course.drop()
+
+    def obstacles(self) -> ObstaclePoints | None:
+        """Return what was seen around the drone lately; None while that is not known."""
+        return self.read(OBSTACLES).value
+
+    def too_high_m(self, state: DroneState) -> float:
+        """Return the error in height; 0 where no leaf has set a flight height."""
+        flight_height_m = self.read(FLIGHT_HEIGHT).value
+        return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
+
+    def ground_pitch_rad(self, flight_rad: float) -> float:
+        """Return the camera's pitch: as in flight, lower where that would show little ground.
+
+        Args:
+            flight_rad: The pitch in flight, negative down.
+        """
+        site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
+        camera, state = self.read(CAMERA).value, self.state()
+        if site_map is None or motion is None or camera is None or state is None:
+            return flight_rad
+        if site_map.movers:
+            return flight_rad  # what moves is to stay in view
+        here = site_map.at(motion.pose)
+        return ground_pitch_rad(here, camera, flight_rad, state.height_above_carpet_m)
+
+    def _push_mps(self) -> tuple[float, float]:
+        site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
+        placed = None if site_map is None or motion is None else site_map.at(motion.pose)
+        cfg = self.course.keep_away
+        return push_away_mps(by_the_map(self.obstacles(), placed, cfg), cfg)

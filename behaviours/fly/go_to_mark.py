@@ -1,0 +1,269 @@
+"""Leaves that fly to the landing mark: over the map, round a blocked way, and the last metre."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from behaviours.fly.course_leaf import GIMBAL, CourseLeaf
+from behaviours.fly.mark_track import (
+    TRACK,
+    TRACK_KEYS,
+    TRACK_TRIED,
+    believed_fix,
+    is_at_mark,
+    is_clear,
+    straight_to,
+)
+from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
+from behaviours.path.clearance import ClearanceMaps
+from behaviours.path.following import FollowConfig, follow
+from behaviours.path.gimbal_pointing import LookingDown, mark_pitch_rad, shows_unplaced
+from behaviours.path.margins import Margins
+from behaviours.path.nearby import recent_obstacles
+from uav_bt.answers import FollowLeg, Rotate
+from uav_bt.board import CORRIDOR, OBSTACLES, PHASE, SITE_MAP
+from uav_bt.board.context import MissionContext
+from uav_bt.tree import Port, Status
+from uav_bt.types import DroneState, HelipadFix, MissionPhase
+from uav_bt.types.site_map import SiteMap
+
+ARRIVE = Port(
+    "arrive_m",
+    float,
+    default=0.12,
+    least=0.01,
+    most=2,
+    doc="horizontal distance that counts as above, m",
+)
+
+
+class MarkLeaf(CourseLeaf):
+    """Base of the leaves whose camera follows the landing mark down."""
+
+    reads = (*CourseLeaf.reads, *TRACK_KEYS)
+    ports = (GIMBAL,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Begin with the camera as in flight."""
+        super().on_setup(mission)
+        self._looking = LookingDown()
+
+    def initialise(self) -> None:
+        """Write the mission's phase."""
+        self.write(PHASE, MissionPhase.APPROACH)
+
+    def gimbal_pitch_rad(self) -> float:
+        """Return the camera's pitch: down at what has no range yet, else at the mark."""
+        flight_rad = math.radians(self.port_value("gimbal_deg"))
+        fix, state = believed_fix(self), self.state()
+        if fix is None or state is None:
+            return flight_rad
+        if fix.range_m <= TRACK.look_down_m:
+            looks_rad = self._looking.pitch_rad(self.obstacles(), self.clock.now())
+            if looks_rad is not None:
+                return looks_rad
+        return mark_pitch_rad(fix.range_m, state.height_above_carpet_m, flight_rad)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoToMarkConfig:
+    """How the mark is flown to. The numbers were chosen in flights on the training scenes.
+
+    Attributes:
+        margins: Distances that the route keeps.
+        follow: How it is followed.
+        near_m: The route may end this near to the mark.
+        far_m: Where no route leads so near, it may end this near.
+        doubted_s: A map that the views contradict for longer is not flown by.
+        unplaced_rad: An obstacle of unknown range this near to ahead stops the drone.
+        blocked_s: Stopped by one for this time, even with the camera down, the way is blocked.
+        detour_s: A blocked way is asked for again after this time.
+        straight_m: Without a map the straight way keeps this distance from obstacles,
+        before_m: as far as this before the mark.
+    """
+
+    margins: Margins = field(default_factory=Margins)
+    follow: FollowConfig = field(default_factory=FollowConfig)
+    near_m: float = 0.15
+    far_m: float = 0.9
+    doubted_s: float = 1.0
+    unplaced_rad: float = math.radians(30)
+    blocked_s: float = 2.0
+    detour_s: float = 1.0
+    straight_m: float = 0.52
+    before_m: float = 0.35
+
+
+class GoToMark(MarkLeaf):
+    """Fly to the tracked landing mark over the map; SUCCESS where its last metre is clear.
+
+    Without a map, or by one that the views contradict, it flies straight to the mark while nothing
+    that was seen is near that way. FAILURE when no way is known, and when the track is lost.
+    """
+
+    config: ClassVar[GoToMarkConfig] = GoToMarkConfig()
+    reads = (*MarkLeaf.reads, CORRIDOR)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Begin without a route."""
+        super().on_setup(mission)
+        self._planned_s = -math.inf  # capture of the newest map that was planned on
+        self._blocked_until_s = self._clear_s = -math.inf
+
+    def initialise(self) -> None:
+        """Plan afresh."""
+        super().initialise()
+        self._planned_s = -math.inf
+        self._clear_s = self.leaf_clock.now()
+        self.drop_course()
+
+    def work(self, state: DroneState) -> Status:
+        """Plan on each new map, and fly on between two."""
+        cfg, fix, now_s = self.config, believed_fix(self), self.leaf_clock.now()
+        if fix is None:
+            return Status.FAILURE
+        if now_s < self._blocked_until_s:
+            return Status.FAILURE
+        if is_at_mark(fix, self.clock.now()) and is_clear(self, fix):
+            return Status.SUCCESS
+        answer: FollowLeg | Rotate | None
+        if not self._is_blocked_ahead(fix):
+            self._clear_s = now_s
+        elif now_s - self._clear_s > cfg.blocked_s:
+            return self._blocked()
+        else:
+            self.fly_on(state, Rotate(yaw_rad=fix.bearing_rad))
+            return Status.RUNNING
+        site_map = self.read(SITE_MAP).value
+        if site_map is None or site_map.contradicted_s > cfg.doubted_s:
+            answer = self._straight(fix)
+        elif site_map.captured_s > self._planned_s:
+            self._planned_s = site_map.captured_s
+            answer = self._over(site_map, fix)
+        else:
+            self.fly_on(state, None)
+            return Status.RUNNING
+        if answer is None:
+            return self._blocked()
+        self.feedback_message = answer.reason
+        self.fly_on(state, answer)
+        return Status.RUNNING
+
+    def _blocked(self) -> Status:
+        self._blocked_until_s = self.leaf_clock.now() + self.config.detour_s
+        self.feedback_message = "no way"
+        return Status.FAILURE
+
+    def _is_blocked_ahead(self, fix: HelipadFix) -> bool:
+        """Return whether something of unknown range stands ahead, further than at the mark."""
+        near = TRACK.at_mark_m < fix.range_m <= TRACK.look_down_m
+        return near and shows_unplaced(self.obstacles(), self.config.unplaced_rad)
+
+    def _over(self, site_map: SiteMap, fix: HelipadFix) -> FollowLeg | Rotate | None:
+        """Return the course over the map; None when it knows no way."""
+        cfg = self.config
+        to = site_map.pose.to_world(fix.forward_m, fix.right_m)
+        recent = recent_obstacles(self.obstacles(), site_map, unmapped_s=cfg.follow.unmapped_s)
+        maps = ClearanceMaps(site_map, recent, cfg.margins, crossing=True, over=to)
+        route = maps.route_to(to, near_m=cfg.near_m, far_m=cfg.far_m)
+        if route is None or len(route.path_m) == 1:
+            return None
+        return follow(
+            route,
+            site_map,
+            self.read(CORRIDOR).value,
+            config=cfg.follow,
+            most_mps=TRACK.slow_down_per_s * fix.range_m,
+            reason=f"mark {fix.range_m:.1f} m",
+        )
+
+    def _straight(self, fix: HelipadFix) -> FollowLeg | Rotate | None:
+        """Return the straight course; None when something that was seen is near it."""
+        cfg, reading = self.config, self.read(OBSTACLES)
+        if reading.value is None:  # a tree may do without; a stale reading permits nothing
+            return straight_to(fix) if math.isinf(reading.age_s) else None
+        share = max(fix.range_m - cfg.before_m, 0.0) / max(fix.range_m, cfg.before_m)
+        to = share * fix.forward_m, share * fix.right_m
+        return straight_to(fix) if reading.value.allows(*to, margin_m=cfg.straight_m) else None
+
+
+class StopAboveMark(MarkLeaf):
+    """Fly the last metre by the track, straight; SUCCESS above the mark, FAILURE when it is lost.
+
+    The mark may have left the view below.
+    """
+
+    ports = (*MarkLeaf.ports, ARRIVE)
+    writes = (*MarkLeaf.writes, TRACK_TRIED)
+    # Passed, and this near beside or behind, the mark is shown by a camera that looks straight down
+    # (chosen).
+    passed_m: ClassVar[float] = 0.35
+
+    def initialise(self) -> None:
+        """Forget the course to here."""
+        super().initialise()
+        self.drop_course()
+
+    def work(self, state: DroneState) -> Status:
+        """Fly on until above it."""
+        fix = believed_fix(self)
+        if fix is None:
+            return Status.FAILURE
+        passed = fix.forward_m < 0.0 and fix.range_m < self.passed_m
+        if passed or fix.range_m < self.port_value("arrive_m"):
+            # Where no mark is found below, the track is not tried again until it is seen again.
+            self.write(TRACK_TRIED, fix.captured_s)
+            return Status.SUCCESS
+        if not is_clear(self, fix):
+            return Status.FAILURE
+        answer = straight_to(fix)
+        self.feedback_message = answer.reason
+        self.fly_on(state, answer)
+        return Status.RUNNING
+
+
+class Detour(SteeringLeaf):
+    """Turn away and take steps as a leaf policy decides; FAILURE after them, or without a track.
+
+    It ends in FAILURE, so that what follows it faces the mark again.
+    """
+
+    ports = (
+        *(POLICY, FLOWING, GIMBAL),
+        Port("steps", int, default=2, least=1, most=100, doc="steps that are taken"),
+        Port(
+            "turn_away_deg",
+            float,
+            default=0.0,
+            least=0,
+            most=360,
+            doc="least turn at its beginning, to the side of the turn that is held, degrees",
+        ),
+    )
+    reads = (*SteeringLeaf.reads, *TRACK_KEYS)
+
+    def initialise(self) -> None:
+        """Begin; only views from now on count."""
+        self.drop_course()
+        self._begun, self._steps = False, 0
+
+    def work(self, state: DroneState) -> Status:
+        """Go on with a step or a turn, or begin the next."""
+        if believed_fix(self) is None:
+            return Status.FAILURE
+        away_rad = math.radians(self.port_value("turn_away_deg"))
+        if not self._begun and away_rad > 0.0:
+            self.keep_turning(state, away_rad)
+        elif self._steps >= self.port_value("steps"):
+            if not self.moving(state):
+                return Status.FAILURE
+        elif self.wander(state):
+            self._steps += 1
+        self._begun = True
+        return Status.RUNNING
+
+    def gimbal_pitch_rad(self) -> float:
+        """Return the pitch in flight: a policy knows views of one pitch."""
+        return math.radians(self.port_value("gimbal_deg"))

@@ -1,0 +1,195 @@
+"""Leaves that search for the landing mark: by the site map, under a policy, right below."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from behaviours.fly.course_leaf import GIMBAL, CourseLeaf
+from behaviours.fly.mark_track import (
+    MARK_GONE,
+    TRACK,
+    TRACK_KEYS,
+    TRACK_TRIED,
+    believed_fix,
+    mark_of,
+)
+from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
+from behaviours.path.gimbal_pointing import mark_pitch_rad
+from behaviours.path.map_search import Aim, Course, MapSearch
+from behaviours.path.next_viewpoint import GroundInView
+from uav_bt.answers import Done
+from uav_bt.board import CAMERA, CORRIDOR, PHASE, SITE_MAP
+from uav_bt.board.context import MissionContext
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import DroneState, MissionPhase
+from uav_bt.types.site_map import SiteMap
+
+
+class MarkFound(Leaf):
+    """SUCCESS while the landing mark is in view, or its track is good enough to be flown to.
+
+    A track that did not lead to the mark counts again once the mark is seen again.
+    """
+
+    condition = True
+    reads = (*TRACK_KEYS, TRACK_TRIED)
+
+    def update(self) -> Status:
+        """Judge the track."""
+        fix, tried_s = believed_fix(self), self.read(TRACK_TRIED).value
+        if fix is None:
+            return Status.FAILURE
+        carried = fix.std_m <= TRACK.carried_std_m and (tried_s is None or fix.captured_s > tried_s)
+        return Status.SUCCESS if fix.detected or carried else Status.FAILURE
+
+
+class SearchByMap(CourseLeaf):
+    """Fly to where the map has the landing mark, and without one to views of unseen ground.
+
+    SUCCESS where the mark must be ahead or below and `MarkFound` does not know it: it may be below
+    the view. FAILURE without a map, and where that knows no way.
+    """
+
+    ports = (GIMBAL,)
+    reads = (*CourseLeaf.reads, *TRACK_KEYS, CAMERA, CORRIDOR)
+    writes = (*CourseLeaf.writes, MARK_GONE)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Begin a search; where it has looked is remembered for the whole mission."""
+        super().on_setup(mission)
+        self._search = MapSearch()
+        self._planned_s = -math.inf  # capture of the newest map that was planned on
+        self._led = False  # that map knew a way
+        self._flight_rad = math.radians(self.port_value("gimbal_deg"))
+
+    def initialise(self) -> None:
+        """Choose afresh where to fly."""
+        self._search.pause()
+        self.drop_course()
+        self.write(PHASE, MissionPhase.SEARCH)
+
+    def work(self, state: DroneState) -> Status:
+        """Plan on each new map, and fly on between two."""
+        site_map = self.read(SITE_MAP).value
+        if site_map is None:
+            return Status.FAILURE
+        course = None
+        if site_map.captured_s > self._planned_s:
+            self._planned_s = site_map.captured_s
+            course = self._plan(site_map, state)
+            self._led = course is not None
+        if not self._led:
+            return Status.FAILURE
+        if isinstance(course, Done):
+            self._led = False
+            if site_map.mark is not None:
+                self.write(MARK_GONE, site_map.mark.seen_s)
+            return Status.SUCCESS
+        if course is not None:
+            self.feedback_message = course.reason
+        self.fly_on(state, course)
+        return Status.RUNNING
+
+    def gimbal_pitch_rad(self) -> float:
+        """Return the camera's pitch: at the mark's place, else at the ground near an edge."""
+        site_map, state, mark = self.read(SITE_MAP).value, self.state(), mark_of(self)
+        if site_map is None or state is None:
+            return self._flight_rad
+        if mark is not None and self._search.aim is Aim.MARK:
+            range_m = math.hypot(mark.x_m - site_map.pose.x_m, mark.y_m - site_map.pose.y_m)
+            return mark_pitch_rad(range_m, state.height_above_carpet_m, self._flight_rad)
+        # A viewpoint was chosen for what it shows at the pitch in flight.
+        return self._flight_rad if self._search.looks else self.ground_pitch_rad(self._flight_rad)
+
+    def _plan(self, site_map: SiteMap, state: DroneState) -> Course | None:
+        camera = self.read(CAMERA).value
+        if camera is None:
+            return None
+        far_m = self._search.config.view.far_m
+        in_view = GroundInView.of(camera, self._flight_rad, state.height_above_carpet_m, far_m)
+        corridor = self.read(CORRIDOR).value
+        return self._search.decide(site_map, mark_of(self), self.obstacles(), corridor, in_view)
+
+
+class SearchUnderPolicy(SteeringLeaf):
+    """Advance and turn as a leaf policy decides; FAILURE when it is time to look below.
+
+    A mark nearer than about a metre is below the forward view.
+    """
+
+    ports = (
+        *(POLICY, FLOWING, GIMBAL),
+        Port(
+            "first_s", float, default=12.0, least=0, most=3600, doc="until the first look below, s"
+        ),
+        Port("next_s", float, default=30.0, least=0, most=3600, doc="until each further one, s"),
+    )
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Find the policy; the time begins with the first search."""
+        super().on_setup(mission)
+        self._scan_s: float | None = None
+
+    def initialise(self) -> None:
+        """Only views from now on count."""
+        self.drop_course()
+        self.write(PHASE, MissionPhase.SEARCH)
+        if self._scan_s is None:
+            self._scan_s = self.leaf_clock.now() + self.port_value("first_s")
+
+    def work(self, state: DroneState) -> Status:
+        """Wander until it is time."""
+        now_s = self.leaf_clock.now()
+        if self._scan_s is not None and now_s >= self._scan_s and not self.busy:
+            self._scan_s = now_s + self.port_value("next_s")
+            return Status.FAILURE
+        self.wander(state)
+        return Status.RUNNING
+
+    def gimbal_pitch_rad(self) -> float:
+        """Return the pitch in flight: a policy knows views of one pitch."""
+        return math.radians(self.port_value("gimbal_deg"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanConfig:
+    """How the ground below is scanned.
+
+    Attributes:
+        yaw_rate_radps: Rate of the turn; at 10 frames per second each shows 5 degrees more.
+    """
+
+    yaw_rate_radps: float = 0.8
+
+
+class ScanBelow(CourseLeaf):
+    """Turn once round with the camera down; FAILURE when the mark was not seen by then."""
+
+    config: ClassVar[ScanConfig] = ScanConfig()
+    ports = (
+        Port("gimbal_deg", float, default=-65.0, least=-90, most=90, doc="camera pitch, degrees"),
+    )
+
+    def initialise(self) -> None:
+        """Begin the turn."""
+        self.write(PHASE, MissionPhase.SEARCH)
+        self._left_rad = 2.0 * math.pi
+        self._yaw_rad: float | None = None
+
+    def work(self, state: DroneState) -> Status:
+        """Turn."""
+        yaw_rad = state.attitude.yaw_rad
+        if self._yaw_rad is not None:
+            self._left_rad -= math.remainder(yaw_rad - self._yaw_rad, 2.0 * math.pi)
+        self._yaw_rad = yaw_rad
+        if self._left_rad <= 0.0:
+            return Status.FAILURE
+        self.feedback_message = "looks down"
+        self.propose(self.turn_keeping_away(self.config.yaw_rate_radps))
+        return Status.RUNNING
+
+    def gimbal_pitch_rad(self) -> float:
+        """Return the pitch of the scan."""
+        return math.radians(self.port_value("gimbal_deg"))

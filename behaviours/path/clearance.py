@@ -1,0 +1,344 @@
+"""Where a drone can fly on a map, and how far each place is from obstacles and edges."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
+from behaviours.path.margins import Margins, Passage
+from behaviours.path.movers_ahead import outlines_m
+from behaviours.path.nearby import RecentObstacles
+from uav_bt.types.site_map import SiteMap
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Place = tuple[float, float]
+
+_LINE_SAMPLES: Final = 10  # samples of a straight line; it is about 0.6 m long (FollowConfig)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Route:
+    """A path over the map.
+
+    Attributes:
+        path_m: (N, 2) places from the drone to the end, metres in the map's frame.
+        clear_m: (N,) clearance of each place, as of `ClearanceMap.clearance_at`.
+        straight_m: (N,) least clearance on the straight line from the drone to each place.
+        time_s: Time to fly it.
+        margins: The margins that it keeps.
+        new_m2: Ground that it passes for the first time; 0 where that was not asked for.
+    """
+
+    path_m: Floats
+    clear_m: Floats
+    straight_m: Floats
+    time_s: float
+    margins: Margins
+    new_m2: float = 0.0
+
+    @property
+    def length_m(self) -> float:
+        """The length of the path."""
+        return float(np.hypot(*np.diff(self.path_m, axis=0).T).sum())
+
+    @property
+    def apart_m(self) -> float:
+        """The distance between its ends."""
+        return float(np.hypot(*(self.path_m[-1] - self.path_m[0])))
+
+
+class ClearanceMap:
+    """The clearance of every cell of a site map, the flyable cells, and the paths over them.
+
+    Attributes:
+        map: The site map.
+        margins: The margins, widened by the map's residual.
+        obstacle_m: (rows, columns) distance to the nearest obstacle, metres; inf without any.
+        clear_m: (rows, columns) clearance, as of `clearance_at`.
+        open: (rows, columns) whether a route may lead over the cell.
+        start: Row and column of the drone.
+
+    Args:
+        site_map: The newest map.
+        recent: What was seen besides.
+        margins: The distances that routes keep.
+        over: Landing mark that routes may lead over, (x, y) metres in the map's frame: ground to
+            `margins.over_m` from there counts as seen and free.
+    """
+
+    def __init__(
+        self,
+        site_map: SiteMap,
+        recent: RecentObstacles,
+        margins: Margins | None = None,
+        *,
+        over: Place | None = None,
+    ) -> None:
+        margins = (margins or Margins()).by(site_map.residual_m)
+        self.map, self.margins = site_map, margins
+        self._free = site_map.free | self._around(over)
+        self._doubted = np.zeros_like(self._free)
+        if margins.cross_unknown:
+            unseen = ~(self._free | site_map.outside)
+            self._doubted |= unseen | (self._distance_m(recent.assumed_m) < margins.doubt_m)
+            self._free = self._free | unseen
+        points_m = np.vstack([site_map.obstacles_m, outlines_m(site_map.movers), recent.seen_m])
+        self.obstacle_m = self._distance_of(self._marked(points_m) | self._filled())
+        ends_m = self._distance_m(np.vstack([site_map.edges_m, recent.edges_m]))
+        edge_m = np.minimum(ends_m, self._distance_of(site_map.outside))
+        # One measure for all: the distances are shifted so that each limit falls on `touch_m`.
+        closing, slowing = self._assumed(recent.assumed_m)
+        nearer_m = margins.touch_m - margins.doubt_m
+        clear_m = np.minimum(self.obstacle_m, self._distance_of(closing) + nearer_m)
+        slower_m = np.maximum(self._distance_of(slowing) + nearer_m, margins.touch_m)
+        clear_m = np.minimum(clear_m, slower_m)
+        lane_m = self._distance_m(site_map.lanes_m)
+        clear_m = np.minimum(clear_m, lane_m + margins.touch_m - margins.lane_m)
+        clear_m = np.minimum(clear_m, self._unknown_m() + margins.touch_m - margins.unknown_m)
+        self.clear_m = np.minimum(clear_m, edge_m + margins.touch_m - margins.edge_m)
+        self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))
+        rows, columns = np.indices(self.clear_m.shape)
+        from_start_m = site_map.cell_m * np.hypot(rows - self.start[0], columns - self.start[1])
+        flyable = self._free & ~site_map.outside
+        self.open = flyable & (self.clear_m >= margins.touch_m)
+        here_m = float(self.clear_m[self.start])
+        as_near_m = min(here_m, max(margins.min_start_m, here_m - margins.start_slack_m))
+        self.open |= flyable & (from_start_m <= margins.start_m) & (self.clear_m >= as_near_m)
+        self.open[self.start] = True
+
+    def clearance_at(self, x_m: float, y_m: float) -> float:
+        """Return the clearance of a place, metres.
+
+        The clearance is the distance to the nearest obstacle. Edges, lanes, unknown cells and
+        assumed obstacles count, too, each shifted so that its own margin falls on
+        `margins.touch_m`: a route leads where the clearance is at least that.
+
+        Args:
+            x_m: Place in the map's frame; outside the grid the nearest cell counts.
+            y_m: The same.
+        """
+        return float(self.clear_m[self._within(self.map.cell_of(x_m, y_m))])
+
+    @cached_property
+    def fastest(self) -> FastestPaths:
+        """The fastest paths from the drone to everywhere, in whatever direction they begin."""
+        return fastest_paths(self.open, self._cell_s, self.start)
+
+    @cached_property
+    def _turned(self) -> FastestPaths:
+        """The fastest paths with the first turn: it holds the drone to the way that it has begun.
+
+        The cells around the drone cost the turn to them, spread over the first metres of the path.
+        """
+        margins, found = self.margins, self.map
+        forward_m, right_m = np.moveaxis(found.pose.points_to_body(found.places_m()), -1, 0)
+        turn_s = np.abs(np.arctan2(right_m, forward_m)) / margins.yaw_rate_radps
+        around = np.hypot(forward_m, right_m) <= margins.turn_m
+        shares = np.where(around, found.cell_m / margins.turn_m, 0.0)
+        return fastest_paths(self.open, self._cell_s + shares * turn_s, self.start)
+
+    @property
+    def _cell_s(self) -> Floats:
+        cell_s = self.map.cell_m / self.margins.speed_mps(self.clear_m)
+        return np.asarray(cell_s * np.where(self._doubted, self.margins.unknown_times, 1.0))
+
+    def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
+        """Return the fastest route to the surroundings of a place; None without one.
+
+        Args:
+            to: Place in the map's frame, metres.
+            near_m: The route that is the fastest to within this distance is returned.
+            far_m: Where no route leads so near, the one that ends nearest is, within this distance.
+        """
+        time_s = self._turned.time_s
+        apart_m = np.linalg.norm(self.map.places_m() - to, axis=-1)
+        apart_m = np.where(np.isfinite(time_s), apart_m, math.inf)
+        end = int(np.where(apart_m <= near_m, time_s, math.inf).argmin())
+        if apart_m.min() > near_m:
+            end = int(apart_m.argmin())
+        if apart_m.reshape(-1)[end] > max(near_m, far_m):
+            return None
+        cell = divmod(end, apart_m.shape[1])
+        return self.route_along(self._turned.to(cell), time_s=float(time_s[cell]))
+
+    def route_to_cell(self, cell: Cell) -> Route:
+        """Return the fastest route to a cell that is reached."""
+        return self.route_along(self.fastest.to(cell), time_s=float(self.fastest.time_s[cell]))
+
+    def route_along(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Route:
+        """Return a path over cells as a route."""
+        cells = np.array(path)
+        return Route(
+            path_m=np.array(self.map.corner_m) + self.map.cell_m * cells,
+            clear_m=self.clear_m[tuple(cells.T)],
+            straight_m=self._straight_m(cells),
+            time_s=time_s,
+            margins=self.margins,
+            new_m2=new_m2,
+        )
+
+    @cached_property
+    def _wide(self) -> Flags:
+        return self.open & (self.clear_m >= self.margins.touch_m)
+
+    @property
+    def shut_in(self) -> bool:
+        """Whether most of the flyable cells cannot be reached."""
+        reached = np.isfinite(self.fastest.time_s) & self._wide
+        return bool(reached.sum() < self.margins.enough_reached * self._wide.sum())
+
+    @property
+    def too_narrow(self) -> bool:
+        """Whether no cell has the clearance that routes ask for."""
+        return not self._wide.any()
+
+    def _straight_m(self, cells: NDArray[np.intp]) -> Floats:
+        """Return the least clearance on the straight lines from the first to each of the cells."""
+        shares = np.linspace(0.0, 1.0, _LINE_SAMPLES)[:, None]
+        lines = np.rint(cells[0] + shares * (cells - cells[0])[:, None]).astype(int)
+        return np.asarray(self.clear_m[tuple(np.moveaxis(lines, -1, 0))].min(axis=-1))
+
+    def _around(self, place: Place | None) -> Flags:
+        """Return the cells to `margins.over_m` from a place."""
+        if place is None:
+            return np.zeros(self.map.free.shape, dtype=bool)
+        apart_m = np.linalg.norm(self.map.places_m() - place, axis=-1)
+        return np.asarray(apart_m <= self.margins.over_m)
+
+    def _unknown_m(self) -> Floats:
+        """Return the distance to unknown patches; a single cell that no ray has met is none."""
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+        unknown = (~(self._free | self.map.outside)).astype(np.uint8)
+        square = np.ones((2, 2), np.uint8)
+        # OpenCV anchors an even kernel at its lower right cell: without the anchor of the dilation
+        # the opened patches would be moved by a cell.
+        patches = cv2.dilate(cv2.erode(unknown, square), square, anchor=(0, 0))
+        return self._distance_of(patches.astype(bool))
+
+    def _assumed(self, places_m: Floats) -> tuple[Flags, Flags]:
+        """Return the cells of assumed obstacles: those that close a way, and those that slow it.
+
+        On open ground that was seen stands nothing whose base is hidden, unless something moves in
+        this place. Near an obstacle of the map the assumed one is that obstacle, and the map is
+        displaced.
+        """
+        marked, found = self._marked(places_m), self.map
+        if self.margins.cross_unknown:
+            return np.zeros_like(marked), marked
+        trusted = self.margins.past_assumed and not found.movers and not len(found.lanes_m)
+        is_open = trusted & found.ground & (self.obstacle_m >= self.margins.doubt_m)
+        return marked & ~is_open, marked & is_open
+
+    def _within(self, cell: Cell) -> Cell:
+        rows, columns = self.map.seen_s.shape
+        return min(max(cell[0], 0), rows - 1), min(max(cell[1], 0), columns - 1)
+
+    def _distance_m(self, points_m: Floats) -> Floats:
+        return self._distance_of(self._marked(points_m))
+
+    def _cells(self, points_m: Floats) -> NDArray[np.intp]:
+        apart_m = points_m - np.array(self.map.corner_m)
+        return np.asarray(np.rint(apart_m / self.map.cell_m).astype(np.intp))
+
+    def _marked(self, points_m: Floats) -> Flags:
+        cells = self._cells(points_m)
+        inside = ((cells >= 0) & (cells < self.map.seen_s.shape)).all(axis=1)
+        marked = np.zeros(self.map.seen_s.shape, dtype=bool)
+        marked[tuple(cells[inside].T)] = True
+        return marked
+
+    def _filled(self) -> Flags:
+        """Return the cells that objects fill, with the sides that were never seen."""
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+        filled = np.zeros(self.map.seen_s.shape, dtype=np.uint8)
+        for each in self.map.objects:
+            # OpenCV's x is the column. It fills the border's cells, too.
+            corners_m = each.corners_m(margin_m=-self.map.cell_m / 2)
+            cv2.fillConvexPoly(filled, self._cells(corners_m)[:, ::-1].astype(np.int32), 1)
+        return filled.astype(bool)
+
+    def _distance_of(self, marked: Flags) -> Floats:
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+        if not marked.any():
+            return np.full(marked.shape, math.inf)
+        free = (~marked).astype(np.uint8)
+        return self.map.cell_m * cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64)
+
+
+class ClearanceMaps:
+    """The clearance maps of each passage, made when they are asked for.
+
+    Attributes:
+        map: The site map.
+
+    Args:
+        site_map: The newest map.
+        recent: What was seen besides.
+        margins: Margins of the ordinary passage.
+        crossing: Whether narrower passages lead through where something moved.
+        past_assumed: Whether the tightest passage leads over open ground with assumed obstacles.
+        over: Landing mark that is flown over; narrower passages have the margins of the last metres
+            before it then.
+    """
+
+    def __init__(
+        self,
+        site_map: SiteMap,
+        recent: RecentObstacles,
+        margins: Margins,
+        *,
+        crossing: bool = False,
+        past_assumed: bool = False,
+        over: Place | None = None,
+    ) -> None:
+        narrow = replace(site_map, lanes_m=np.empty((0, 2))) if crossing else site_map
+        margins_of = {
+            Passage.ORDINARY: margins,
+            Passage.TIGHT: margins.tight(),
+            Passage.TIGHTEST: replace(margins.tightest(), past_assumed=past_assumed),
+        }
+        if over is not None:
+            at_pad = margins.at_pad()
+            margins_of |= {Passage.TIGHT: at_pad, Passage.TIGHTEST: at_pad.tightest()}
+        self._parts = {
+            passage: (site_map if passage is Passage.ORDINARY else narrow, each)
+            for passage, each in margins_of.items()
+        }
+        self.map, self._recent, self._over = site_map, recent, over
+        self._made: dict[Passage, ClearanceMap] = {}
+
+    def __getitem__(self, passage: Passage) -> ClearanceMap:
+        if passage not in self._made:
+            site_map, margins = self._parts[passage]
+            self._made[passage] = ClearanceMap(site_map, self._recent, margins, over=self._over)
+        return self._made[passage]
+
+    def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
+        """Return the route to a place; None without one.
+
+        It leads through the widest passage, unless a narrower one saves `Margins.saved_s`.
+
+        Args:
+            to: Place in the map's frame, metres.
+            near_m: As in `ClearanceMap.route_to`.
+            far_m: The same.
+        """
+        best: Route | None = None
+        for passage in Passage:
+            margins = self._parts[passage][1]
+            if best is not None and best.length_m <= margins.direct * best.apart_m:
+                break
+            found = self[passage].route_to(to, near_m=near_m, far_m=far_m)
+            if found is not None and (best is None or found.time_s < best.time_s - margins.saved_s):
+                best = found
+        return best

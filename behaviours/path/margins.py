@@ -1,0 +1,136 @@
+"""How near to things a route may pass, and how fast it is flown there.
+
+Distances are from the body's centre to the nearest point of a thing. Half of the body's diagonal is
+0.2 m. The numbers were chosen in flights on the training scenes unless their line says otherwise.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import PAD_SIZE_M
+
+Floats = NDArray[np.float64]
+
+
+class Passage(enum.Enum):
+    """How much room a route leaves beside it."""
+
+    ORDINARY = "ordinary"
+    TIGHT = "tight"
+    TIGHTEST = "tightest"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margins:
+    """The smallest distances that a route keeps, and its speeds.
+
+    Attributes:
+        touch_m: Distance from obstacles: 0.2 m of hull, the map's drift and the drone's sway.
+        wide_m: From this distance on the drone flies at full speed.
+        tight_m: `touch_m` of a tight passage.
+        tightest_m: `touch_m` of the tightest passage.
+        sure_m: Residual of views of a drone that knows its place and height (measured in the lab
+            profile).
+        unsure_times: Each metre of residual above `sure_m` adds this much to the distances.
+        unsure_m: The residual adds at most this.
+        doubt_m: Distance from where an obstacle is only assumed.
+        past_assumed: Whether a route may cross open, seen ground on which one is assumed.
+        unknown_m: Distance from cells that were never seen: they may be the hidden side of a box.
+        lane_m: Distance from where something moved that may come back unseen.
+        edge_m: Distance from the edge of the ground.
+        slow_mps: Speed at `touch_m`.
+        fast_mps: Speed from `wide_m` on.
+        away_mps: Speed at `min_start_m`: a drone that begins there takes the shortest way out.
+        start_m: Around the drone a route may keep its present clearance, to this distance.
+        start_slack_m: It may lose this much of that clearance: a cell's rounding.
+        min_start_m: A drone that is nearer than this only flies away.
+        enough_reached: A drone that reaches less than this share of the flyable cells is shut in.
+        yaw_rate_radps: Rate of the turn that a route begins with (`CourseLeaf` turns about so fast).
+        turn_m: The turn is counted over the first metres of a route.
+        saved_s: A narrower passage is flown where it saves this time.
+        direct: A route of up to this multiple of the straight line is not compared with narrower
+            passages.
+        cross_unknown: Whether a route may cross unseen cells and assumed obstacles.
+        unknown_times: Such a cell costs this multiple of its time.
+        pad_edge_m: `edge_m` of the last metres before the pad.
+        over_m: A landing mark that is flown over counts as seen, free ground to this distance from
+            its middle: half of the pad's diagonal, and a cell.
+    """
+
+    touch_m: float = 0.40
+    wide_m: float = 0.75
+    tight_m: float = 0.34
+    tightest_m: float = 0.30
+    sure_m: float = 0.016
+    unsure_times: float = 8.0
+    unsure_m: float = 0.12
+    doubt_m: float = 0.38
+    past_assumed: bool = False
+    unknown_m: float = 0.35
+    lane_m: float = 0.7
+    edge_m: float = 0.30
+    slow_mps: float = 0.3
+    fast_mps: float = 0.6
+    away_mps: float = 0.1
+    start_m: float = 0.7
+    start_slack_m: float = 0.03
+    min_start_m: float = 0.3
+    enough_reached: float = 0.5
+    yaw_rate_radps: float = 0.8
+    turn_m: float = 0.5
+    saved_s: float = 6.0
+    direct: float = 1.3
+    cross_unknown: bool = False
+    unknown_times: float = 3.0
+    pad_edge_m: float = 0.2
+    over_m: float = math.hypot(*PAD_SIZE_M[:2]) / 2 + 0.1
+
+    def __post_init__(self) -> None:
+        speeds_mps = (self.away_mps, self.slow_mps, self.fast_mps)
+        in_order = tuple(sorted(speeds_mps)) == speeds_mps
+        apart = self.min_start_m <= self.touch_m < self.wide_m
+        if self.away_mps <= 0.0 or not in_order or not apart:
+            raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
+
+    def by(self, residual_m: float) -> Margins:
+        """Return the margins for a map whose views are off it.
+
+        Args:
+            residual_m: Mean distance of the views' points from the map's.
+        """
+        more_m = min(self.unsure_times * max(residual_m - self.sure_m, 0.0), self.unsure_m)
+        return replace(
+            self,
+            touch_m=self.touch_m + more_m,
+            wide_m=self.wide_m + more_m,
+            doubt_m=self.doubt_m + more_m,
+            edge_m=self.edge_m + more_m,
+        )
+
+    def tight(self) -> Margins:
+        """Return the margins of narrow places."""
+        return replace(self, touch_m=self.tight_m)
+
+    def tightest(self) -> Margins:
+        """Return the margins of a drone that is shut in, whatever the map's residual."""
+        return replace(self, touch_m=self.tightest_m, unsure_m=0.0)
+
+    def at_pad(self) -> Margins:
+        """Return the margins of the last metres, where boxes stand beside the pad.
+
+        The camera sees those metres from nearby before they are flown, so assumed obstacles and
+        unseen cells cost time there, and do not close the way.
+        """
+        return replace(self.tight(), edge_m=self.pad_edge_m, cross_unknown=True)
+
+    def speed_mps(self, clear_m: Floats) -> Floats:
+        """Return the speed at each clearance."""
+        at_m = min(self.min_start_m, self.touch_m - self.start_slack_m), self.touch_m, self.wide_m
+        return np.interp(clear_m, at_m, (self.away_mps, self.slow_mps, self.fast_mps))

@@ -1,0 +1,85 @@
+"""What was seen around the drone lately and is not on the site map."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.types import ObstaclePoints
+from uav_bt.types.site_map import SiteMap
+
+Floats = NDArray[np.float64]
+
+
+def _nothing() -> Floats:
+    return np.empty((0, 2))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecentObstacles:
+    """Obstacles beside those of the site map, metres in the map's frame.
+
+    Attributes:
+        seen_m: (N, 2) points of obstacles.
+        assumed_m: (M, 2) places where an obstacle is assumed.
+        edges_m: (K, 2) points where the ground ends.
+    """
+
+    seen_m: Floats = field(default_factory=_nothing)
+    assumed_m: Floats = field(default_factory=_nothing)
+    edges_m: Floats = field(default_factory=_nothing)
+
+
+def recent_obstacles(
+    obstacles: ObstaclePoints | None,
+    site_map: SiteMap,
+    *,
+    same_m: float = 0.25,
+    least: int = 3,
+    unmapped_s: float = math.inf,
+) -> RecentObstacles:
+    """Return what was seen lately around the drone and is not on the map.
+
+    The map places standing things by many views and corrects the drone's drift. Recent points are
+    placed by a few views and have drifted since.
+
+    Args:
+        obstacles: Points around the drone, in its frame; None while they are not known.
+        site_map: The newest map.
+        same_m: A point this near to one of the map is that point.
+        least: Groups of fewer points are errors of a network.
+        unmapped_s: Points last seen this long ago on ground that the map has seen are ignored: a
+            lost drone may have misplaced them.
+    """
+    if obstacles is None:
+        return RecentObstacles()
+    to_map = site_map.pose.points_to_world
+    points_m = _believed(site_map, to_map(obstacles.points_m), obstacles.points_age_s, unmapped_s)
+    edges_m = _believed(site_map, to_map(obstacles.edges_m), obstacles.edges_age_s, unmapped_s)
+    new_m = _far_from(site_map.obstacles_m, points_m, same_m)
+    alike = np.linalg.norm(new_m[:, None] - new_m, axis=-1) < same_m
+    return RecentObstacles(
+        seen_m=new_m[alike.sum(axis=1) >= least],
+        assumed_m=to_map(obstacles.assumed_m),
+        edges_m=_far_from(site_map.edges_m, edges_m, same_m),
+    )
+
+
+def _believed(site_map: SiteMap, places_m: Floats, age_s: Floats, unmapped_s: float) -> Floats:
+    """Return the places that were seen lately, or are not on ground that the map has seen."""
+    if not len(age_s):
+        return places_m
+    return places_m[(age_s <= unmapped_s) | ~site_map.lies_on(site_map.ground, places_m)]
+
+
+def _far_from(known_m: Floats, points_m: Floats, near_m: float) -> Floats:
+    """Return the points that are at least `near_m` from all known ones."""
+    if not len(points_m):
+        return points_m
+    from scipy.spatial import cKDTree  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+    nearest_m, _ = cKDTree(known_m).query(points_m, distance_upper_bound=near_m)
+    return np.asarray(points_m[nearest_m >= near_m])

@@ -1,0 +1,123 @@
+"""What perception and training read of a record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.uav_bt.record.footage_world import state
+from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
+from uav_bt.errors import FileError
+from uav_bt.protocols import Advice
+from uav_bt.record import channels
+from uav_bt.record.channels import START
+from uav_bt.record.footage import footage
+from uav_bt.record.reader import RecordReader
+from uav_bt.record.record_file import RecordFile
+from uav_bt.record.values import dump, encode
+from uav_bt.types import CameraModel
+
+CAMERA = CameraModel(width_px=32, height_px=18, fx_px=25.0, fy_px=25.0, cx_px=15.5, cy_px=8.5)
+SEEN = {
+    "frame_index": 3,
+    "captured_s": 0.3,
+    "x_m": 0.1,
+    "y_m": 0.0,
+    "yaw_rad": 0.2,
+    "height_above_carpet_m": 1.5,
+    "gimbal_pitch_rad": -0.5,
+    "turning": 0,
+    "full_turns": 0,
+}
+
+
+def record_of(path: Path, advice: dict[str, Any], *, version: int) -> RecordReader:
+    """Return a record with one message of advice."""
+    file = RecordFile(path)
+    file.metadata(
+        START,
+        {
+            "schema_version": str(version),
+            "start_ns": "0",
+            "start_s": "0.0",
+            "camera_model": dump(encode(CAMERA)).decode(),
+        },
+    )
+    file.write(channels.STATE, 0, dump(encode(state(0.0))))
+    file.write(channels.ADVICE, 300_000_000, dump(advice))
+    file.finish()
+    return RecordReader(path)
+
+
+def advice_in(reader: RecordReader) -> list[Advice]:
+    return [item for item in footage(reader) if isinstance(item, Advice)]
+
+
+def of_version_1(**fields: Any) -> dict[str, Any]:
+    """Return an answer as records of schema version 1 have it."""
+    nothing = {"forward_m": 0.0, "yaw_rad": 0.0, "carpet_ends": False, "reason": "so"}
+    return nothing | {"free_m": None, "speed_mps": None, "done": False} | fields
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        Advance(forward_m=0.7, free_m=0.9, reason="clear"),
+        FollowLeg(yaw_rad=0.1, speed_mps=0.4),
+        Rotate(yaw_rad=-2.0, reason="looks"),
+        Blocked(yaw_rad=0.5, ground_ends=True),
+        Done(reason="covered"),
+    ],
+)
+def test_every_answer_comes_back_from_a_record(tmp_path: Path, answer: Answer) -> None:
+    given = Advice(**SEEN, answer=answer, fresh=Blocked(yaw_rad=-0.5))  # type: ignore[arg-type]
+    reader = record_of(tmp_path / "now.mcap", encode(given), version=channels.SCHEMA_VERSION)
+    assert advice_in(reader) == [given]
+
+
+@pytest.mark.parametrize(
+    ("old", "answer"),
+    [
+        (
+            of_version_1(forward_m=0.7, yaw_rad=0.1, free_m=0.9),
+            Advance(forward_m=0.7, yaw_rad=0.1, free_m=0.9, reason="so"),
+        ),
+        (
+            of_version_1(forward_m=2.6, yaw_rad=0.1, speed_mps=0.4),
+            FollowLeg(yaw_rad=0.1, speed_mps=0.4, reason="so"),
+        ),
+        (
+            of_version_1(forward_m=0.1, yaw_rad=-2.0, speed_mps=0.0),
+            Rotate(yaw_rad=-2.0, reason="so"),
+        ),
+        (
+            of_version_1(yaw_rad=0.5, carpet_ends=True, free_m=0.2),
+            Blocked(yaw_rad=0.5, ground_ends=True, free_m=0.2, reason="so"),
+        ),
+        (of_version_1(done=True), Done(reason="so")),
+        # The first records had no speed and no end.
+        (
+            {"forward_m": 0.3, "yaw_rad": 0.0, "carpet_ends": False, "reason": "so"},
+            Advance(forward_m=0.3, reason="so"),
+        ),
+    ],
+)
+def test_advice_of_an_older_record_is_read(
+    tmp_path: Path, old: dict[str, Any], answer: Answer
+) -> None:
+    turn = of_version_1(yaw_rad=-0.5)
+    advice = SEEN | {"decision": old, "fresh": turn}
+    (read,) = advice_in(record_of(tmp_path / "old.mcap", advice, version=1))
+    assert read.answer == answer
+    assert read.fresh == Blocked(yaw_rad=-0.5, reason="so")
+    assert (read.frame_index, read.yaw_rad) == (3, 0.2)
+
+
+@pytest.mark.parametrize("old", [None, 3, {}, {"forward_m": "far"}])
+def test_damaged_advice_of_an_older_record_is_named(tmp_path: Path, old: object) -> None:
+    advice = SEEN | {"decision": old, "fresh": old}
+    reader = record_of(tmp_path / "old.mcap", advice, version=1)
+    with pytest.raises(FileError, match=r"a message of the record is damaged"):
+        advice_in(reader)

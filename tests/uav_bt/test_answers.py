@@ -1,0 +1,67 @@
+"""Answers of leaf policies check their values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import uav_bt.protocols
+from uav_bt.answers import Advance, Answer, Blocked, FollowLeg, Rotate
+from uav_bt.errors import ValueRangeError
+
+TURNS: list[Callable[[float], Answer]] = [
+    lambda yaw_rad: Advance(forward_m=0.3, yaw_rad=yaw_rad),
+    lambda yaw_rad: FollowLeg(yaw_rad=yaw_rad, speed_mps=0.3),
+    lambda yaw_rad: Rotate(yaw_rad=yaw_rad),
+    lambda yaw_rad: Blocked(yaw_rad=yaw_rad),
+]
+
+
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("yaw_rad", [30.0, -90.0, math.nan, math.inf])
+def test_a_turn_in_degrees_is_refused(turn: Callable[[float], Answer], yaw_rad: float) -> None:
+    with pytest.raises(ValueRangeError, match=r"in radians, .*got .*write math\.radians"):
+        turn(yaw_rad)
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_full_turn_is_a_turn(turn: Callable[[float], Answer]) -> None:
+    turn(-2.0 * math.pi)
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "why"),
+    [
+        (Advance, {"forward_m": "0.3"}, "forward_m of an Advance must be a number, got '0.3'"),
+        (Advance, {"forward_m": True}, "forward_m of an Advance must be a number, got True"),
+        (Advance, {"forward_m": math.inf}, "forward_m of an Advance must be finite, got inf"),
+        (Advance, {"forward_m": 0.0}, "must be positive, got 0: .* return Blocked"),
+        (Advance, {"forward_m": 1.0, "free_m": "all"}, "free_m of an Advance must be a number"),
+        (Advance, {"forward_m": 1.0, "free_m": math.nan}, "must be zero or positive, got nan"),
+        (FollowLeg, {"speed_mps": -0.1}, "must be zero or positive, got -0.1"),
+        (FollowLeg, {"speed_mps": math.inf}, "speed_mps of a FollowLeg must be finite, got inf"),
+        (Rotate, {"yaw_rad": None}, "yaw_rad of a Rotate must be a number, got None"),
+        (Blocked, {"yaw_rad": 0.5, "free_m": -1.0}, "must be zero or positive, got -1"),
+        (Blocked, {"yaw_rad": 0.5, "ground_ends": "no"}, "must be True or False, got 'no'"),
+    ],
+)
+def test_an_answer_of_other_values_is_refused(
+    kind: Callable[..., Answer], given: dict[str, object], why: str
+) -> None:
+    with pytest.raises(ValueRangeError, match=why):
+        kind(**given)
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    assert Advance(forward_m=np.float32(0.3)).forward_m > 0.0  # type: ignore[arg-type]
+    assert Blocked(yaw_rad=0.5, ground_ends=np.bool_(True)).ground_ends  # type: ignore[arg-type]
+
+
+def test_an_import_of_the_former_class_names_its_successors() -> None:
+    with pytest.raises(ImportError, match="returns Advance, FollowLeg, Rotate, Blocked or Done"):
+        from uav_bt.protocols import Decision  # type: ignore[attr-defined]  # noqa: F401, PLC0415
+    with pytest.raises(AttributeError, match="has no attribute 'Policies'"):
+        _ = uav_bt.protocols.Policies  # type: ignore[attr-defined]

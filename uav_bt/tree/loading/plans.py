@@ -1,0 +1,97 @@
+"""The nodes that are to be made of a file, subtrees put in place, and what the file gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from uav_bt.tree.expanded import ExpandedNode
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.loading.document import autoremaps
+from uav_bt.tree.loading.elements import node_id_of
+from uav_bt.tree.loading.palette import PalettePort
+from uav_bt.tree.loading.source import Element
+from uav_bt.tree.node import Node
+from uav_bt.tree.nodes import SubTree
+from uav_bt.tree.port import Port, parse_reference, port_text
+
+
+@dataclass
+class Plan:
+    """A node to be made."""
+
+    element: Element
+    node: type[Node]
+    name: str
+    path: str
+    attributes: dict[str, str]
+    door: Plan | None  # the node that stands for the tree that this one is in; None: the main tree
+    children: list[Plan] = field(default_factory=list)
+    mock: str | None = None  # the script of the leaf that takes its place
+
+    def walk(self) -> Iterator[Plan]:
+        """Iterate over this node and all below, parents first."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+    @property
+    def mockable(self) -> type[Leaf | ExpandedNode] | None:
+        """The class of a leaf, or of a node that is made of a tree; None for other nodes."""
+        return self.node if issubclass(self.node, (Leaf, ExpandedNode)) else None
+
+    @property
+    def names(self) -> tuple[str, str, str]:
+        """What a caller may name the node by: its path, its name and its node's id."""
+        return self.path, self.name, self.node.node_id
+
+    def given(self) -> Iterator[tuple[Port[Any], GivenValue]]:
+        """Yield the input ports of the leaves here and below that have a text, with the text.
+
+        The text may be the entry of a subtree that the leaf stands in. Leaves that are replaced by
+        a script, and ports of a palette, are left out.
+        """
+        for plan in self.walk():
+            if not issubclass(plan.node, Leaf) or plan.mock is not None:
+                continue
+            for port in plan.node.ports:
+                if port.direction == "input" and not isinstance(port, PalettePort):
+                    value = plan._value(port.name, port_text(port.default))  # noqa: SLF001
+                    if value is not None:
+                        yield port, value
+
+    def _value(self, name: str, default: str) -> GivenValue | None:
+        """Return what gives an attribute its text; None where a variable or the board does."""
+        text = self.attributes.get(name, default)
+        reference = parse_reference(text, name)
+        if reference is None:
+            return GivenValue(self.element, name, self.path, text)
+        door, key = self.door, reference.key
+        if reference.on_board or door is None:
+            return None
+        if issubclass(door.node, ExpandedNode):
+            port = next((port for port in door.node.ports if port.name == key), None)
+            return None if port is None else door._value(key, port_text(port.default))  # noqa: SLF001
+        if key in door.attributes or autoremaps(door.element):
+            return door._value(key, f"{{{key}}}")  # noqa: SLF001
+        return None
+
+
+@dataclass(frozen=True)
+class GivenValue:
+    """A text that a file gives to a port, directly or as the entry of a subtree."""
+
+    element: Element  # that has the text
+    attribute: str
+    path: str  # of the node that has it
+    text: str
+
+
+def name_of(element: Element) -> str:
+    """Return the name of a node: what the file calls it, or else its node's or tree's id."""
+    name = element.attributes.get("name")
+    if name:
+        return name
+    is_subtree = element.tag == SubTree.node_id
+    return element.attributes["ID"] if is_subtree else node_id_of(element)
