@@ -35,6 +35,7 @@ from uav_bt.errors import UavBtError
 from uav_bt.mission.ordered_motion import HoldConfig
 from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import NodeRegistry
+from uav_bt.types import NearObstacles
 
 SURVEY_S = 180
 FLIGHTS = "flights.jsonl"
@@ -56,9 +57,9 @@ class RandomRule:
 
     def decide(self, view: PolicyView) -> Answer:
         """Return a step of 0.5 m, or a turn of up to half a circle."""
-        free = view.obstacles is not None and view.obstacles.allows(0.5, margin_m=0.55)
-        ends = view.obstacles is not None and view.obstacles.ends_within(0.4) > 1
-        edges = np.empty((0, 2)) if view.obstacles is None else view.obstacles.edges_m
+        near = NearObstacles() if view.site_map is None else view.site_map.near
+        free = view.site_map is not None and near.allows(0.5, margin_m=0.55)
+        ends, edges = near.ends_within(0.4) > 1, near.edges_m
         ahead = (edges[:, 0] > 0.0) & (np.abs(edges[:, 1]) < 0.4) & (edges[:, 0] < 1.0)
         if free and not ends and not ahead.any():
             return Advance(forward_m=0.5, reason="clear")

@@ -14,8 +14,8 @@ from uav_bt.board import (
     CORRIDOR,
     FRAME,
     METRIC_DEPTH,
-    OBSTACLES,
     RELATIVE_DEPTH,
+    SITE_MAP,
     STATE,
 )
 from uav_bt.board.context import MissionContext
@@ -46,7 +46,7 @@ class EstimateDepth(Leaf):
             doc="'network', or 'fused': by what things stand on where that is known",
         ),
     )
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA, OBSTACLES)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP)
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -70,6 +70,7 @@ class EstimateDepth(Leaf):
         """Estimate the depth of the frame if it is a new one and has been segmented."""
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map, state = self.read(CLASS_MAP).value, self.read(STATE).value
+        site_map = self.read(SITE_MAP).value
         if frame is None or camera is None or class_map is None or frame.index == self._last_index:
             return Status.SUCCESS
         self._last_index = frame.index
@@ -78,7 +79,7 @@ class EstimateDepth(Leaf):
             class_map,
             camera,
             state=state,
-            obstacles=self.read(OBSTACLES).value,
+            near=None if site_map is None else site_map.near,
             timed=self._timers.__getitem__,
         )
         self.feedback_message = f"no depth: {metric.refusal}" if metric.refusal else ""

@@ -18,6 +18,7 @@ class TrackMotion(Leaf):
     read it, so this leaf stands after `Segment` and ahead of `MapSite`.
     """
 
+    replaces = ("RememberObstacles",)
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (ODOMETRY,)
 

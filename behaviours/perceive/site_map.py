@@ -12,7 +12,6 @@ from uav_bt.board import (
     CLASS_MAP,
     FRAME,
     HELIPAD,
-    OBSTACLES,
     ODOMETRY,
     SITE_MAP,
 )
@@ -33,8 +32,9 @@ class MapSite(Leaf):
     """
 
     mapping: ClassVar[SiteMapperConfig | None] = None  # None: as it ships
+    replaces = ("RememberObstacles",)
     reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, HELIPAD)
-    writes = (OBSTACLES, SITE_MAP)
+    writes = (SITE_MAP,)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make an empty map."""
@@ -66,7 +66,6 @@ class MapSite(Leaf):
             site_map = self._mapper.map(motion)
         if self._last_s > -math.inf:
             self.write(SITE_MAP, site_map, captured_s=self._last_s)
-            self.write(OBSTACLES, site_map.near, captured_s=self._last_s)
         return Status.SUCCESS
 
     def _take_in(

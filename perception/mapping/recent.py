@@ -21,12 +21,12 @@ from perception.mapping.contact_scan import NO_CLASS
 from perception.mapping.tables import Flags, Floats, PointTable, first_in_cells
 from perception.mapping.view import View
 from uav_bt.classes import GROUP_CARPET
-from uav_bt.types import ObstaclePoints
+from uav_bt.types import NearObstacles
 from uav_bt.types.dead_reckoning import OdometryPose
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecentObstaclesConfig:
+class RecentLayerConfig:
     """Which points are kept, and for how long.
 
     Attributes:
@@ -80,15 +80,15 @@ class _Points(PointTable):
 _NONE = _Points.of(np.empty((0, 2)), until_s=0.0, seen_s=0.0, kind=_Kind.BASE)
 
 
-class RecentObstacles:
+class RecentLayer:
     """Keeps the points of the last views.
 
     Args:
         config: which points are kept.
     """
 
-    def __init__(self, config: RecentObstaclesConfig | None = None) -> None:
-        self._config = config or RecentObstaclesConfig()
+    def __init__(self, config: RecentLayerConfig | None = None) -> None:
+        self._config = config or RecentLayerConfig()
         self._points = _NONE
         self._newest_s = -math.inf
         self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)  # dead-reckoned frame
@@ -144,12 +144,12 @@ class RecentObstacles:
         assumed_s = view.captured_s + cfg.assumed_age_s
         self._add(pose.points_to_world(assumed_m), assumed_s, _Kind.ASSUMED)
 
-    def near(self, pose: OdometryPose) -> ObstaclePoints:
+    def near(self, pose: OdometryPose) -> NearObstacles:
         """Return the points from a pose of the body, dead-reckoned, not earlier than the views."""
         points = self._points.take(self._points.until_s >= pose.time_s)
         local_m, age_s = pose.points_to_body(points.xy_m), pose.time_s - points.seen_s
         is_base, is_edge = points.kinds == _Kind.BASE, points.kinds == _Kind.EDGE
-        return ObstaclePoints(
+        return NearObstacles(
             points_m=local_m[is_base],
             assumed_m=local_m[points.kinds == _Kind.ASSUMED],
             edges_m=local_m[is_edge],

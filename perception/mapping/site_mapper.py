@@ -27,7 +27,7 @@ from perception.mapping.mark_place import MarkPlace, MarkPlaceConfig
 from perception.mapping.mover_track import MoverConfig
 from perception.mapping.movers import MoverTracker
 from perception.mapping.objects import find_objects
-from perception.mapping.recent import RecentObstacles, RecentObstaclesConfig
+from perception.mapping.recent import RecentLayer, RecentLayerConfig
 from perception.mapping.registration import Registration, RegistrationConfig
 from perception.mapping.tables import Floats
 from perception.mapping.view import View, ViewConfig
@@ -63,7 +63,7 @@ class SiteMapperConfig:
     grid: GroundGridConfig = field(default_factory=GroundGridConfig)
     arrivals: ArrivalConfig = field(default_factory=ArrivalConfig)
     movers: MoverConfig = field(default_factory=MoverConfig)
-    recent: RecentObstaclesConfig = field(default_factory=RecentObstaclesConfig)
+    recent: RecentLayerConfig = field(default_factory=RecentLayerConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     contradiction: ContradictionConfig = field(default_factory=ContradictionConfig)
@@ -82,7 +82,7 @@ class SiteMapper:
         self.restarts = 0  # how often the map was begun anew
         self._motion: MotionEstimate | None = None
         self._captured_s = -math.inf
-        self._recent = RecentObstacles(self.config.recent)
+        self._recent = RecentLayer(self.config.recent)
         self._begin()
 
     def _begin(self, *, agreed_s: float = -math.inf) -> None:
@@ -226,4 +226,4 @@ class SiteMapper:
             cut=view.is_cut()[arrived],
             judges=view.height_m >= cfg.low_m,
         )
-        return bases.settled_after(on_ground * cfg.arrivals.settles_s).take(stands)
+        return bases.settled_after(np.where(on_ground, cfg.arrivals.settles_s, 0.0)).take(stands)

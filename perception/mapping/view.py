@@ -142,7 +142,7 @@ class View:
 
     def body_m(self, points_m: Floats) -> Floats:
         """Return points of the view, (N, 2), forward and right of the body's centre."""
-        return points_m + np.array([self.camera.forward_offset_m, 0.0])
+        return np.asarray(points_m + np.array([self.camera.forward_offset_m, 0.0]))
 
     def shows_ground(self, points_m: Floats) -> tuple[Flags, Flags]:
         """Return which points lie in the image, and which of them show ground.

@@ -7,7 +7,7 @@ that missions are isolated and a test starts empty.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, cast
 
@@ -29,6 +29,7 @@ class Key(Generic[T]):
         unit: of plain numbers; typed values carry theirs in their field names.
         writer: who writes it, for people.
         max_age_s: a value older than this reads as none.
+        replaces: names of former keys whose values this one holds; messages name it.
     """
 
     name: str
@@ -37,6 +38,20 @@ class Key(Generic[T]):
     unit: str = ""
     writer: str = ""
     max_age_s: float = math.inf
+    replaces: tuple[str, ...] = ()
+
+
+def unknown_key(name: str, keys: Mapping[str, Key[Any]]) -> str:
+    """Return what to do about a name that is no key's: its successor, or the closest name.
+
+    Args:
+        name: the unknown name.
+        keys: the known keys, by name.
+    """
+    for key in keys.values():
+        if name in key.replaces:
+            return f"; '{key.name}' replaces it ({key.doc})"
+    return did_you_mean(name, keys)
 
 
 @dataclass(frozen=True)
@@ -93,7 +108,7 @@ class Blackboard:
             return self._keys[name]
         except KeyError:
             raise BoardAccessError(
-                f"unknown board key '{name}'{did_you_mean(name, self._keys)}"
+                f"unknown board key '{name}'{unknown_key(name, self._keys)}"
             ) from None
 
     def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:

@@ -27,7 +27,7 @@ from uav_bt.types import (
     GimbalTo,
     HelipadFix,
     Movement,
-    ObstaclePoints,
+    NearObstacles,
     Truth,
 )
 from uav_bt.types.site_map import SiteMapBase
@@ -228,7 +228,8 @@ RELATIVE_DEPTH: Final = Channel(topic="/perception/relative_depth", content="Raw
 METRIC_DEPTH: Final = Channel(topic="/perception/metric_depth", content="RawImage", image=True)
 CORRIDOR: Final = Channel(topic="/perception/corridor", content=Corridor)
 HELIPAD: Final = Channel(topic="/perception/helipad", content=HelipadFix)
-OBSTACLES: Final = Channel(topic="/perception/obstacles", content=ObstaclePoints)
+# Of the site map, in every tick; the topic is that of records whose board had a key for it.
+NEAR: Final = Channel(topic="/perception/obstacles", content=NearObstacles)
 SITE_MAP: Final = Channel(topic="/perception/site_map", content=SiteMapNote)
 STATE: Final = Channel(topic="/drone/state", content=DroneState)
 POSE: Final = Channel(topic="/drone/pose", content="PoseInFrame")
@@ -246,7 +247,7 @@ CHANNELS: Final[dict[str, Channel]] = {
     channel.topic: channel
     for channel in (
         *(CAMERA_IMAGE, CAMERA_FRAME, CALIBRATION),
-        *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, HELIPAD, OBSTACLES, SITE_MAP),
+        *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, HELIPAD, NEAR, SITE_MAP),
         *(STATE, POSE, TRANSFORM, TRUTH),
         *(TICK, COMMANDS, BOARD, ADVICE, TREE, TREE_STATUS, LOG),
     )

@@ -79,6 +79,7 @@ class Node(Surroundings, Behaviour):
     """
 
     kind: ClassVar[NodeKind]
+    replaces: ClassVar[tuple[str, ...]] = ()  # ids of former nodes; messages name this one
     min_children: ClassVar[int] = 0
     max_children: ClassVar[int | None] = 0  # None: as many as one likes
 

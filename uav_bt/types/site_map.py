@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError
 from uav_bt.types.pose import Pose2D
-from uav_bt.types.surroundings import ObstaclePoints
+from uav_bt.types.surroundings import NearObstacles
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -142,7 +142,7 @@ class SiteMap(SiteMapBase):
     free: Flags
     outside: Flags
     passed: Flags
-    near: ObstaclePoints = field(default_factory=ObstaclePoints)
+    near: NearObstacles = field(default_factory=NearObstacles)
 
     __repr__ = shapes_repr
 
@@ -160,10 +160,6 @@ class SiteMap(SiteMapBase):
     def ground_s(self) -> float:
         """When a view last showed ground; -inf before any has."""
         return float(self.seen_s.max(initial=-math.inf))
-
-    def at(self, reckoned: Pose2D) -> SiteMap:
-        """Return the map with the drone at a dead-reckoned pose."""
-        return replace(self, pose=self.correction.pose_to_world(reckoned))
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return the row and column of a place, which may lie outside the grid."""

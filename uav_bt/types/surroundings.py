@@ -40,7 +40,7 @@ _PASSING_M = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObstaclePoints:
+class NearObstacles:
     """Where obstacles stand on the carpet, as seen lately, from the body's centre now."""
 
     # (N, 2): forward, right, in the heading-aligned level frame
@@ -81,7 +81,7 @@ class ObstaclePoints:
             return math.inf
         return float(np.hypot(self.points_m[:, 0], self.points_m[:, 1]).min())
 
-    def within(self, reach_m: float) -> ObstaclePoints:
+    def within(self, reach_m: float) -> NearObstacles:
         """Return it with the points and edges only that are so near to the body's centre."""
         points, edges = (np.hypot(*each.T) <= reach_m for each in (self.points_m, self.edges_m))
         return replace(

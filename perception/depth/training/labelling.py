@@ -22,7 +22,7 @@ from perception.depth.contact.depth import contact_depth
 from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.parallax import Parallax, ParallaxConfig
-from perception.mapping.recent import RecentObstacles
+from perception.mapping.recent import RecentLayer
 from perception.mapping.view import View
 from perception.odometry.camera_track import (
     FOOTAGE_SIZE_PX,
@@ -113,7 +113,7 @@ def contact_labels(
     width, height = LABEL_SIZE_PX
     depth = np.full((len(footage), height, width), np.nan, dtype=np.float16)
     bound = np.full((len(footage), height, width), np.inf, dtype=np.float16)
-    recent, odometry = RecentObstacles(), CarpetOdometry()
+    recent, odometry = RecentLayer(), CarpetOdometry()
     states = _states_of(footage)
     state = next(states)
     odometry.predict(state)

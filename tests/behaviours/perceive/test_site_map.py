@@ -9,7 +9,7 @@ import pytest
 
 from behaviours.perceive.site_map import MapSite
 from tests.behaviours.leaf_world import replace_tree, show
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, OBSTACLES, ODOMETRY, SITE_MAP
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, SITE_MAP
 from uav_bt.classes import BOXES
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.tree import Status
@@ -57,14 +57,30 @@ def test_a_box_in_view_is_near_after_a_turn() -> None:
     """A box ahead is to the left after a turn to the right."""
     bench = mapping()
     assert live(bench, ids=box_map()) is Status.SUCCESS
-    ahead = bench.board[OBSTACLES]
+    ahead = bench.board[SITE_MAP].near
     assert len(ahead.points_m) > 5
     assert ahead.captured_s == bench.clock.now()
 
     live(bench, yaw_rad=math.pi / 2)
-    aside = bench.board[OBSTACLES]
+    aside = bench.board[SITE_MAP].near
     assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
     assert aside.points_m[:, 0] == pytest.approx(ahead.points_m[:, 1])
+
+
+def test_between_two_views_the_map_moves_along_with_the_drone() -> None:
+    """Turned by 90 degrees without a new frame: the pose and what is near turn, too."""
+    bench = mapping()
+    live(bench, ids=box_map())
+    ahead, captured_s = bench.board[SITE_MAP].near, bench.clock.now()
+    bench.clock.advance(0.1)
+    reckon(bench, yaw_rad=math.pi / 2, seen_s=captured_s)
+    bench.tick()
+
+    found = bench.board[SITE_MAP]
+    assert found.pose.yaw_rad == pytest.approx(math.pi / 2)
+    assert found.near.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
+    assert found.near.points_age_s == pytest.approx(0.1)
+    assert found.captured_s == captured_s
 
 
 def test_without_boxes_the_map_is_empty_but_fresh() -> None:
@@ -72,8 +88,8 @@ def test_without_boxes_the_map_is_empty_but_fresh() -> None:
     bench = mapping()
     live(bench)
 
-    assert bench.board[OBSTACLES].points_m.shape == (0, 2)
-    assert bench.board[OBSTACLES].captured_s == bench.clock.now()
+    assert bench.board[SITE_MAP].near.points_m.shape == (0, 2)
+    assert bench.board[SITE_MAP].near.captured_s == bench.clock.now()
 
 
 @pytest.mark.parametrize("missing", [FRAME, CLASS_MAP, CAMERA, ODOMETRY])
@@ -107,17 +123,18 @@ def test_a_frame_that_the_odometry_has_not_seen_is_not_placed() -> None:
     reckon(bench, seen_s=bench.clock.now() - 0.1)
     bench.tick()
 
-    assert not len(bench.board[OBSTACLES].points_m)
+    assert not len(bench.board[SITE_MAP].near.points_m)
 
 
 def test_the_map_is_kept_when_another_tree_takes_over() -> None:
     bench = mapping()
     live(bench, ids=box_map())
-    ahead, known = bench.board[OBSTACLES], bench.board[SITE_MAP]
+    known = bench.board[SITE_MAP]
+    ahead = known.near
     replace_tree(bench, MapSite())
 
     live(bench, seconds=0.5, yaw_rad=math.pi / 2)  # the box is out of view
-    aside = bench.board[OBSTACLES]
+    aside = bench.board[SITE_MAP].near
     assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
     site_map = bench.board[SITE_MAP]
     assert site_map.captured_s > known.captured_s

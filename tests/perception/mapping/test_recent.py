@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.mapping.contact_scan import Bases, find_bases, scan_ground
-from perception.mapping.recent import RecentObstacles, RecentObstaclesConfig
+from perception.mapping.recent import RecentLayer, RecentLayerConfig
 from perception.mapping.view import View, ViewConfig
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
@@ -26,7 +26,7 @@ from uav_bt.types import (
     DroneState,
     FlyingState,
     Frame,
-    ObstaclePoints,
+    NearObstacles,
 )
 from uav_bt.types.dead_reckoning import Odometry
 from uav_bt.types.projection import pixel_rays, project
@@ -88,14 +88,14 @@ class Flight:
     """
 
     def __init__(
-        self, config: RecentObstaclesConfig | None = None, view: ViewConfig | None = None
+        self, config: RecentLayerConfig | None = None, view: ViewConfig | None = None
     ) -> None:
-        self.recent, self._odometry, self._view = RecentObstacles(config), Odometry(), view
+        self.recent, self._odometry, self._view = RecentLayer(config), Odometry(), view
 
     def predict(self, sample: DroneState) -> None:
         self.recent.expire(self._odometry.update(sample).time_s)
 
-    def points(self) -> ObstaclePoints:
+    def points(self) -> NearObstacles:
         assert self._odometry.now is not None
         return self.recent.near(self._odometry.now)
 
@@ -255,7 +255,7 @@ def test_carpet_seen_in_its_place_forgets_a_point() -> None:
 
 def test_old_points_are_forgotten() -> None:
     """Dead reckoning goes astray: nothing is kept for longer than its time."""
-    flight = Flight(RecentObstaclesConfig(max_age_s=5.0))
+    flight = Flight(RecentLayerConfig(max_age_s=5.0))
     flight.predict(state(0.0))
     flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
 
@@ -268,7 +268,7 @@ def test_old_points_are_forgotten() -> None:
 
 def test_the_end_of_the_carpet_is_remembered_longer() -> None:
     """A decimetre matters less there; and it does not count among the obstacles."""
-    flight = Flight(RecentObstaclesConfig(max_age_s=5.0, edge_age_s=9.0))
+    flight = Flight(RecentLayerConfig(max_age_s=5.0, edge_age_s=9.0))
     ids = draw_box(carpet(), 1.8, -0.3, 0.2)
     ids[:60][ids[:60] == CARPET] = BACKGROUND
     flight.predict(state(0.0))
@@ -307,7 +307,7 @@ def test_looking_down_adds_nothing_and_forgets_nothing() -> None:
     assert flight.points().captured_s == pytest.approx(0.1)
 
 
-NEAR_BOX = RecentObstaclesConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
+NEAR_BOX = RecentLayerConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
 
 
 def test_an_unexplained_near_box_is_a_bearing() -> None:
@@ -397,7 +397,7 @@ def test_the_pad_is_no_obstacle() -> None:
 
 def test_a_way_keeps_its_margin() -> None:
     """Distance to the way, not to its line: beyond an end it is the distance to the end."""
-    ahead = ObstaclePoints(points_m=np.array([[0.5, 0.4]]), captured_s=0.0)
+    ahead = NearObstacles(points_m=np.array([[0.5, 0.4]]), captured_s=0.0)
 
     assert ahead.allows(1.0, margin_m=0.39)
     assert not ahead.allows(1.0, margin_m=0.41)
@@ -407,7 +407,7 @@ def test_a_way_keeps_its_margin() -> None:
 
 def test_what_is_near_already_may_be_left_but_not_approached() -> None:
     """Inside the margin only the direction counts, whichever it is."""
-    beside = ObstaclePoints(points_m=np.array([[0.0, 0.3]]), captured_s=0.0)
+    beside = NearObstacles(points_m=np.array([[0.0, 0.3]]), captured_s=0.0)
 
     assert beside.nearest_m == pytest.approx(0.3)
     assert beside.allows(0.3, margin_m=0.5)
@@ -417,7 +417,7 @@ def test_what_is_near_already_may_be_left_but_not_approached() -> None:
 
 def test_assumed_points_count_unless_told_otherwise() -> None:
     """They are assumptions: who is stuck may drop them."""
-    assumed = ObstaclePoints(
+    assumed = NearObstacles(
         points_m=np.empty((0, 2)), assumed_m=np.array([[0.4, 0.0]]), captured_s=0.0
     )
 
@@ -426,7 +426,7 @@ def test_assumed_points_count_unless_told_otherwise() -> None:
 
 
 def test_what_is_within_a_reach_keeps_its_age() -> None:
-    points = ObstaclePoints(
+    points = NearObstacles(
         points_m=np.array([[0.3, 0.0], [1.0, 0.0]]),
         edges_m=np.array([[2.0, 0.0]]),
         captured_s=0.0,
@@ -442,7 +442,7 @@ def test_what_is_within_a_reach_keeps_its_age() -> None:
 def test_points_must_be_pairs() -> None:
     """A wrong shape is refused."""
     with pytest.raises(ShapeError, match="obstacle points must be Nx2, got 3"):
-        ObstaclePoints(points_m=np.zeros(3), captured_s=0.0)
+        NearObstacles(points_m=np.zeros(3), captured_s=0.0)
 
 
 # --- agreement with the twin ----------------------------------------------------------------------

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
+from uav_bt.board.blackboard import unknown_key
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.expanded import ExpandedNode, literal_wanted
@@ -150,7 +151,7 @@ class Checker:
             )
 
     def _no_key(self, key: str) -> str:
-        return f"the board has no key '{key}'{did_you_mean(key, self._board_keys)}"
+        return f"the board has no key '{key}'{unknown_key(key, self._board_keys)}"
 
     # --- subtrees ---------------------------------------------------------------------------------
 

@@ -105,6 +105,8 @@ def _note_unknown(
         hint = f'; it is a tree of this file: write <SubTree ID="{node_id}"/>'
     elif node_id in _OF_VERSION_3:
         hint = f" (of BehaviorTree.CPP 3; in version 4 it is {_OF_VERSION_3[node_id]})"
+    elif successors := [known for known in registry if node_id in registry[known].replaces]:
+        hint = "; write " + " and ".join(f"<{known}/>" for known in successors) + " in its place"
     else:
         hint = did_you_mean(node_id, registry)
         hint += "".join(f"; not loaded: {fault}" for fault in registry.faults)
