@@ -26,7 +26,7 @@ from uav_bt.types import (
     ClassMap,
     DepthMap,
     Frame,
-    ObstaclePoints,
+    NearObstacles,
     Pose2D,
 )
 
@@ -161,18 +161,18 @@ class MetricDepthMaker:
 
 
 def remembered_bases(
-    obstacles: ObstaclePoints, now: Pose2D, then: Pose2D, frame: Frame, camera: CameraModel
+    near: NearObstacles, now: Pose2D, then: Pose2D, frame: Frame, camera: CameraModel
 ) -> Remembered:
     """Return remembered obstacles as they lay from the lens when a frame was captured.
 
     Args:
-        obstacles: seen from the body's centre at the pose `now`.
-        now: the dead-reckoned pose of the newest telemetry; the video is a little behind it.
+        near: obstacles from the body's centre at the pose `now`.
+        now: the dead-reckoned pose of the newest telemetry, which is newer than the frame.
         then: the dead-reckoned pose at the frame's capture.
         frame: the frame.
-        camera: says where the lens is.
+        camera: gives the position of the lens.
     """
-    then_m = then.points_to_body(now.points_to_world(obstacles.points_m))
+    then_m = then.points_to_body(now.points_to_world(near.points_m))
     lever_m = camera.forward_offset_m * math.cos(frame.attitude.pitch_rad)
     return Remembered.at(then_m - (lever_m, 0.0))
 

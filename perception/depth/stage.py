@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from perception.depth.metric import MetricDepth, MetricDepthMaker, remembered_bases
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, NearObstacles
 from uav_bt.types.dead_reckoning import MotionEstimate
 
 Timed = Callable[[str], AbstractContextManager[object]]
@@ -58,7 +58,7 @@ class DepthStage:
         camera: CameraModel,
         *,
         state: DroneState | None = None,
-        obstacles: ObstaclePoints | None = None,
+        near: NearObstacles | None = None,
         motion: MotionEstimate | None = None,
         timed: Timed = nullcontext,
     ) -> MetricDepth:
@@ -69,9 +69,9 @@ class DepthStage:
             class_map: of that frame.
             camera: intrinsics at any size of the frame's aspect.
             state: the newest telemetry, where there is any.
-            obstacles: remembered obstacles, from the body's centre at the pose of `motion`.
-            motion: where the drone is, and where it was at this frame; without it, or with one of
-                another frame, nothing remembered is used.
+            near: obstacles near the drone, from the body's centre at the pose of `motion`.
+            motion: the drone's pose now and at this frame. Without it, or with one of another
+                frame, no remembered obstacle is used.
             timed: measures a stage, `relative_depth` or `metric_depth`, by its name.
         """
         refusal = self._frozen(frame, state) or self._misfit(frame, camera)
@@ -84,9 +84,8 @@ class DepthStage:
         with timed("metric_depth"):
             remembered = None
             same = motion is not None and motion.seen.time_s == frame.captured_s
-            if obstacles is not None and motion is not None and same:
-                poses = motion.pose, motion.seen
-                remembered = remembered_bases(obstacles, *poses, frame, camera)
+            if near is not None and motion is not None and same:
+                remembered = remembered_bases(near, motion.pose, motion.seen, frame, camera)
             metric = self._maker.make(frame, class_map, camera, relative, remembered)
         return replace(metric, relative=relative)
 

@@ -8,47 +8,77 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
-from numpy.typing import NDArray
 
+from perception.mapping.tables import Flags, Floats
 from uav_bt.errors import ValueRangeError
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
 class MoverConfig:
-    """What is a mover, and for how long."""
+    """What is a mover, and for how long. All values are chosen, on the twin's people and carts.
 
-    apart_m: float = 0.3  # points further apart are of two clusters
+    Attributes:
+        apart_m: points further apart belong to two clusters.
+        min_points: a cluster with fewer points is ignored.
+        max_width_m: a wider cluster is a wall that a displaced view shows.
+        depth_m: assumed depth of a mover; its base is seen from one side, its middle lies behind.
+        min_radius_m: least radius of a mover.
+        shrinks: ratio by which the radius may shrink from one sighting to the next.
+        owned_m: points this near to the circle of what moves belong to it.
+        std_m: standard deviation of a cluster's middle.
+        cut_std_m: the same where the end of the view cuts the cluster off.
+        range_std_ratio: the same as a ratio of its range, in addition.
+        accel_mps2: standard deviation of the acceleration; movers start and stop.
+        start_mps: standard deviation of a new cluster's velocity.
+        gate: largest squared Mahalanobis distance of a sighting; chi-square, 2 dof, 99.9 %.
+        same_m: a cluster this near to a track starts no other.
+        early_sightings: sightings after which a fast cluster most likely moves.
+        sightings: sightings after which a cluster may be a mover.
+        moved_m: distance from its first place after which a fast cluster is a mover.
+        moved_slowly_m: the same for a slow one.
+        min_mps: a slower cluster is no mover.
+        max_mps: a faster one is none, either.
+        sure: a cluster is fast above this many standard deviations of its velocity.
+        stays_m: a cluster that stays this near to one place
+        stays_s: for this long stands.
+        doubt_s: a cluster that has not moved is forgotten when it is unseen for this long.
+        life_s: the same for a mover.
+        free_s: either is forgotten when its place is seen free for this long.
+        waits_s: after a movement, an obstacle that has arrived may be a waiting mover this long.
+        trail_s: past places of a mover are kept for this long.
+        passed_s: a point of the map belongs to a mover that was there this near in time to the
+            point's first sighting.
+    """
+
+    apart_m: float = 0.3
     min_points: int = 3
-    max_width_m: float = 1.2  # wider ones are walls that a displaced view shows
-    depth_m: float = 0.4  # of a thing; its base is seen from one side, its middle lies behind
+    max_width_m: float = 1.2
+    depth_m: float = 0.4
     min_radius_m: float = 0.25
-    # Of a cluster's middle, and of its range besides.
+    shrinks: float = 0.98
+    owned_m: float = 0.15
     std_m: float = 0.06
-    cut_std_m: float = 0.3  # where the end of the view cuts it off
+    cut_std_m: float = 0.3
     range_std_ratio: float = 0.02
-    accel_mps2: float = 0.5  # movers start and stop
-    start_mps: float = 0.5  # one standard deviation of a new cluster's velocity
-    gate: float = 13.8  # squared Mahalanobis distance, chi-square 2 dof at 99.9 %
-    same_m: float = 0.45  # a cluster this near to a track starts no other
-    # It moves when it was sighted so often, has come so far from where it was first seen, and is
-    # fast by so many standard deviations of its velocity; slow ones have to come further.
+    accel_mps2: float = 0.5
+    start_mps: float = 0.5
+    gate: float = 13.8
+    same_m: float = 0.45
+    early_sightings: int = 3
     sightings: int = 5
     moved_m: float = 0.3
     moved_slowly_m: float = 0.45
     min_mps: float = 0.1
     max_mps: float = 1.5
     sure: float = 2.0
-    # It stands when it has stayed so near to one place for so long.
     stays_m: float = 0.2
     stays_s: float = 3.0
-    doubt_s: float = 0.6  # unseen for so long, a cluster that has not moved yet is forgotten,
-    life_s: float = 2.5  # and a mover
-    free_s: float = 0.3  # and either when its place is seen free for so long
-    waits_s: float = 90.0  # so long after anything moved, what has arrived may be one that waits
-    trail_s: float = 3.0  # of a mover's past places that are kept
+    doubt_s: float = 0.6
+    life_s: float = 2.5
+    free_s: float = 0.3
+    waits_s: float = 90.0
+    trail_s: float = 3.0
+    passed_s: float = 1.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.min_mps < self.max_mps or self.sightings < 2:
@@ -106,12 +136,12 @@ class MoverTrack:
     @property
     def is_under_way(self) -> bool:
         """Whether it is on its way, surely or most likely."""
-        speed_mps = float(np.hypot(*self.velocity_mps))
-        fast = speed_mps >= max(self._config.min_mps, self._config.sure * self.std(1))
-        return self.moves or (fast and not self.stands and self.sightings >= 3)
+        cfg, speed_mps = self._config, float(np.hypot(*self.velocity_mps))
+        fast = speed_mps >= max(cfg.min_mps, cfg.sure * self.std(1))
+        return self.moves or (fast and not self.stands and self.sightings >= cfg.early_sightings)
 
     def predict(self, time_s: float) -> None:
-        """Let it go on up to a time."""
+        """Predict it up to a time."""
         step_s = time_s - self.time_s
         if step_s <= 0.0:
             return
@@ -142,8 +172,8 @@ class MoverTrack:
             self.filter.update(place_m.reshape(2, 1), R=noise)
         self.is_whole |= whole
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
-        # What is seen of it grows and shrinks with its place in the view.
-        self.radius_m = max(cfg.min_radius_m, radius_m, 0.98 * self.radius_m)
+        # The part of it that is seen grows and shrinks with its place in the view.
+        self.radius_m = max(cfg.min_radius_m, radius_m, cfg.shrinks * self.radius_m)
 
     def judge(self, *, moves: bool = True) -> None:
         """Decide whether it moves or stands.

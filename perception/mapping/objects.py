@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from perception.mapping.landmarks import Landmarks
-from uav_bt.classes import BOXES
+from perception.mapping.tables import Floats
+from uav_bt.classes import standing_classes
 from uav_bt.types import rotation
 from uav_bt.types.site_map import MapObject
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +31,7 @@ class ObjectConfig:
     near_m: float = 0.02
 
 
-def objects_of(points: Landmarks, config: ObjectConfig | None = None) -> tuple[MapObject, ...]:
+def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple[MapObject, ...]:
     """Return the objects that stand in the place, by class and then by position.
 
     Args:
@@ -43,7 +41,7 @@ def objects_of(points: Landmarks, config: ObjectConfig | None = None) -> tuple[M
     config = config or ObjectConfig()
     found: list[MapObject] = []
     lasting = points.take(points.seen_s - points.first_s >= config.min_seen_s)
-    for class_id in BOXES:
+    for class_id in standing_classes():
         of_class = lasting.take(lasting.ids == class_id)
         if len(of_class) < config.min_points:
             continue

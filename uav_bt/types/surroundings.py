@@ -40,11 +40,12 @@ _PASSING_M = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObstaclePoints:
+class NearObstacles:
     """Where obstacles stand on the carpet, as seen lately, from the body's centre now."""
 
-    points_m: NDArray[np.float64]  # (N, 2): forward, right, in the heading-aligned level frame
-    captured_s: float  # of the newest frame that went in
+    # (N, 2): forward, right, in the heading-aligned level frame
+    points_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    captured_s: float = -math.inf  # of the newest frame that went in
     # (K, 2), in the same frame: where obstacles of unknown range are assumed for the time being.
     assumed_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     # (E, 2), in the same frame: where the carpet ends.
@@ -80,7 +81,7 @@ class ObstaclePoints:
             return math.inf
         return float(np.hypot(self.points_m[:, 0], self.points_m[:, 1]).min())
 
-    def within(self, reach_m: float) -> ObstaclePoints:
+    def within(self, reach_m: float) -> NearObstacles:
         """Return it with the points and edges only that are so near to the body's centre."""
         points, edges = (np.hypot(*each.T) <= reach_m for each in (self.points_m, self.edges_m))
         return replace(

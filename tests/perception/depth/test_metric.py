@@ -15,7 +15,7 @@ from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_H
 from uav_bt.errors import UnknownNameError
-from uav_bt.types import ClassMap, DepthMap, Frame, ObstaclePoints, Pose2D
+from uav_bt.types import ClassMap, DepthMap, Frame, NearObstacles, Pose2D
 
 SIZE = (224, 112)
 CAMERA = anafi_camera(160, 90)
@@ -199,7 +199,7 @@ def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(dra
     """Half a second ago the drone was a quarter metre behind and looked a quarter turn left."""
     then = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
     now = Pose2D(x_m=0.0, y_m=0.25, yaw_rad=math.pi / 2)
-    points = ObstaclePoints(points_m=np.array([[1.0, 0.0]]), captured_s=3.5)
+    points = NearObstacles(points_m=np.array([[1.0, 0.0]]), captured_s=3.5)
     seen = remembered_bases(points, now, then, frame(drawn), CAMERA)
 
     # 1.25 m to the right of where it was, and the lens ahead of its centre.
@@ -215,7 +215,7 @@ def test_contact_uses_what_is_remembered(drawn: View) -> None:
         np.stack([np.full(7, 0.55), edge - 0.45], 1),
         np.stack([edge + 0.7, np.full(7, -0.3)], 1),
     ]
-    points = ObstaclePoints(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
+    points = NearObstacles(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
     here = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
     remembered = remembered_bases(points, here, here, frame(drawn), CAMERA)
     made = maker("contact").make(frame(drawn), class_map(drawn), CAMERA, remembered=remembered)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.behaviours.leaf_world import map_with
 from tests.uav_bt.record.test_site_maps import site_map
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
@@ -27,8 +28,8 @@ from uav_bt.types import (
     FlyingState,
     HelipadFix,
     MoverState,
+    NearObstacles,
     Observation,
-    ObstaclePoints,
     Pose,
     Truth,
 )
@@ -66,7 +67,7 @@ BOARD: dict[str, Any] = {
         time_to_impact_s=math.inf,
     ),
     "helipad": HelipadFix(captured_s=CAPTURED_S, forward_m=0.1, right_m=0.2, detected=True),
-    "obstacles": ObstaclePoints(points_m=np.empty((0, 2)), captured_s=CAPTURED_S),
+    "site_map": map_with(NearObstacles(captured_s=CAPTURED_S)),
     "phase": "explore",
 }
 
@@ -123,8 +124,8 @@ def test_what_the_board_knew_comes_back() -> None:
     assert (moment.metric_depth.metric, moment.metric_depth.confidence) == (True, 0.25)
     assert moment.corridor == BOARD["corridor"]
     assert moment.helipad == BOARD["helipad"]
-    assert moment.obstacles is not None
-    assert moment.obstacles.points_m.shape == (0, 2)
+    assert moment.near is not None
+    assert moment.near.points_m.shape == (0, 2)
     assert moment.truth == TRUTH
     assert moment.statuses == ("RUNNING", "IDLE")
     assert moment.board["phase"] == {"value": "explore", "captured_s": CAPTURED_S}
