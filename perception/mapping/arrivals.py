@@ -17,19 +17,14 @@ class ArrivalConfig:
 
     A point that is seen again is off by the map's drift and by the errors of height and pitch. Near
     a settled point that explains a new one; an obstacle that just came into view may move.
-
-    Attributes:
-        beside_m: a point this near to a settled point belongs to it. Chosen.
-        beside_new_m: the same for a point that has just settled. Chosen.
-        beside_mps: growth from `beside_new_m` to `beside_m`. Chosen.
-        settles_s: a point on ground that was seen before settles after this time. Chosen.
-        shared_m: a point that a mover owns may be this much nearer to settled points. Chosen.
     """
 
-    beside_m: float = 0.3
-    beside_new_m: float = 0.12
-    beside_mps: float = 0.09
+    beside_m: float = 0.3  # a point this near to a settled point belongs to it. Chosen.
+    beside_new_m: float = 0.12  # the same for a point that has just settled. Chosen.
+    beside_mps: float = 0.09  # growth from `beside_new_m` to `beside_m`. Chosen.
+    # A point on ground that was seen before settles after this time. Chosen.
     settles_s: float = 2.0
+    # A point that a mover owns may be this much nearer to settled points. Chosen.
     shared_m: float = 0.2
 
 
@@ -54,7 +49,7 @@ def find_arrivals(
 
 
 def _off_standing_m(seen: Landmarks, known: Landmarks, config: ArrivalConfig) -> Floats:
-    """Return how far points are from the circles around what is known to stand."""
+    """Return how far points are from the circles around settled points."""
     time_s = float(seen.seen_s[0])
     known = known.take((known.settled_s <= time_s) & (known.missed == 0.0))
     if not len(known):

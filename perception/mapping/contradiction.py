@@ -10,22 +10,15 @@ import numpy as np
 
 @dataclass(frozen=True, kw_only=True)
 class ContradictionConfig:
-    """When a map is given up.
+    """When a map is given up."""
 
-    Attributes:
-        share: views contradict the map when they show only ground at more than this share of its
-            points that lie in them. Under heavy drift a quarter was seen; chosen above it.
-        judged_s: time constant with which earlier views are forgotten. Chosen.
-        judged_points: with fewer points in all those views there is no verdict. Chosen.
-        restart_s: a map contradicted for longer is begun anew. Chosen.
-        gap_s: longer gaps between views are ignored when judging the map. Chosen.
-    """
-
+    # Views contradict the map when they show only ground at more than this share of its points that
+    # lie in them. Under heavy drift a quarter was seen; chosen above it.
     share: float = 0.4
-    judged_s: float = 3.0
-    judged_points: float = 80.0
-    restart_s: float = 2.0
-    gap_s: float = 0.5
+    judged_s: float = 3.0  # time constant with which earlier views are forgotten. Chosen.
+    judged_points: float = 80.0  # fewer points in all those views do not count. Chosen.
+    restart_s: float = 2.0  # a map contradicted for longer is begun anew. Chosen.
+    gap_s: float = 0.5  # longer gaps between views are ignored when judging the map. Chosen.
 
 
 class Contradiction:

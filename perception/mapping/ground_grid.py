@@ -19,20 +19,19 @@ from uav_bt.types.site_map import is_beyond_edge
 class GroundGridConfig:
     """The grid's size, and what goes into it."""
 
-    cell_m: float = 0.1
-    reach_m: float = 12.0  # from the take-off point, each way
-    max_range_m: float = 4.0  # further ground is seen too flatly
-    # Votes of views on whether a cell is ground or lies beyond it; the first few can be overturned.
+    cell_m: float = 0.1  # side of a cell; chosen
+    reach_m: float = 12.0  # from the take-off point, each way; chosen
+    max_range_m: float = 4.0  # ground further from the camera is seen too flatly; chosen
+    # Views vote on whether a cell is ground or beyond it; more votes do not count. Chosen.
     max_votes: int = 6
-    near_step_m: float = 0.08  # between the places below the nearest line of sight
-    near_bearings: int = 3  # every so many bearings
-    passed_m: float = 0.5  # a cell this near to the flown path was passed
-    around_m: float = 0.1  # of a place, seen to be ground: far ground is placed so far off
-    # Where something moved it may come back, for so long, unless the ground was seen since.
-    lane_s: float = 90.0  # it may pause, and paths are long
-    looked_s: float = 0.4  # so long ago at most
-    lane_m: float = 0.2  # around the middle of what moved
-    body_m: float = 0.35  # around the drone itself nothing can stand
+    near_step_m: float = 0.08  # between places below the lowest line of sight; chosen, below a cell
+    near_bearings: int = 3  # of the scan, one in this number is cleared; chosen
+    passed_m: float = 0.5  # cells this near to the flown path were passed; as `coverage_passed`
+    around_m: float = 0.1  # ground must be seen this far around a place; its error when far; chosen
+    lane_s: float = 90.0  # a mover may come back to where it was for this time; chosen
+    looked_s: float = 0.4  # ground seen within this time is free of movers; chosen
+    lane_m: float = 0.2  # radius of a lane around a mover's path; chosen
+    body_m: float = 0.35  # no obstacle stands this near to the drone; chosen
 
     def __post_init__(self) -> None:
         if not 0.0 < self.cell_m < self.reach_m:
@@ -214,7 +213,7 @@ class GroundGrid:
 
 
 def _counts(cells: NDArray[np.intp], size: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return how often each cell of a window of so many rows and columns occurs."""
+    """Return how often each cell occurs in a window, given its rows and columns."""
     flat = np.bincount(cells[:, 0] * size[1] + cells[:, 1], minlength=int(size.prod()))
     return flat.reshape(size)
 

@@ -19,27 +19,21 @@ from uav_bt.classes import BACKGROUND
 
 @dataclass(frozen=True, kw_only=True)
 class LandmarkConfig:
-    """Which points are kept, and when they go.
+    """Which points are kept, and when they go."""
 
-    Attributes:
-        same_m: a point seen this near to a known point is that point again. Chosen.
-        enough: weight from which a point stays where it is; a sighting at 1 m weighs 1, and the
-            weight falls with the square of the range. Chosen.
-        max_weight: of one sighting, at 0.5 m and nearer. Chosen.
-        probe_m: ground must be seen at a point and at this distance to all four sides of it to
-            count against it. Chosen.
-        min_missed: views that show ground around a point before it goes; as many as its weight,
-            at least this and at most `max_missed`. One view with a wrong pose must not remove what
-            would correct the pose. Chosen.
-        max_missed: likewise.
-    """
-
-    same_m: float = 0.08
+    same_m: float = 0.08  # a point seen this near to a known point is that point again. Chosen.
+    # Weight from which a point stays where it is; a sighting at 1 m weighs 1, and the weight falls
+    # with the square of the range. Chosen.
     enough: float = 3.0
-    max_weight: float = 4.0
+    max_weight: float = 4.0  # of one sighting, at 0.5 m and nearer. Chosen.
+    # Ground must be seen at a point and at this distance to all four sides of it to count against
+    # it. Chosen.
     probe_m: float = 0.05
+    # Views that show ground around a point before it goes; as many as its weight, at least this and
+    # at most `max_missed`. One view with a wrong pose must not remove what would correct the pose.
+    # Chosen.
     min_missed: float = 3.0
-    max_missed: float = 10.0
+    max_missed: float = 10.0  # likewise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

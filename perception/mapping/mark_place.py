@@ -15,23 +15,16 @@ from uav_bt.types.site_map import MapMark
 
 @dataclass(frozen=True, kw_only=True)
 class MarkPlaceConfig:
-    """How far sightings of the mark are trusted.
+    """How far sightings of the mark are trusted."""
 
-    Attributes:
-        std_m: of a sighting close by. Chosen.
-        std_ratio: of its range, in addition. Chosen.
-        doubt_m: in addition, at confidence 0; in proportion to 1 - confidence. Half an H that the
-            image's border cuts has its middle 0.25 m off.
-        moved_views: this many sightings elsewhere in a row move the mark. Chosen.
-        drift_m: the mark is moved this far, as the map may have drifted; further only when ground
-            was seen at its former place. Sightings far from a mark that still stands are a mask's
-            errors. Chosen.
-    """
-
-    std_m: float = 0.03
-    std_ratio: float = 0.05
+    std_m: float = 0.03  # of a sighting close by. Chosen.
+    std_ratio: float = 0.05  # of its range, in addition. Chosen.
+    # In addition, at confidence 0; in proportion to 1 - confidence. Half an H that the image's
+    # border cuts has its middle 0.25 m off.
     doubt_m: float = 0.3
-    moved_views: int = 10
+    moved_views: int = 10  # this many sightings elsewhere in a row move the mark. Chosen.
+    # The mark is moved this far, as the map may have drifted; further only when ground was seen at
+    # its former place. Sightings far from a mark that still stands are a mask's errors. Chosen.
     drift_m: float = 0.7
 
 

@@ -15,69 +15,42 @@ from uav_bt.errors import ValueRangeError
 
 @dataclass(frozen=True, kw_only=True)
 class MoverConfig:
-    """What is a mover, and for how long. All values are chosen, on the twin's people and carts.
+    """When a cluster is a mover, and for how long. Chosen on the twin's people and carts."""
 
-    Attributes:
-        apart_m: points further apart belong to two clusters.
-        min_points: a cluster with fewer points is ignored.
-        max_width_m: a wider cluster is a wall that a displaced view shows.
-        depth_m: assumed depth of a mover; its base is seen from one side, its middle lies behind.
-        min_radius_m: least radius of a mover.
-        shrinks: ratio by which the radius may shrink from one sighting to the next.
-        owned_m: points this near to the circle of what moves belong to it.
-        std_m: standard deviation of a cluster's middle.
-        cut_std_m: the same where the end of the view cuts the cluster off.
-        range_std_ratio: the same as a ratio of its range, in addition.
-        accel_mps2: standard deviation of the acceleration; movers start and stop.
-        start_mps: standard deviation of a new cluster's velocity.
-        gate: largest squared Mahalanobis distance of a sighting; chi-square, 2 dof, 99.9 %.
-        same_m: a cluster this near to a track starts no other.
-        early_sightings: sightings after which a fast cluster most likely moves.
-        sightings: sightings after which a cluster may be a mover.
-        moved_m: distance from its first place after which a fast cluster is a mover.
-        moved_slowly_m: the same for a slow one.
-        min_mps: a slower cluster is no mover.
-        max_mps: a faster one is none, either.
-        sure: a cluster is fast above this many standard deviations of its velocity.
-        stays_m: a cluster that stays this near to one place
-        stays_s: for this long stands.
-        doubt_s: a cluster that has not moved is forgotten when it is unseen for this long.
-        life_s: the same for a mover.
-        free_s: either is forgotten when its place is seen free for this long.
-        waits_s: after a movement, an obstacle that has arrived may be a waiting mover this long.
-        trail_s: past places of a mover are kept for this long.
-        passed_s: a point of the map belongs to a mover that was there this near in time to the
-            point's first sighting.
-    """
-
-    apart_m: float = 0.3
-    min_points: int = 3
-    max_width_m: float = 1.2
+    apart_m: float = 0.3  # points further apart belong to two clusters
+    min_points: int = 3  # a cluster with fewer points is ignored
+    max_width_m: float = 1.2  # a wider cluster is a wall that a displaced view shows
+    # Assumed depth of a mover; its base is seen from one side, its middle lies behind.
     depth_m: float = 0.4
-    min_radius_m: float = 0.25
-    shrinks: float = 0.98
-    owned_m: float = 0.15
-    std_m: float = 0.06
-    cut_std_m: float = 0.3
-    range_std_ratio: float = 0.02
-    accel_mps2: float = 0.5
-    start_mps: float = 0.5
+    min_radius_m: float = 0.25  # least radius of a mover
+    shrinks: float = 0.98  # ratio by which the radius may shrink from one sighting to the next
+    owned_m: float = 0.15  # points this near to the circle of what moves belong to it
+    std_m: float = 0.06  # standard deviation of a cluster's middle
+    cut_std_m: float = 0.3  # the same where the end of the view cuts the cluster off
+    range_std_ratio: float = 0.02  # the same as a ratio of its range, in addition
+    accel_mps2: float = 0.5  # standard deviation of the acceleration; movers start and stop
+    start_mps: float = 0.5  # standard deviation of a new cluster's velocity
+    # Largest squared Mahalanobis distance of a sighting; chi-square, 2 dof, 99.9 %.
     gate: float = 13.8
-    same_m: float = 0.45
-    early_sightings: int = 3
-    sightings: int = 5
-    moved_m: float = 0.3
-    moved_slowly_m: float = 0.45
-    min_mps: float = 0.1
-    max_mps: float = 1.5
-    sure: float = 2.0
-    stays_m: float = 0.2
-    stays_s: float = 3.0
+    same_m: float = 0.45  # a cluster this near to a track starts no other
+    early_sightings: int = 3  # sightings after which a fast cluster most likely moves
+    sightings: int = 5  # sightings after which a cluster may be a mover
+    moved_m: float = 0.3  # distance from its first place after which a fast cluster is a mover
+    moved_slowly_m: float = 0.45  # the same for a slow one
+    min_mps: float = 0.1  # a mover is faster
+    max_mps: float = 1.5  # and slower
+    sure: float = 2.0  # a cluster is fast above this many standard deviations of its velocity
+    stays_m: float = 0.2  # a cluster that stays this near to one place
+    stays_s: float = 3.0  # for this long stands
+    # A cluster that has not moved is forgotten when it is unseen for this long.
     doubt_s: float = 0.6
-    life_s: float = 2.5
-    free_s: float = 0.3
+    life_s: float = 2.5  # the same for a mover
+    free_s: float = 0.3  # either is forgotten when its place is seen free for this long
+    # After a movement, an obstacle that has arrived may be a waiting mover this long.
     waits_s: float = 90.0
-    trail_s: float = 3.0
+    trail_s: float = 3.0  # past places of a mover are kept for this long
+    # A point of the map belongs to a mover that was there this near in time to the point's first
+    # sighting.
     passed_s: float = 1.0
 
     def __post_init__(self) -> None:
@@ -93,7 +66,7 @@ class MoverTrack:
         place_m: (2,) of its middle, in the map's frame.
         noise: (2, 2) covariance of that.
         time_s: of the view that showed it first.
-        config: what is a mover.
+        config: when a cluster is a mover.
     """
 
     def __init__(
@@ -162,7 +135,7 @@ class MoverTrack:
         Args:
             place_m: (2,) of its middle.
             noise: (2, 2) covariance of that.
-            radius_m: of what was seen of it.
+            radius_m: of the part that was seen.
             whole: whether that is all of it.
         """
         cfg = self._config
@@ -179,7 +152,7 @@ class MoverTrack:
         """Decide whether it moves or stands.
 
         Args:
-            moves: whether what was sighted may show that; otherwise it counts from here on.
+            moves: whether the sighting may show that; if not, it is judged anew from here on.
         """
         cfg, place_m = self._config, self.place_m
         if not moves:

@@ -1,6 +1,6 @@
 """What moves in the place: tracked from view to view, and kept apart from what stands.
 
-Bases that appear on ground that was seen free before, away from what is known to stand there, have
+Bases that appear on ground that was seen free before, away from settled points, have
 arrived. Those of a view are clustered, and a Kalman filter with a constant velocity follows each
 cluster in the map's frame. It is a mover once it has really moved, further than the noise of depth
 and odometry; it stands once it has stayed at one place for some seconds.
@@ -20,7 +20,7 @@ from perception.mapping.mover_track import MoverConfig, MoverTrack
 from perception.mapping.tables import Flags, Floats
 from uav_bt.types.site_map import MapMover
 
-_FAR = 1e6  # cost of an assignment that is none
+_FAR = 1e6  # cost of a pair that must not be assigned
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class _Cluster:
 
 
 class MoverTracker:
-    """Follows what has arrived on free ground.
+    """Follows clusters that have arrived on free ground.
 
     Args:
-        config: what is a mover.
+        config: when a cluster is a mover.
     """
 
     def __init__(self, config: MoverConfig | None = None) -> None:
@@ -81,7 +81,7 @@ class MoverTracker:
             judges: whether it may show that something moves.
 
         Returns:
-            Which of them stand: what they belong to has stayed for so long.
+            (N,) which of them belong to a cluster that has stayed long enough to stand.
         """
         cfg = self._config
         self._tracks = [

@@ -1,6 +1,6 @@
 """The map's recent layer: obstacles near the drone, also after they have left the view.
 
-A forward-looking camera shows neither what is beside the drone nor the ground nearer than about
+A forward-looking camera shows neither obstacles beside the drone nor the ground nearer than about
 1.2 m. An obstacle stands still, and its base was seen from further away. Those points are kept for
 a while in the dead-reckoned frame, and dropped where ground is seen again. An obstacle that reaches
 down to the image's lower edge without such a point has an unknown range: its bearing is kept apart,
@@ -27,25 +27,17 @@ from uav_bt.types.dead_reckoning import OdometryPose
 
 @dataclass(frozen=True, kw_only=True)
 class RecentLayerConfig:
-    """Which points are kept, and for how long.
+    """Which points are kept, and for how long."""
 
-    Attributes:
-        max_age_s: of bases. Dead reckoning drifts by about a decimetre in this time.
-        edge_age_s: of the edge of the ground, where a decimetre matters less. Chosen.
-        assumed_age_s: of assumed points. Chosen.
-        assumed_ranges_m: ranges at which an obstacle of unknown range is assumed. Nearer than the
-            first it would touch the body already. Chosen.
-        cell_m: one point is kept in each cell of this size. Chosen.
-        explain_rad: a known point explains an obstacle this near to its bearing, and
-        explain_m: at most this much further away than the ground that the obstacle hides. Chosen.
-    """
-
-    max_age_s: float = 30.0
-    edge_age_s: float = 60.0
-    assumed_age_s: float = 10.0
+    max_age_s: float = 30.0  # of bases. Dead reckoning drifts by about a decimetre in this time.
+    edge_age_s: float = 60.0  # of the edge of the ground, where a decimetre matters less. Chosen.
+    assumed_age_s: float = 10.0  # of assumed points. Chosen.
+    # Ranges at which an obstacle of unknown range is assumed. Nearer than the first it would touch
+    # the body already. Chosen.
     assumed_ranges_m: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)
-    cell_m: float = 0.05
-    explain_rad: float = 0.12
+    cell_m: float = 0.05  # one point is kept in each cell of this size. Chosen.
+    explain_rad: float = 0.12  # a known point explains an obstacle this near to its bearing, and
+    # At most this much further away than the ground that the obstacle hides. Chosen.
     explain_m: float = 0.3
 
 
@@ -166,9 +158,10 @@ class RecentLayer:
         self._points = self._points.take(~ground)
 
     def _drop_assumed_before_ground(self, view: View) -> None:
-        """Drop assumed points nearer than the view begins, where that begins with ground.
+        """Drop assumed points before the nearest ground in view.
 
-        An obstacle there that reached up to the drone would hide that ground.
+        An obstacle there that reached up to the drone would hide the ground with which a bearing
+        begins.
         """
         scan = view.scan
         first = np.arange(len(scan.groups)), (scan.groups != NO_CLASS).argmax(axis=1)

@@ -1,4 +1,4 @@
-"""Correct the drone's place by what it sees again: scan matching against the map's points.
+"""Correct the drone's place by points that are seen again: scan matching against the map's points.
 
 The transform from the dead-reckoned frame to the map's (REP 105's `odom` to `map`) is the state of
 a Kalman filter. It grows uncertain with the odometry's drift. Each view is matched to the map by
@@ -38,11 +38,11 @@ class RegistrationConfig:
     max_yaw_std_rad: float = 0.06  # telemetry's heading is not wrong by more
     point_std_m: float = 0.03  # of a point near by
     range_std_ratio: float = 0.02  # of its range besides: height and pitch are off a little
-    gate_m: float = 0.35  # what is further from all known points is new
-    # Neighbouring samples, and views a tenth of a second apart, err alike: so many count as one.
+    gate_m: float = 0.35  # a point further from all known points is new; chosen
+    # Neighbouring samples, and views 0.1 s apart, err alike: this number counts as one. Chosen.
     alike: float = 8.0
     mark_alike: float = 30.0  # of sightings of the landing mark
-    mark_gate_stds: float = 3.0  # a mark is another beyond so many, and beyond gate_m
+    mark_gate_stds: float = 3.0  # beyond these and `gate_m` a mark is another; chosen
     rounds: int = 3
     settled_m: float = 1e-4  # a smaller step ends the rounds
     neighbours: int = 6

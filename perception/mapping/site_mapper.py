@@ -38,27 +38,19 @@ from uav_bt.types.site_map import MapObject, SiteMap
 
 @dataclass(frozen=True, kw_only=True)
 class SiteMapperConfig:
-    """How the map is kept.
+    """How the map is kept."""
 
-    Attributes:
-        tracked_s: the odometry counts as telemetry alone when it has followed no ground for longer.
-            Chosen.
-        displaced_m: a view further off the map adds no points. Chosen.
-        lost_m: in a view further off the map no movers are looked for. Chosen.
-        low_m: below this height nothing is judged to move: the error of the height lets standing
-            obstacles slide. Chosen.
-        settled_s: points known for this long correct the drone's place. Chosen.
-        residual_views: number of views in the mean of how far views are off the map. Chosen.
-        objects_s: interval between two searches for objects. Chosen.
-    """
-
+    # The odometry counts as telemetry alone when it has followed no ground for longer. Chosen.
     tracked_s: float = 0.6
-    displaced_m: float = 0.03
-    lost_m: float = 0.05
+    displaced_m: float = 0.03  # a view further off the map adds no points. Chosen.
+    lost_m: float = 0.05  # in a view further off the map no movers are looked for. Chosen.
+    # Below this height nothing is judged to move: the error of the height lets standing obstacles
+    # slide. Chosen.
     low_m: float = 1.2
-    settled_s: float = 1.0
+    settled_s: float = 1.0  # points known for this long correct the drone's place. Chosen.
+    # Number of views in the mean of how far views are off the map. Chosen.
     residual_views: int = 200
-    objects_s: float = 0.5
+    objects_s: float = 0.5  # interval between two searches for objects. Chosen.
     view: ViewConfig = field(default_factory=ViewConfig)
     grid: GroundGridConfig = field(default_factory=GroundGridConfig)
     arrivals: ArrivalConfig = field(default_factory=ArrivalConfig)
@@ -193,7 +185,7 @@ class SiteMapper:
         self._contradiction.add(view.captured_s, int(counts[0]), int(counts[1]))
 
     def _add_points(self, view: View, off_m: float) -> None:
-        """Add what stands and where the ground ends; follow what has arrived.
+        """Add standing bases and edges to the map; let the tracker follow arrivals.
 
         Args:
             view: placed in the map's frame.

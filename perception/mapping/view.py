@@ -24,28 +24,24 @@ MIN_HEIGHT_M: Final = 0.05  # chosen; a lower camera counts as this high: a divi
 
 @dataclass(frozen=True, kw_only=True)
 class ViewConfig:
-    """Which frames are views, and which of their points are placed on the map.
+    """Which frames are views, and which of their points are placed on the map."""
 
-    Attributes:
-        min_pitch_rad: the gimbal's lowest pitch; in steeper views roofs hide bases. Chosen.
-        max_range_m: points further from the camera are not placed. At 1.5 m height and this range
-            one row of the class map is 5 cm of ground.
-        max_range_ratio: the same limit as a ratio of the camera's height, for the map's points.
-            The range error of one pixel grows with range squared over height. Chosen.
-        beside_rad: a base counts for the map with another one this near in bearing, and
-        beside_m: this near in range. On the bearing of a vertical edge, samples that miss it below
-            and hit it above look like a base far behind. Both chosen.
-        cut_share: share of the image's width at either end, in which an object may continue beyond
-            the image. Chosen.
-        scan: how finely frames are scanned.
-    """
-
+    # The gimbal's lowest pitch; in steeper views roofs hide bases. Chosen.
     min_pitch_rad: float = -1.0
+    # Points further from the camera are not placed. At 1.5 m height and this range one row of the
+    # class map is 5 cm of ground.
     max_range_m: float = 3.0
+    # The same limit as a ratio of the camera's height, for the map's points. The range error of one
+    # pixel grows with range squared over height. Chosen.
     max_range_ratio: float = 2.0
-    beside_rad: float = 0.03
+    beside_rad: float = 0.03  # a base counts for the map with another one this near in bearing, and
+    # This near in range. On the bearing of a vertical edge, samples that miss it below and hit it
+    # above look like a base far behind. Both chosen.
     beside_m: float = 0.12
+    # Share of the image's width at either end, in which an object may continue beyond the image.
+    # Chosen.
     cut_share: float = 0.025
+    # How finely frames are scanned.
     scan: ContactScanConfig = field(default_factory=ContactScanConfig)
 
 

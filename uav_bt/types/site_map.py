@@ -17,7 +17,7 @@ from uav_bt.types.surroundings import NearObstacles
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-EDGE_MARGIN_M: Final = 0.3  # only what is further beyond the edge of the ground is surely beyond it
+EDGE_MARGIN_M: Final = 0.3  # a place beyond the edge by more is surely beyond it; chosen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +123,7 @@ class SiteMapBase:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SiteMap(SiteMapBase):
-    """Grids around the take-off point, what stands in them, and what is near the drone.
+    """Grids around the take-off point, obstacles in them, and obstacles near the drone.
 
     The frame is the dead-reckoned one: x along yaw 0, y to its right, the origin where the mission
     began; views have corrected the drone's place in it. All grids have one shape, rows along x and

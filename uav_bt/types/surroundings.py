@@ -1,4 +1,4 @@
-"""The surroundings: fixed sizes, what is known of helipad and obstacles, the turn being held."""
+"""The surroundings: fixed sizes, the helipad's fix, obstacles near the drone, the held turn."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class HelipadFix:
         return math.atan2(self.right_m, self.forward_m)
 
 
-# Passing a point that lies abeam brings it nearer by this little; that is no approach.
+# A path past a point abeam may bring it nearer by this and counts as no approach; chosen.
 _PASSING_M = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
 class NearObstacles:
-    """Where obstacles stand on the carpet, as seen lately, from the body's centre now."""
+    """Obstacles and edges near the drone, from the body's centre, placed by dead reckoning."""
 
     # (N, 2): forward, right, in the heading-aligned level frame
     points_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
@@ -82,7 +82,7 @@ class NearObstacles:
         return float(np.hypot(self.points_m[:, 0], self.points_m[:, 1]).min())
 
     def within(self, reach_m: float) -> NearObstacles:
-        """Return it with the points and edges only that are so near to the body's centre."""
+        """Return only the points and edges within a distance of the body's centre."""
         points, edges = (np.hypot(*each.T) <= reach_m for each in (self.points_m, self.edges_m))
         return replace(
             self,
@@ -97,7 +97,7 @@ class NearObstacles:
     ) -> bool:
         """Return whether a straight path keeps a margin from every point.
 
-        What is already nearer than the margin may be passed and left, but not approached.
+        A point nearer than the margin may be passed and left, but not approached.
 
         Args:
             forward_m: the end of the path, ahead of the body's centre.
