@@ -126,14 +126,12 @@ def merge(
         return known.with_rows(seen) if adds else known
     apart_m, nearest = cKDTree(known.xy_m).query(seen.xy_m)
     again = apart_m <= config.same_m
-    result = known.with_rows(seen.take(~again & adds))
+    result = known.with_rows(seen.take(~again & adds))  # a copy
     rows, sighted = nearest[again], seen.take(again)  # several may be of one known point
-    weight = result.weight.copy()
-    np.add.at(weight, rows, sighted.weight)
-    pull_m = sighted.weight[:, None] * (sighted.xy_m - result.xy_m[rows])
     moves = result.weight[rows] < config.enough
-    np.add.at(result.xy_m, rows[moves], pull_m[moves] / weight[rows[moves], None])
-    result.weight[:] = weight
+    pull_m = sighted.weight[:, None] * (sighted.xy_m - result.xy_m[rows])
+    np.add.at(result.weight, rows, sighted.weight)
+    np.add.at(result.xy_m, rows[moves], pull_m[moves] / result.weight[rows[moves], None])
     result.seen_s[rows] = sighted.seen_s
     result.missed[rows] = 0.0
     return result

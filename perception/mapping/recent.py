@@ -209,8 +209,9 @@ class RecentLayer:
     def _add(self, xy_m: Floats, until_s: float, kind: _Kind) -> None:
         new = _Points.of(xy_m, until_s=until_s, seen_s=self._newest_s, kind=kind)
         points = new.with_rows(self._points)
-        points = points.take(np.lexsort((-points.until_s, points.kinds)))  # of one kind the newest
-        self._points = points.take(first_in_cells(points.xy_m, self._config.cell_m))
+        order = np.lexsort((-points.until_s, points.kinds))  # of one kind the newest first
+        first = first_in_cells(points.xy_m[order], self._config.cell_m)
+        self._points = points.take(order[first])
 
 
 def _wrapped(angles_rad: Floats) -> Floats:

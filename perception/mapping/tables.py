@@ -32,6 +32,8 @@ class PointTable:
         Args:
             which: (N,) flags, or row numbers.
         """
+        if which.dtype == np.bool_ and which.all():
+            return self  # columns of a given table are never written to
         return type(self)(**{name: column[which] for name, column in vars(self).items()})
 
     def with_rows(self, other: Self) -> Self:
