@@ -160,8 +160,8 @@ def test_a_file_that_names_the_former_leaf_or_key_is_told_the_successors() -> No
     with pytest.raises(TreeError) as refused:
         parse_tree(text, NodeRegistry.installed())
     node, key = refused.value.findings
-    assert "write <MapSite/> and <TrackMotion/> in its place" in node
-    assert "no key 'obstacles'; 'site_map' replaces it" in key
+    assert "it was replaced by MapSite and TrackMotion" in node
+    assert "it was replaced by site_map" in key
 
 
 def test_an_import_of_a_former_name_names_the_successor() -> None:
