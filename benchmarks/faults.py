@@ -56,9 +56,13 @@ def shortened(tree: str, explore_s: float, folder: Path) -> Path:
     source = resolve_tree(tree)
     with reading(source):
         text = source.read_text(encoding="utf-8")
-    short, count = re.subn(r'<Timeout msec="\d+"', f'<Timeout msec="{1000 * explore_s:.0f}"', text)
+    limit = r'\b(Timeout msec|duration_ms)="\d+"'
+    short, count = re.subn(limit, rf'\1="{1000 * explore_s:.0f}"', text)
     if count == 0:
-        raise FileError(source, 'has no <Timeout msec="...">, which --explore-s would set')
+        raise FileError(
+            source,
+            'has no <Timeout msec="..."> and no duration_ms="...", which --explore-s would set',
+        )
     path = folder / f"{source.stem}-{explore_s:g}s.xml"
     write_whole(path, short)
     return path
