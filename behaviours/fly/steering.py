@@ -142,7 +142,7 @@ class SteeringLeaf(MovingLeaf):
             state: of the drone.
             decision: with a speed; without a new view the last is flown on for a while.
         """
-        cfg, yaw_rad = self.steering, self._yaw_rad(state)
+        cfg, yaw_rad = self.steering, state.attitude.yaw_rad
         if decision is not None and decision.speed_mps:
             self.write(HELD_TURN, HeldTurn())
         course = self._course.follow(decision, yaw_rad=yaw_rad, now_s=self.clock.now())
