@@ -21,7 +21,7 @@ from uav_bt.errors import ValueRangeError
 class HeadingGains:
     """Gains of the heading PID."""
 
-    # rad/s per rad; the largest multiple of 0.1 with 6 dB and 45 deg of margin in the twin's profile
+    # rad/s per rad: the largest tenth with 6 dB and 45 deg of margin in the twin's profile
     # `harsh`, whose heading is heard 0.12 to 0.32 s late (tests/benchmarks/test_heading_design.py)
     proportional: float = 1.2
     integral: float = 0.10  # 1/s^2: takes out the bearing offset that a steady drift leaves
