@@ -121,7 +121,7 @@ def _run(
     for tick in range(round(duration_s / tick_s) + 1):
         clock.sleep_until(start_s + tick * tick_s)
         state = drone.observe().state
-        elapsed_s = state.captured_s - start_s
+        elapsed_s = clock.now() - start_s
         rate_radps = law(elapsed_s, state.attitude.yaw_rad)
         drone.send(Command(movement=Velocity(yaw_rate_radps=rate_radps)))
         rows.append((elapsed_s, state.attitude.yaw_rad, rate_radps))

@@ -66,7 +66,7 @@ class CourseLeaf(MovingLeaf):
             state: Of the drone.
             answer: The new one; None to fly on the last for a while.
         """
-        cfg, yaw_rad = self.course, self.yaw_rad(state)
+        cfg, yaw_rad = self.course, state.attitude.yaw_rad
         if isinstance(answer, FollowLeg) and answer.speed_mps > 0.0:
             self.write(HELD_TURN, HeldTurn())
         course = self._course.follow(answer, yaw_rad=yaw_rad, now_s=self.clock.now())
