@@ -341,4 +341,6 @@ class ClearanceMaps:
             found = self[passage].route_to(to, near_m=near_m, far_m=far_m)
             if found is not None and (best is None or found.time_s < best.time_s - margins.saved_s):
                 best = found
+            if best is not None and passage is Passage.TIGHT:
+                break
         return best
