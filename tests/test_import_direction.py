@@ -136,6 +136,66 @@ def test_imports_only_go_down(path: Path) -> None:
     assert against == []
 
 
+# Packages in which no module imports one that imports it, on any way.
+WITHOUT_CIRCLES = ("uav_bt", "perception")
+
+
+def circles(arrows: dict[str, set[str]]) -> list[list[str]]:
+    """Return the groups of modules that reach each other (Tarjan's algorithm)."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(module: str) -> None:
+        index[module] = low[module] = len(index)
+        stack.append(module)
+        for other in sorted(arrows[module]):
+            if other not in index:
+                visit(other)
+                low[module] = min(low[module], low[other])
+            elif other in stack:
+                low[module] = min(low[module], index[other])
+        if low[module] == index[module]:
+            group = stack[stack.index(module) :]
+            del stack[stack.index(module) :]
+            if len(group) > 1:
+                found.append(sorted(group))
+
+    for module in sorted(arrows):
+        if module not in index:
+            visit(module)
+    return found
+
+
+def arrows_between(packages: tuple[str, ...]) -> dict[str, set[str]]:
+    """Return which modules of some packages each of them imports."""
+    sources = {
+        module_name(path): path for path in modules() if within(module_name(path), *packages)
+    }
+    arrows: dict[str, set[str]] = {}
+    for name, path in sources.items():
+        text = path.read_text(encoding="utf-8")
+        found = {
+            item.imported for item in imports_of(text, name, is_package=path.stem == "__init__")
+        }
+        # `from uav_bt.tree import Leaf` imports the package, not a module of that name.
+        named = {each if each in sources else each.rpartition(".")[0] for each in found}
+        arrows[name] = (named & sources.keys()) - {name}
+    return arrows
+
+
+@pytest.mark.parametrize("package", WITHOUT_CIRCLES)
+def test_imports_go_in_no_circle(package: str) -> None:
+    """Late imports and those for type checkers count."""
+    assert circles(arrows_between((package,))) == []
+
+
+def test_a_circle_would_be_found() -> None:
+    arrows = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set()}
+    assert circles(arrows) == [["b", "c"]]
+
+
 @pytest.mark.parametrize(
     ("importer", "source"),
     [

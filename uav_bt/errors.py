@@ -33,6 +33,19 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"; did you mean '{close[0]}'?" if close else ""
 
 
+def hint_for(name: str, known: Iterable[str], successors: Sequence[str] = ()) -> str:
+    """Return the hint at an unknown name for a message: its successors, or the closest known name.
+
+    Args:
+        name: the unknown name.
+        known: all names that there are.
+        successors: those that replace the name of an earlier version.
+    """
+    if not successors:
+        return did_you_mean(name, known)
+    return f"; it was replaced by {' and '.join(successors)}"
+
+
 class UavBtError(Exception):
     """Base of all errors this project raises on purpose."""
 
@@ -94,10 +107,12 @@ class TreeError(FileError):
 class UnknownNameError(InputError, ValueError):
     """A name that is not registered."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(
+        self, kind: str, name: str, known: Iterable[str], successors: Sequence[str] = ()
+    ) -> None:
         names = sorted(known)
         super().__init__(
-            f"unknown {kind} '{name}'{did_you_mean(name, names)} "
+            f"unknown {kind} '{name}'{hint_for(name, names, successors)} "
             f"(known: {', '.join(names) if names else 'none'})"
         )
 

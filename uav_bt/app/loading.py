@@ -117,7 +117,7 @@ def check_ceiling(mission: MissionTree, limits: Limits) -> None:
     """Refuse a tree that is to fly higher than it may.
 
     Args:
-        mission: the tree; a height that is a variable is known in flight only.
+        mission: the tree; a height that a leaf or a script writes is known in flight only.
         limits: the ceiling is among them.
 
     Raises:
@@ -125,10 +125,10 @@ def check_ceiling(mission: MissionTree, limits: Limits) -> None:
     """
     for leaf in mission.leaves():
         height = next((port for port in leaf.ports if port.name == _HEIGHT_PORT), None)
-        if FLIGHT_HEIGHT not in leaf.writes or height is None or leaf.reference(height):
+        if FLIGHT_HEIGHT not in leaf.writes or height is None:
             continue
-        height_m = leaf.port(height)
-        if height_m > limits.ceiling_m:
+        height_m = leaf.initial_value(height)
+        if height_m is not None and height_m > limits.ceiling_m:
             raise InputError(
                 f"node '{leaf.path}' is to fly at {height_m:g} m, above the ceiling of "
                 f"{limits.ceiling_m:g} m: lower the flight height or raise the limit ceiling_m"

@@ -81,8 +81,7 @@ def weights_of(*missions: MissionTree) -> dict[str, str]:
     for mission in missions:
         for leaf in mission.leaves():
             for port in leaf.ports:
-                literal = port.type is str and leaf.reference(port) is None
-                value = leaf.port_value(port.name) if literal else None
+                value = leaf.initial_value(port) if port.type is str else None
                 files |= {file.name: file for file in _files_meant(value)}
     return {name: _file_sha256(file, file.stat().st_mtime_ns) for name, file in files.items()}
 

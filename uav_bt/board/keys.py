@@ -98,6 +98,7 @@ SITE_MAP: Final = Key(
     "the map of the place: ground, obstacles, edges, objects, landing mark",
     writer="RememberObstacles",
     max_age_s=_FRAME_MAX_AGE_S,
+    formerly=("obstacles",),
 )
 PHASE: Final = Key(
     "phase",

@@ -10,7 +10,7 @@ import pytest
 
 from uav_bt.errors import FileError, InputError
 from uav_bt.testing.coverage import FileCoverage, TreeCoverage, percentage
-from uav_bt.testing.plugin import is_tree_file
+from uav_bt.testing.marked_files import is_tree_file
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.shipped import tree_files
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import pytest
 
 from uav_bt import testing
+from uav_bt.testing.marked_files import is_tree_file
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -100,17 +101,6 @@ def strict_board(manual_clock: testing.ManualClock) -> testing.StrictBlackboard:
 def scripted_drone(manual_clock: testing.ManualClock) -> testing.ScriptedDrone:
     """Return a drone without a world, on the manual clock."""
     return testing.ScriptedDrone(clock=manual_clock)
-
-
-# The root element with its format stands at the beginning; a long comment may come before.
-_HEAD_BYTES: Final = 20_000
-_MARK: Final = b"BTCPP_format"
-
-
-def is_tree_file(path: Path) -> bool:
-    """Return whether an XML file is marked as a tree file, be it damaged."""
-    with path.open("rb") as file:
-        return _MARK in file.read(_HEAD_BYTES)
 
 
 class _RefusedError(Exception):

@@ -73,7 +73,7 @@ def _names(keys: Iterable[Key[Any]]) -> tuple[str, ...]:
 
 
 def describe(node: type[Node], registry: NodeRegistry | None = None) -> NodeInfo:
-    """Return what a person wants to know about a node.
+    """Return the description of a node for people.
 
     Args:
         node: the class.

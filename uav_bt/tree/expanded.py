@@ -85,7 +85,7 @@ class ExpandedNode(SubTree):
             given: values by port, typed or as texts.
 
         Raises:
-            InputError: there is no such port, a value does not fit, or another tree is chosen.
+            InputError: a port is unknown, a value does not fit, or another tree is chosen.
         """
         super(SubTree, self).rebind(given)  # as every node with ports
         if self._chosen_tree() != self.tree_id:
@@ -104,7 +104,7 @@ class ExpandedNode(SubTree):
 
 
 def literal_wanted(port: str) -> str:
-    """Return what is wrong with a reference at a port that chooses the tree."""
+    """Return the message for a reference at a port that chooses the tree."""
     return f"attribute '{port}' chooses the tree that the node is made of: expected a literal"
 
 

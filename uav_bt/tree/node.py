@@ -79,6 +79,9 @@ class Node(Surroundings, Behaviour):
     """
 
     kind: ClassVar[NodeKind]
+    # Ids that nodes had in earlier versions, in whose place this one stands: several nodes may
+    # name the same. A tree file with such an id is refused with the ids of the successors.
+    formerly: ClassVar[tuple[str, ...]] = ()
     min_children: ClassVar[int] = 0
     max_children: ClassVar[int | None] = 0  # None: as many as one likes
 
@@ -283,7 +286,7 @@ class Node(Surroundings, Behaviour):
     def tick(self) -> Iterator[Behaviour]:
         """Tick as py_trees does, and yield every node that was ticked, children first.
 
-        While a visitor of py_trees looks at a node, the node shows what its tick answered.
+        While a visitor of py_trees looks at a node, the node shows the answer of its tick.
         """
         if self.node_status is SUCCESS or self.node_status is FAILURE:
             self.reset()

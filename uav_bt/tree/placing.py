@@ -31,7 +31,7 @@ def place_tree(root: Node, path: str, variables: Variables) -> None:
     Args:
         root: the uppermost node.
         path: of the root.
-        variables: of the tree that the root stands in; every subtree below gets its own.
+        variables: of the tree that the root stands in; every subtree below gets a scope in them.
     """
     root.place(path, variables)
     inner = root.open_scope(variables)

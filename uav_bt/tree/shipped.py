@@ -79,7 +79,7 @@ _COMMENT: Final = """\
                              done its part says so again, and the next one goes on
       Repeat, Retry...,      have one child: run it again, try it again, stop it after
       Timeout, Force...      some time, make a success or a failure of whatever it says
-      SubTree ID="X"         runs the tree X of this file
+      SubTree ID="X"         runs the tree X of this file, or of the trees that ship
       attribute="{{name}}"     a variable of this tree
       attribute="{{@name}}"    a key of the mission board, where perception writes what it sees
 

@@ -1,4 +1,4 @@
-"""Nodes that are made of a tree file: what an author of such a node subclasses."""
+"""Nodes that are made of a tree file: the class that authors of such nodes subclass."""
 
 from __future__ import annotations
 
@@ -47,6 +47,6 @@ class SubtreeNode(ExpandedNode):
         self, name: str | None = None, child: Node | None = None, /, **given: object
     ) -> None:
         if child is None:
-            bound, _ = bind_ports(self.ports, given)  # what is wrong, the base class says
+            bound, _ = bind_ports(self.ports, given)  # the base class refuses a wrong one
             child = load_shipped_tree(self.tree_of(bound))
         super().__init__(name, child, **given)

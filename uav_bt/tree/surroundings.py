@@ -157,6 +157,28 @@ class Surroundings:
         value = self._literals.get(name, _NO_LITERAL)
         return self._resolve(self._declared(name)) if value is _NO_LITERAL else value
 
+    def initial_value(self, port: Port[T]) -> T | None:
+        """Return a port's value before the tree runs.
+
+        It is the literal, or the entry of a subtree that is the variable's first value.
+
+        Args:
+            port: one of the node's.
+
+        Returns:
+            The value. None where only the flight gives one, or a board key does.
+
+        Raises:
+            BoardAccessError: the variable's value does not fit the port.
+        """
+        if port.name in self._literals:
+            return self.port(port)
+        reference = self._references.get(port.name)
+        if reference is None or reference.on_board:
+            return None
+        entry = self._variables.entry(reference.key)
+        return None if entry is None else self._converted(port, entry.value)
+
     def port_reading(self, port: Port[T]) -> Reading[T]:
         """Return a port's value with its age; a missing or stale one is no error."""
         reference = self._references.get(port.name)

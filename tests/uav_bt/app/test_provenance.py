@@ -10,12 +10,32 @@ import pytest
 
 from uav_bt import app
 from uav_bt.app import provenance
+from uav_bt.app.loading import check_ceiling, load_mission
+from uav_bt.errors import InputError
+from uav_bt.mission.safety import Limits
 
 
 def test_the_networks_that_a_mission_loads_are_named_with_their_checksums() -> None:
     weights = provenance.weights_of(app.check("explore_and_land_segmentation"))
     assert list(weights) == ["unet.onnx"]
     assert len(weights["unet.onnx"]) == 64
+
+
+def test_a_network_that_an_entry_of_a_subtree_names_counts() -> None:
+    text = """<root BTCPP_format="4" main_tree_to_execute="Main">
+      <BehaviorTree ID="Main"><SubTree ID="See" net="unet"/></BehaviorTree>
+      <BehaviorTree ID="See"><Segment model="{net}"/></BehaviorTree>
+    </root>"""
+    assert list(provenance.weights_of(load_mission(text, app.FlightOptions()))) == ["unet.onnx"]
+
+
+def test_a_height_that_an_entry_of_a_subtree_gives_is_held_against_the_ceiling() -> None:
+    text = """<root BTCPP_format="4" main_tree_to_execute="Main">
+      <BehaviorTree ID="Main"><SubTree ID="Up" to_m="2.6"/></BehaviorTree>
+      <BehaviorTree ID="Up"><TakeOff height_m="{to_m}"/></BehaviorTree>
+    </root>"""
+    with pytest.raises(InputError, match=r"node 'Main/Up/TakeOff' is to fly at 2\.6 m"):
+        check_ceiling(load_mission(text, app.FlightOptions()), Limits())
 
 
 def test_a_mission_s_text_decides_over_its_checksum(tmp_path: Path) -> None:

@@ -217,6 +217,21 @@ def test_trees_of_other_folders_are_watched(path: Path, tmp_path: Path) -> None:
     assert world.flight.mission.find("high")
 
 
+def test_trees_of_the_library_are_watched(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = tmp_path / "trees" / "lib" / "part.xml"
+    part.parent.mkdir(parents=True)
+    part.write_text(text(HIGH).replace("Main", "Part"), encoding="utf-8")
+    monkeypatch.setattr("uav_bt.tree.loading.lookup.shipped_trees", lambda: tmp_path / "trees")
+    path.write_text(text('<SubTree ID="Part"/>'), encoding="utf-8")
+    world = World(path)
+    assert not world.ask()
+    part.write_text(part.read_text().replace("high", "higher"), encoding="utf-8")
+    assert world.ask()
+    assert world.flight.mission.find("higher")
+
+
 def test_a_link_to_another_file_is_an_edit(path: Path, tmp_path: Path) -> None:
     link, other = tmp_path / "link.xml", tmp_path / "other.xml"
     other.write_text(text(ABOVE.format(height=1.2, name="higher")), encoding="utf-8")

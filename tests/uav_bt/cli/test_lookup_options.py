@@ -163,6 +163,22 @@ def test_a_record_replays_without_the_folders(mission: Mission, tmp_path: Path) 
     assert [leaf.name for leaf in seen.leaves()] == LEAVES
 
 
+def test_a_record_keeps_the_trees_of_the_library_that_it_flew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shipped = write(tmp_path / "trees" / "lib" / "hop.xml", "Hop", "<AlwaysSuccess/>")
+    monkeypatch.setattr("uav_bt.tree.loading.lookup.shipped_trees", lambda: tmp_path / "trees")
+    body = '<Sequence><TakeOff height_m="1.0"/><SubTree ID="Hop"/><Land/></Sequence>'
+    mission, record = write(tmp_path / "own" / "m.xml", "Main", body), tmp_path / "flight.mcap"
+    flown = run("fly", mission, *SMALL, "--record", record)
+    assert flown.exit_code == 0, flown.output
+    assert "elsewhere/1/hop.xml" in RecordReader(record).attachments
+    write(shipped, "Hop", "<AlwaysFailure/>")
+    replayed = run("replay", record)
+    assert replayed.exit_code == 0, replayed.output
+    assert "0 differ in statuses, 0 in commands; the same" in replayed.stdout
+
+
 def test_another_tree_is_replayed_from_its_folders(mission: Mission, tmp_path: Path) -> None:
     record = tmp_path / "flight.mcap"
     assert run("fly", mission.path, *SMALL, *mission.options, "--record", record).exit_code == 0

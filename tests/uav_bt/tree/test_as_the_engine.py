@@ -83,7 +83,7 @@ def test_a_tree_can_be_chosen(caplog: pytest.LogCaptureFixture) -> None:
     assert finding.severity == ERROR
 
 
-@pytest.mark.parametrize("path", sorted(shipped_trees().glob("*.xml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(shipped_trees().rglob("*.xml")), ids=lambda path: path.stem)
 def test_our_missions_load_as_groot2_saves_them(path: Path, tmp_path: Path) -> None:
     """It drops main_tree_to_execute, orders trees by name, and adds attributes of its own."""
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)

@@ -77,7 +77,9 @@ def load(text: str) -> MissionTree | None:
         check_attributes(parse_source(text.encode(), Path("<text>")))
         return tree
     assert refused.findings
-    assert all(re.match(r"<text>:\d+:\d+: ", finding) for finding in refused.findings)
+    # An example of the page uses a shipped tree, whose leaves this registry does not have.
+    place = r"(<text>|\S+/trees/lib/\w+\.xml):\d+:\d+: "
+    assert all(re.match(place, finding) for finding in refused.findings)
     return None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import ClassVar
+from xml.etree import ElementTree as ET
 
 import py_trees
 import pytest
@@ -13,18 +14,21 @@ from uav_bt.board import ELAPSED, MISSION_KEYS, Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
 from uav_bt.errors import InputError, TreeError
+from uav_bt.groot.numbering import TreeNumbering, tree_xml
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, SubtreeNode, parse_tree
 from uav_bt.tree.describe import describe, palette_xml
+from uav_bt.tree.dry_run.script_file import read_script, scripted_tree
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.lookup import Library, Lookup
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
 from uav_bt.tree.render import render
+from uav_bt.tree.scripted import ScriptedLeaf
 
 POLICY = Port("policy", str, default="left", doc="where to go")
 
 
 class Steer(Leaf):
-    """Steers under a policy, and notes what it was given."""
+    """Steers under a policy, and notes the values of its ports."""
 
     ports = (
         POLICY,
@@ -176,6 +180,12 @@ def test_a_node_whose_tree_is_nowhere_is_refused() -> None:
     ]
 
 
+def test_a_misspelt_tree_of_the_library_is_suggested() -> None:
+    assert messages(text_of('<SubTree ID="ExplorFor"/>', "")) == [
+        "m.xml:2:34: SubTree 'ExplorFor': there is no tree 'ExplorFor'; did you mean 'ExploreFor'?"
+    ]
+
+
 def test_a_tree_in_the_expansion_of_itself_is_refused() -> None:
     itself = '<BehaviorTree ID="GoHome"><GoHome/></BehaviorTree>'
     (message,) = messages(text_of("<GoHome/>", itself))
@@ -220,6 +230,23 @@ def test_a_policy_given_to_a_subtree_is_looked_up_where_it_is_given() -> None:
     trees = '<BehaviorTree ID="Inner"><Steer policy="{policy}"/></BehaviorTree>'
     found = messages(text_of('<SubTree ID="Inner" policy="up"/>', trees))
     assert found == ["m.xml:2:45: Main/Inner: unknown policy 'up' (known: left, right)"]
+
+
+def test_a_value_that_a_tree_of_another_file_cannot_read_is_found_where_it_is_given(
+    tmp_path: Path,
+) -> None:
+    part = tmp_path / "part.xml"
+    part.write_text(
+        '<root BTCPP_format="4">\n'
+        '<BehaviorTree ID="Part"><Steer careful="{careful}"/></BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    found = messages(text_of('<SubTree ID="Part" careful="ture"/>', ""), Lookup(Library([part])))
+    (message,) = found
+    assert message.startswith(
+        "m.xml:2:44: SubTree 'Part': attribute 'careful' holds a value that does not fit (expected"
+    )
+    assert message.endswith(f"; Steer, attribute 'careful', at {part}:2:32 reads it")
 
 
 # --- overrides and mocks --------------------------------------------------------------------------
@@ -290,6 +317,35 @@ def test_the_node_has_the_keys_of_the_leaves_inside() -> None:
     assert set(info.reads) == {key.name for key in (*explore.reads, *avoid.reads)}
     assert set(info.writes) == {key.name for key in (*explore.writes, *avoid.writes)}
     assert (info.kind, info.builtin) == ("SubTree", False)
+
+
+def test_groot2_reads_the_tree_inside_as_a_subtree() -> None:
+    tree = parse_tree(text_of('<GoHome by="policy" policy="right"/>'), REGISTRY)
+    root = ET.fromstring(tree_xml(TreeNumbering(tree)))  # noqa: S314  # our own text
+    main, inner = root.findall("BehaviorTree")
+    assert main[0].tag == "SubTree"
+    assert (main[0].get("ID"), main[0].get("policy")) == ("GoHomeByPolicy", "right")
+    assert (inner.get("ID"), inner.get("_fullpath")) == ("GoHomeByPolicy", main[0].get("_fullpath"))
+    assert [node.get("name") for node in inner] == ["blind"]
+
+
+@pytest.mark.parametrize(
+    ("answers", "ticked"),
+    [
+        ("leaves: {GoHome: RS}", {"Main/GoHome": "GoHome"}),
+        ("default: S", {"Main/GoHome/go/Steer": "Steer"}),
+        ("leaves: {Steer: RS}", {"Main/GoHome/go/Steer": "Steer"}),
+    ],
+)
+def test_a_dry_run_has_answers_for_the_whole_node_or_for_leaves_inside(
+    tmp_path: Path, answers: str, ticked: dict[str, str]
+) -> None:
+    mission, script = tmp_path / "m.xml", tmp_path / "s.yaml"
+    mission.write_text(text_of("<GoHome/>"), encoding="utf-8")
+    script.write_text(answers, encoding="utf-8")
+    tree = scripted_tree(mission, read_script(script), REGISTRY)
+    scripted = [leaf for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
+    assert {leaf.path: leaf.node_id for leaf in scripted} == ticked
 
 
 # --- in Python ------------------------------------------------------------------------------------

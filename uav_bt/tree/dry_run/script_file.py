@@ -26,7 +26,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from uav_bt.errors import FileError, TreeError, ValueRangeError, did_you_mean
+from uav_bt.errors import FileError, TreeError, ValueRangeError, hint_for
 from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Port, load_tree
 from uav_bt.tree.dry_run.stand_ins import with_stand_ins, without_stand_in
 from uav_bt.tree.expanded import ExpandedNode
@@ -136,7 +136,7 @@ def scripted_tree(
     # Scripted leaves ask for no policy.
     registry = (NodeRegistry.installed() if registry is None else registry).with_any_policy()
     first = load_tree(path, registry, tree_id=tree_id, lookup=lookup)
-    mocks = _mocks(first, path, script)
+    mocks = _mocks(first, path, script, registry)
     for node_id, entry in script.nodes.items():
         try:
             registry = with_stand_ins(registry, {node_id: entry})
@@ -149,29 +149,31 @@ def scripted_tree(
             f"known from a palette only, so nothing says how to tick it: {', '.join(unknown)}; "
             f"say what each is taken for, as in nodes: {{{unknown[0]}: Sequence}}",
         )
-    _connect_outputs(tree, script)
+    _connect_outputs(tree, script, registry)
     return tree
 
 
-def _connect_outputs(tree: MissionTree, script: SimulationScript) -> None:
+def _connect_outputs(tree: MissionTree, script: SimulationScript, registry: NodeRegistry) -> None:
     for selector, outputs in script.outputs.items():
         leaves = [leaf for leaf in tree.leaves() if _fits(selector, leaf)]
         if not leaves:
             line = next((scalar.line for scalar in outputs.values()), None)
-            raise _unknown_leaf(script, selector, tree, line)
+            raise _unknown_leaf(script, selector, tree, registry, line)
         for leaf in leaves:
             values = dict(_output(script, leaf, name, scalar) for name, scalar in outputs.items())
             if isinstance(leaf, ScriptedLeaf):  # of the others none has an output
                 leaf.outputs |= values
 
 
-def _mocks(tree: MissionTree, path: Path, script: SimulationScript) -> dict[str, str]:
+def _mocks(
+    tree: MissionTree, path: Path, script: SimulationScript, registry: NodeRegistry
+) -> dict[str, str]:
     """Return the answers of all leaves that do not run by themselves, by selector."""
     mocks = {selector: str(scalar.value) for selector, scalar in script.leaves.items()}
     for selector, scalar in script.leaves.items():
         nodes = [node for node in _scriptable(tree) if _fits(selector, node)]
         if not nodes:
-            raise _unknown_leaf(script, selector, tree, scalar.line)
+            raise _unknown_leaf(script, selector, tree, registry, scalar.line)
         for node in nodes:
             _check_answers(script, node, mocks[selector], scalar.line)
     # In place of a node that is made of a tree and has answers stands one leaf.
@@ -240,10 +242,15 @@ def _without_script(tree: MissionTree, leaf: Leaf, path: Path, script: Simulatio
 
 
 def _unknown_leaf(
-    script: SimulationScript, selector: str, tree: MissionTree, line: int | None
+    script: SimulationScript,
+    selector: str,
+    tree: MissionTree,
+    registry: NodeRegistry,
+    line: int | None,
 ) -> FileError:
     known = {name for node in _scriptable(tree) for name in _selectors(node)}
-    message = f"the tree has no leaf '{selector}'{did_you_mean(selector, known)}"
+    hint = hint_for(selector, known, registry.successors(selector))
+    message = f"the tree has no leaf '{selector}'{hint}"
     return FileError(script.path, message, line)
 
 

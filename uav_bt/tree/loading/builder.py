@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, did_you_mean
+from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, did_you_mean, hint_for
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.loading.checker import Checker
@@ -180,8 +180,19 @@ class Builder:
                 self._check_mock(target, script, plan)
             if not hits:
                 self._findings.add(
-                    self._document.path, Position(1, 1), _no_such_leaf(target, plans, leaves)
+                    self._document.path,
+                    Position(1, 1),
+                    self._no_such_leaf(target, plans, leaves),
                 )
+
+    def _no_such_leaf(self, target: str, plans: list[Plan], leaves: list[Plan]) -> str:
+        for plan in plans:
+            tag = plan.element.tag
+            if target in (plan.path, plan.name) or target == tag:
+                return f"mock of '{target}': only leaves can be mocked, this is a {tag}"
+        known = {name for plan in leaves for name in plan.names}
+        hint = hint_for(target, known, self._registry.successors(target))
+        return f"mock of '{target}': the tree has no leaf of that path, name or node id{hint}"
 
     def _check_policies(self) -> None:
         """Refuse names of policies that are not registered; one in a variable shows in flight."""
@@ -231,14 +242,3 @@ class Builder:
             tree_id=plan.element.attributes["ID"],
             **conditions,
         )
-
-
-def _no_such_leaf(target: str, plans: list[Plan], leaves: list[Plan]) -> str:
-    for plan in plans:
-        if target in (plan.path, plan.name) or target == plan.element.tag:
-            return f"mock of '{target}': only leaves can be mocked, this is a {plan.element.tag}"
-    known = {name for plan in leaves for name in plan.names}
-    return (
-        f"mock of '{target}': the tree has no leaf of that path, name or node id"
-        f"{did_you_mean(target, known)}"
-    )

@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
-from uav_bt.errors import did_you_mean
+from uav_bt.board.blackboard import successors
+from uav_bt.errors import did_you_mean, hint_for
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.expanded import ExpandedNode, literal_wanted
 from uav_bt.tree.loading.document import Document, autoremaps
@@ -150,7 +151,8 @@ class Checker:
             )
 
     def _no_key(self, key: str) -> str:
-        return f"the board has no key '{key}'{did_you_mean(key, self._board_keys)}"
+        keys = self._board_keys
+        return f"the board has no key '{key}'{hint_for(key, keys, successors(key, keys.values()))}"
 
     # --- subtrees ---------------------------------------------------------------------------------
 
@@ -158,7 +160,7 @@ class Checker:
         trees = self._document.trees
         tree_id = element.attributes.get("ID", "")
         if tree_id and tree_id not in trees and tree_id not in self._registry:
-            hint = f"{did_you_mean(tree_id, trees)}{self._document.unread}"
+            hint = self._hint(tree_id)
             message = f"there is no tree '{tree_id}'{hint}"
             self._note(element, message, "ID", Rule.UNKNOWN_TREE)
         if "_autoremap" in element.attributes:
@@ -172,6 +174,10 @@ class Checker:
         if described is not None and not autoremaps(element):
             self._check_missing_entries(element, described)
 
+    def _hint(self, tree_id: str) -> str:
+        known = [*self._document.trees, *self._document.elsewhere]
+        return f"{did_you_mean(tree_id, known)}{self._document.unread}"
+
     def _check_expanded(self, element: Element, node: type[ExpandedNode]) -> None:
         self._check_ports(element, node)
         for name, _ in node.variants:
@@ -183,7 +189,7 @@ class Checker:
             self._note(element, message, "_autoremap")
         tree_id = node.tree_of(element.attributes)
         if tree_id not in self._document.trees:
-            hint = f"{did_you_mean(tree_id, self._document.trees)}{self._document.unread}"
+            hint = self._hint(tree_id)
             message = f"the node is made of tree '{tree_id}', and there is no such tree{hint}"
             self._note(element, message, rule=Rule.UNKNOWN_TREE)
 

@@ -48,6 +48,7 @@ class Document:
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
     included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
     inclusions: dict[Inclusion, Path] = field(default_factory=dict)  # what each <include> is
+    elsewhere: tuple[str, ...] = ()  # trees of other files, for suggestions where one is missing
     unread: str = ""  # what a message adds on files of the library that could not be read
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
     # None where a SubTree has to give an entry.
@@ -233,6 +234,8 @@ def _fetch(document: Document, lookup: Lookup, findings: Findings) -> None:
         node, tree_id = waiting.pop()
         found = [] if tree_id in document.trees else lookup.find(tree_id, document.path)
         if not found:
+            if tree_id not in document.trees:
+                document.elsewhere = (*lookup.library.trees, *lookup.shipped.trees)
             continue
         if len(found) > 1:
             places = " and ".join(f"{each.path}:{each.position}" for each, _ in found)

@@ -180,7 +180,7 @@ class _Read:
         )
 
     def remarks(self) -> Iterator[Finding]:
-        """Build the main tree, and yield what its leaves name and will not find, and odd values.
+        """Build the main tree; yield names in it that nothing is installed for, and odd values.
 
         Raises:
             TreeError: it grows too large.
@@ -292,7 +292,7 @@ def unset_variables(
 
 
 def _remarks(port: Port[Any], value: GivenValue) -> Iterator[Finding]:
-    """Yield what a leaf will not find when it is set up, and odd values."""
+    """Yield a finding for a name that nothing is installed for, or for an odd value."""
     element, lead = value.element, f"attribute '{value.attribute}': "
     where = element.at(value.attribute)
     finding = partial(Finding, str(element.path), where, node=value.path)

@@ -1,4 +1,4 @@
-"""The nodes that are to be made of a file, subtrees put in place, and what the file gives them."""
+"""The nodes that are to be made of a file: subtrees put in place, attributes found."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class GivenValue:
 
 
 def name_of(element: Element) -> str:
-    """Return the name of a node: what the file calls it, or else its node's or tree's id."""
+    """Return the name of a node: its attribute `name`, or else the id of the node or tree."""
     name = element.attributes.get("name")
     if name:
         return name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from uav_bt.errors import did_you_mean
+from uav_bt.errors import hint_for
 from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.elements import (
@@ -106,7 +106,7 @@ def _note_unknown(
     elif node_id in _OF_VERSION_3:
         hint = f" (of BehaviorTree.CPP 3; in version 4 it is {_OF_VERSION_3[node_id]})"
     else:
-        hint = did_you_mean(node_id, registry)
+        hint = hint_for(node_id, registry, registry.successors(node_id))
         hint += "".join(f"; not loaded: {fault}" for fault in registry.faults)
     attribute = "ID" if element.tag in KIND_TAGS else ""
     findings.note(element, f"unknown node '{node_id}'{hint}", attribute, rule=Rule.UNKNOWN_NODE)

@@ -83,6 +83,11 @@ class _VariableChecker:
         reasons = [_misfit(read.port, write) for write in sources]
         if not reasons or None in reasons:
             return
+        given = sources[0].use
+        if len(reasons) == 1 and given.element.path != read.use.element.path:
+            # The reader is in a file that other missions use, too: the value is to be corrected.
+            self._note(given, f" {reasons[0]}; {read.use} reads it")
+            return
         more = f" (and {len(reasons) - 1} more like it)" if len(reasons) > 1 else ""
         takes = "" if read.port is None else f" takes {read.port.type.__name__}, but"
         self._note(
