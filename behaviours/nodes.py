@@ -17,9 +17,11 @@ from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
 from behaviours.perceive.advise import Advise
-from behaviours.perceive.class_map import FindHelipad, RememberObstacles, Segment
+from behaviours.perceive.class_map import FindHelipad, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
+from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
+from behaviours.perceive.site_map import MapSite
 from uav_bt.tree import Node
 
 NODES: Final[tuple[type[Node], ...]] = (
@@ -40,9 +42,9 @@ NODES: Final[tuple[type[Node], ...]] = (
     HoverFor,
     Hovering,
     Land,
+    MapSite,
     MarkFound,
     PointCamera,
-    RememberObstacles,
     RememberViews,
     ReturnToBase,
     ScanBelow,
@@ -51,5 +53,6 @@ NODES: Final[tuple[type[Node], ...]] = (
     Segment,
     StopAboveMark,
     TakeOff,
+    TrackMotion,
     Turn,
 )

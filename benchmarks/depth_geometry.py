@@ -25,14 +25,14 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, ground_depth, level_rays, ray_lengths
 from perception.depth.contact.depth import ContactDepth, contact_depth
+from perception.depth.corridor import CorridorBuilder
 from perception.depth.scale import AdaptiveScale, sample_carpet
-from perception.obstacles.corridor import CorridorBuilder
 from perception.segmentation.runtime import shipped_unet
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views, sample_flight_poses
-from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, is_above_ground
 from uav_bt.learning.depth_tables.methods import CollectedScale
 from uav_bt.types import DepthMap
 
@@ -196,7 +196,7 @@ def main() -> None:
         found = watch.run("contact", lambda: contact_depth(ids, seen))  # noqa: B023
         _tally_contact(contact, found, view)
         metric = DepthMap(depth=found.depth, metric=True, captured_s=0.0, at_most=found.at_most)
-        watch.run("corridor", lambda: corridors.build(metric, seen, things=ids > CARPET))  # noqa: B023
+        watch.run("corridor", lambda: corridors.build(metric, seen, things=is_above_ground(ids)))  # noqa: B023
         if network is None:
             continue
         relative = watch.run("depth network", lambda: network.depth(view.image))  # noqa: B023
@@ -205,7 +205,7 @@ def main() -> None:
             "scale",
             lambda: sample_carpet(fitting, ids, ground_depth(seen), generator),  # noqa: B023
         )
-        counts = (ids > CARPET) & (view.depth < NEAR_M)
+        counts = is_above_ground(ids) & (view.depth < NEAR_M)
         metres = np.full_like(fitting, math.nan)
         for name, scale in scales.items():
             # Views are not a flight: each stands ten seconds from the next, so nothing is smoothed.

@@ -23,7 +23,7 @@ _FLIGHT: Final = """
 <root BTCPP_format="4">
   <BehaviorTree ID="Mission">
     <ReactiveSequence>
-      <Segment/> <FindHelipad/> <RememberObstacles/>
+      <Segment/> <FindHelipad/> <TrackMotion/> <MapSite/>
       <EstimateDepth model="contact"/> <BuildCorridor/>
       <Sequence>
         <TakeOff height_m="0.8" gimbal_deg="-30"/>

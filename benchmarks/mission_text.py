@@ -17,7 +17,7 @@ def cover_or_turn(policy: str = "coverage", *, by_map: bool = True) -> str:
 
 
 def explore_and_come_home(
-    *, explore: str, explore_s: int, home: str, gimbal_deg: int, memory: str = "RememberObstacles"
+    *, explore: str, explore_s: int, home: str, gimbal_deg: int, mapper: str = "MapSite"
 ) -> str:
     """Return the text of a tree file.
 
@@ -26,7 +26,7 @@ def explore_and_come_home(
         explore_s: s after which it is halted.
         home: the leaf that flies back to the helipad.
         gimbal_deg: where the camera points from the take-off on, deg.
-        memory: the leaf that remembers obstacles.
+        mapper: the leaf that keeps the site map.
     """
     return f"""
 <root BTCPP_format="4">
@@ -34,7 +34,8 @@ def explore_and_come_home(
     <ReactiveSequence>
       <Segment/>
       <FindHelipad/>
-      <{memory}/>
+      <TrackMotion/>
+      <{mapper}/>
       <Fallback>
         <Sequence>
           <TakeOff height_m="1.5" gimbal_deg="{gimbal_deg}"/>

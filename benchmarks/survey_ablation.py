@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from mission_text import cover_or_turn, explore_and_come_home
 
-from behaviours.perceive.class_map import RememberObstacles
+from behaviours.perceive.site_map import MapSite
 from behaviours.policies.coverage import Coverage
 from perception.mapping.registration import RegistrationConfig
 from perception.mapping.site_mapper import SiteMapperConfig
@@ -35,12 +35,13 @@ from uav_bt.errors import UavBtError
 from uav_bt.mission.ordered_motion import HoldConfig
 from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import NodeRegistry
+from uav_bt.types import NearObstacles
 
 SURVEY_S = 180
 FLIGHTS = "flights.jsonl"
 
 
-class RememberUnmatched(RememberObstacles):
+class MapUnmatched(MapSite):
     """The map without scan matching: the odometry is believed to be without drift."""
 
     mapping = SiteMapperConfig(
@@ -56,9 +57,9 @@ class RandomRule:
 
     def decide(self, view: PolicyView) -> Answer:
         """Return a step of 0.5 m, or a turn of up to half a circle."""
-        free = view.obstacles is not None and view.obstacles.allows(0.5, margin_m=0.55)
-        ends = view.obstacles is not None and view.obstacles.ends_within(0.4) > 1
-        edges = np.empty((0, 2)) if view.obstacles is None else view.obstacles.edges_m
+        near = NearObstacles() if view.site_map is None else view.site_map.near
+        free = view.site_map is not None and near.allows(0.5, margin_m=0.55)
+        ends, edges = near.ends_within(0.4) > 1, near.edges_m
         ahead = (edges[:, 0] > 0.0) & (np.abs(edges[:, 1]) < 0.4) & (edges[:, 0] < 1.0)
         if free and not ends and not ahead.any():
             return Advance(forward_m=0.5, reason="clear")
@@ -70,7 +71,7 @@ class Variant:
     """How one kind of flight differs from the survey as it ships."""
 
     explore: str = "coverage"
-    memory: str = "RememberObstacles"
+    mapper: str = "MapSite"
     hold: HoldConfig = field(default_factory=HoldConfig)
 
     def policies(self, seed: int) -> dict[str, LeafPolicy]:
@@ -88,14 +89,14 @@ class Variant:
             explore_s=SURVEY_S,
             home=f'<ReturnToBase gives_way="{"true" if by_map else "false"}"/>',
             gimbal_deg=-42 if self.explore != "segmentation" else -30,
-            memory=self.memory,
+            mapper=self.mapper,
         )
 
 
 VARIANTS = {
     "survey": Variant(),
     "nearest": Variant(explore="nearest"),
-    "unmatched": Variant(memory="RememberUnmatched"),
+    "unmatched": Variant(mapper="MapUnmatched"),
     "unheld": Variant(hold=HoldConfig(blind_s=0.0)),
     "random": Variant(explore="random"),
     "rule": Variant(explore="segmentation"),
@@ -118,7 +119,7 @@ def fly(name: str, scene: str, seed: int, profile: str, movers: int) -> dict[str
         policies={} if policy is None else {"Explore": policy, "Avoid": policy},
         runner=app.RunnerConfig(hold=variant.hold),
     )
-    registry = NodeRegistry.installed().with_nodes(RememberUnmatched)
+    registry = NodeRegistry.installed().with_nodes(MapUnmatched)
     report = app.fly(text, options, registry=registry)
     return {
         "variant": name,

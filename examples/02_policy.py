@@ -15,7 +15,8 @@ MISSION = """
     <ReactiveSequence>
       <Segment model="unet"/>
       <FindHelipad/>
-      <RememberObstacles/>
+      <TrackMotion/>
+      <MapSite/>
       <Sequence>
         <TakeOff height_m="1.5" gimbal_deg="-30"/>
         <ForceSuccess>

@@ -4,7 +4,9 @@ from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import Land
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.take_off import TakeOff
-from behaviours.perceive.class_map import FindHelipad, RememberObstacles, Segment
+from behaviours.perceive.class_map import FindHelipad, Segment
+from behaviours.perceive.motion import TrackMotion
+from behaviours.perceive.site_map import MapSite
 from uav_bt import app
 from uav_bt.tree import MissionTree
 from uav_bt.tree.nodes import ReactiveSequence, RetryUntilSuccessful, Sequence
@@ -19,7 +21,8 @@ def mission() -> MissionTree:
             [
                 Segment(model="unet"),
                 FindHelipad(),
-                RememberObstacles(),
+                TrackMotion(),
+                MapSite(),
                 Sequence(
                     "mission",
                     [

@@ -295,7 +295,8 @@ VOCABULARY = {
         "EstimateDepth",
         "BuildCorridor",
         "FindHelipad",
-        "RememberObstacles",
+        "TrackMotion",
+        "MapSite",
         "RememberViews",
         "Advise",
         "corridor",  # a key, called like the policy that reads it

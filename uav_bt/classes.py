@@ -120,6 +120,22 @@ def group_of(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return groups
 
 
+def is_ground(ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Return where class ids, uint8 of any shape, are the ground that a mission flies over."""
+    return np.asarray(group_of(ids) == GROUP_CARPET)
+
+
+def is_above_ground(ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Return where class ids, uint8 of any shape, are obstacles or the landing mark's box."""
+    return np.isin(group_of(ids), (GROUP_HELIPAD, GROUP_OBSTACLE))
+
+
+def standing_classes() -> tuple[int, ...]:
+    """Return the ids of the obstacles whose base meets the ground: all but roofs."""
+    obstacles = np.flatnonzero(CLASS_TO_GROUP == GROUP_OBSTACLE)
+    return tuple(int(class_id) for class_id in obstacles if class_id not in ROOFS)
+
+
 def colourise(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return a class map as a colour image.
 

@@ -17,7 +17,6 @@ from uav_bt.types import (
     DepthMap,
     Frame,
     Observation,
-    ObstaclePoints,
     RecentViews,
     Truth,
 )
@@ -168,8 +167,8 @@ class PolicyView:
         camera: at the class map's size.
         gimbal_pitch_rad: when the frame was captured; 0 level, negative down.
         height_above_carpet_m: when the frame was captured.
-        obstacles: remembered, also those out of view; None without `RememberObstacles`.
-        site_map: the map of the place; None without `RememberObstacles`.
+        site_map: the map of the place, `near` among it: obstacles near the drone, also those out
+            of view; None without `MapSite`.
         corridor: how far the path is free; None without depth in the tree.
         recent: the pixels of the last seconds; None without `RememberViews`.
         turning: a turn under way: +1 clockwise, -1 counter-clockwise, 0 none.
@@ -181,7 +180,6 @@ class PolicyView:
     camera: CameraModel
     gimbal_pitch_rad: float
     height_above_carpet_m: float
-    obstacles: ObstaclePoints | None = None
     site_map: SiteMap | None = None
     corridor: Corridor | None = None
     recent: RecentViews | None = None

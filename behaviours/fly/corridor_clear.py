@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from behaviours.policies.corridor_rule import CorridorRuleConfig, carpet_reach
 from behaviours.policies.view import VIEW_KEYS, current_view, policy_view
-from uav_bt.board import CORRIDOR, HELIPAD, OBSTACLES
+from uav_bt.board import CORRIDOR, HELIPAD, SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.classes import group_of
 from uav_bt.tree import Leaf, Port, Status
@@ -79,12 +79,12 @@ class CorridorClear(Leaf):
         self._carpet_ends = False
 
     def update(self) -> Status:
-        """Compare the corridor, the memory of obstacles and the carpet with what the ports ask."""
+        """Compare the corridor, the obstacles of the map and the carpet with what the ports ask."""
         self.feedback_message = self._objection()
         return Status.FAILURE if self.feedback_message else Status.SUCCESS
 
     def _objection(self) -> str:
-        corridor, obstacles = self.read(CORRIDOR).value, self.read(OBSTACLES).value
+        corridor, site_map = self.read(CORRIDOR).value, self.read(SITE_MAP).value
         ahead_m = self.port_value("ahead_m")
         if corridor is None:
             return "corridor unknown"
@@ -92,10 +92,10 @@ class CorridorClear(Leaf):
             return f"{corridor.free_distance_m:.2f} m ahead"
         if corridor.time_to_impact_s < self.port_value("impact_s"):
             return f"impact in {corridor.time_to_impact_s:.1f} s"
-        if obstacles is not None and not obstacles.allows(
+        if site_map is not None and not site_map.near.allows(
             self.port_value("way_m"), margin_m=self.port_value("beside_m"), assumed=False
         ):
-            return f"obstacle {obstacles.nearest_m:.2f} m away"
+            return f"obstacle {site_map.near.nearest_m:.2f} m away"
         return "carpet ends" if self._carpet_is_short() and not self._pad_is_ahead() else ""
 
     def _pad_is_ahead(self) -> bool:

@@ -15,7 +15,6 @@ from uav_bt.board import (
     CAMERA,
     FLIGHT_HEIGHT,
     HELD_TURN,
-    OBSTACLES,
     ODOMETRY,
     PHASE,
     SITE_MAP,
@@ -24,7 +23,7 @@ from uav_bt.board import (
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port
-from uav_bt.types import DroneState, HeldTurn, ObstaclePoints, Velocity
+from uav_bt.types import DroneState, HeldTurn, NearObstacles, Velocity
 
 GIMBAL = Port(
     "gimbal_deg", float, default=-30.0, least=-90, most=90, doc="camera pitch in flight, degrees"
@@ -50,9 +49,7 @@ class CourseLeaf(MovingLeaf):
     """Base of the leaves that fly at a speed, and keep away from what is near meanwhile."""
 
     course: ClassVar[CourseConfig] = CourseConfig()
-    reads: ClassVar[tuple[Key[Any], ...]] = (
-        *(STATE, FLIGHT_HEIGHT, CAMERA, OBSTACLES, ODOMETRY, SITE_MAP),
-    )
+    reads: ClassVar[tuple[Key[Any], ...]] = (*(STATE, FLIGHT_HEIGHT, CAMERA, ODOMETRY, SITE_MAP),)
     writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, HELD_TURN)
     resumes = False  # an interrupted movement is decided anew, on the view of that time
 
@@ -119,9 +116,10 @@ class CourseLeaf(MovingLeaf):
         self._step.drop(self.clock.now())
         self._course.drop()
 
-    def obstacles(self) -> ObstaclePoints | None:
-        """Return what was seen around the drone lately; None while that is not known."""
-        return self.read(OBSTACLES).value
+    def obstacles(self) -> NearObstacles | None:
+        """Return the obstacles near the drone, on the map or not; None without a map."""
+        site_map = self.read(SITE_MAP).value
+        return None if site_map is None else site_map.near
 
     def too_high_m(self, state: DroneState) -> float:
         """Return the error in height; 0 where no leaf has set a flight height."""
@@ -140,11 +138,9 @@ class CourseLeaf(MovingLeaf):
             return flight_rad
         if site_map.movers:
             return flight_rad  # what moves is to stay in view
-        here = site_map.at(motion.pose)
-        return ground_pitch_rad(here, camera, flight_rad, state.height_above_carpet_m)
+        return ground_pitch_rad(site_map, camera, flight_rad, state.height_above_carpet_m)
 
     def _push_mps(self) -> tuple[float, float]:
-        site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
-        placed = None if site_map is None or motion is None else site_map.at(motion.pose)
-        cfg = self.course.keep_away
+        cfg, motion = self.course.keep_away, self.read(ODOMETRY).value
+        placed = None if motion is None else self.read(SITE_MAP).value
         return push_away_mps(by_the_map(self.obstacles(), placed, cfg), cfg)

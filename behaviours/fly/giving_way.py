@@ -19,7 +19,7 @@ from behaviours.path.ways_out import (
     standing_alone,
     way_out,
 )
-from uav_bt.types import ObstaclePoints, Velocity, rotate_points
+from uav_bt.types import NearObstacles, Velocity, rotate_points
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import SiteMap
 
@@ -69,7 +69,7 @@ class GivingWay:
     def velocity(
         self,
         site_map: SiteMap | None,
-        obstacles: ObstaclePoints | None,
+        obstacles: NearObstacles | None,
         motion: MotionEstimate | None,
         *,
         now_s: float,
@@ -111,7 +111,7 @@ class GivingWay:
         return max(-cfg.watch_radps, min(cfg.watch_radps, cfg.watch_per_s * bearing_rad))
 
     def _decide(
-        self, site_map: SiteMap, obstacles: ObstaclePoints | None, motion: MotionEstimate | None
+        self, site_map: SiteMap, obstacles: NearObstacles | None, motion: MotionEstimate | None
     ) -> WayOut | None:
         cfg = self.config
         if is_threatened(site_map, cfg.way_out):

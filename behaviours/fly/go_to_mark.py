@@ -23,7 +23,7 @@ from behaviours.path.gimbal_pointing import LookingDown, mark_pitch_rad, shows_u
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import recent_obstacles
 from uav_bt.answers import FollowLeg, Rotate
-from uav_bt.board import CORRIDOR, OBSTACLES, PHASE, SITE_MAP
+from uav_bt.board import CORRIDOR, PHASE, SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, HelipadFix, MissionPhase
@@ -181,12 +181,12 @@ class GoToMark(MarkLeaf):
 
     def _straight(self, fix: HelipadFix) -> FollowLeg | Rotate | None:
         """Return the straight course; None when something that was seen is near it."""
-        cfg, reading = self.config, self.read(OBSTACLES)
+        cfg, reading = self.config, self.read(SITE_MAP)
         if reading.value is None:  # a tree may do without; a stale reading permits nothing
             return straight_to(fix) if math.isinf(reading.age_s) else None
         share = max(fix.range_m - cfg.before_m, 0.0) / max(fix.range_m, cfg.before_m)
         to = share * fix.forward_m, share * fix.right_m
-        return straight_to(fix) if reading.value.allows(*to, margin_m=cfg.straight_m) else None
+        return straight_to(fix) if reading.value.near.allows(*to, margin_m=cfg.straight_m) else None
 
 
 class StopAboveMark(MarkLeaf):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from behaviours.path.nearby import recent_obstacles
-from uav_bt.types import ObstaclePoints
+from uav_bt.types import NearObstacles
 from uav_bt.types.site_map import SiteMap
 
 
@@ -29,8 +29,8 @@ class KeepAwayConfig:
 
 
 def by_the_map(
-    obstacles: ObstaclePoints | None, site_map: SiteMap | None, config: KeepAwayConfig
-) -> ObstaclePoints | None:
+    obstacles: NearObstacles | None, site_map: SiteMap | None, config: KeepAwayConfig
+) -> NearObstacles | None:
     """Return what is near the drone, placed by the map where the map has it.
 
     What was seen lately is placed by dead reckoning, and has drifted since; the map is matched to
@@ -47,7 +47,7 @@ def by_the_map(
 
     seen = obstacles.within(config.keep_away_m + config.alike_m)
     lately, to_body = recent_obstacles(seen, site_map), site_map.pose.points_to_body
-    found = ObstaclePoints(
+    found = NearObstacles(
         points_m=to_body(np.vstack([site_map.obstacles_m, lately.seen_m])),
         edges_m=to_body(np.vstack([site_map.edges_m, lately.edges_m])),
         captured_s=obstacles.captured_s,
@@ -56,7 +56,7 @@ def by_the_map(
 
 
 def step_away_m(
-    obstacles: ObstaclePoints | None, config: KeepAwayConfig
+    obstacles: NearObstacles | None, config: KeepAwayConfig
 ) -> tuple[float, float] | None:
     """Return a step away from an obstacle that is too near, forward and right.
 
@@ -80,7 +80,7 @@ def step_away_m(
     return forward_m, right_m
 
 
-def push_away_mps(obstacles: ObstaclePoints | None, config: KeepAwayConfig) -> tuple[float, float]:
+def push_away_mps(obstacles: NearObstacles | None, config: KeepAwayConfig) -> tuple[float, float]:
     """Return the velocity away from what is too near, forward and right.
 
     The nearer a point the more it counts; between two obstacles the drone stays in the middle.

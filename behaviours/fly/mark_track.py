@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_bt.answers import FollowLeg, Rotate
-from uav_bt.board import HELIPAD, OBSTACLES, SITE_MAP
+from uav_bt.board import HELIPAD, SITE_MAP
 from uav_bt.board.blackboard import Key
 from uav_bt.tree import Leaf
 from uav_bt.types import HelipadFix
@@ -27,7 +27,7 @@ TRACK_TRIED: Final = Key(
     unit="s",
     writer="StopAboveMark",
 )
-TRACK_KEYS: Final = (HELIPAD, OBSTACLES, SITE_MAP, MARK_GONE)
+TRACK_KEYS: Final = (HELIPAD, SITE_MAP, MARK_GONE)
 """Keys that a leaf must declare that it reads, to fly to the mark by its track."""
 
 
@@ -107,10 +107,11 @@ def is_clear(leaf: Leaf, fix: HelipadFix) -> bool:
         leaf: Declares `TRACK_KEYS`.
         fix: The track.
     """
-    reading = leaf.read(OBSTACLES)
+    reading = leaf.read(SITE_MAP)
     if reading.value is None:  # a tree may do without; a stale reading permits nothing
         return math.isinf(reading.age_s)
-    return reading.value.allows(fix.forward_m, fix.right_m, margin_m=TRACK.clear_m, assumed=False)
+    near = reading.value.near
+    return near.allows(fix.forward_m, fix.right_m, margin_m=TRACK.clear_m, assumed=False)
 
 
 def is_at_mark(fix: HelipadFix, now_s: float, close_m: float = TRACK.close_m) -> bool:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import PAD_HEIGHT_M, CameraModel, ObstaclePoints
+from uav_bt.types import PAD_HEIGHT_M, CameraModel, NearObstacles
 from uav_bt.types.projection import ground_points
 from uav_bt.types.site_map import SiteMap
 
@@ -119,7 +119,7 @@ def mark_pitch_rad(
     return min(flight_rad, max(mark_rad, (config or GimbalConfig()).mark_rad))
 
 
-def shows_unplaced(obstacles: ObstaclePoints | None, half_angle_rad: float) -> bool:
+def shows_unplaced(obstacles: NearObstacles | None, half_angle_rad: float) -> bool:
     """Return whether an obstacle of unknown range stands ahead.
 
     Args:
@@ -140,7 +140,7 @@ class LookingDown:
         self._config = config or GimbalConfig()
         self._until_s = -math.inf
 
-    def pitch_rad(self, obstacles: ObstaclePoints | None, now_s: float) -> float | None:
+    def pitch_rad(self, obstacles: NearObstacles | None, now_s: float) -> float | None:
         """Return the camera's pitch; None where nothing asks for a look.
 
         Args:

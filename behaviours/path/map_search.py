@@ -23,7 +23,7 @@ from behaviours.path.next_viewpoint import (
     unseen,
 )
 from uav_bt.answers import Done, FollowLeg, Rotate
-from uav_bt.types import Corridor, ObstaclePoints
+from uav_bt.types import Corridor, NearObstacles
 from uav_bt.types.site_map import MapMark, SiteMap
 
 Floats = NDArray[np.float64]
@@ -98,7 +98,7 @@ class MapSearch:
         self,
         site_map: SiteMap,
         mark: MapMark | None,
-        obstacles: ObstaclePoints | None,
+        obstacles: NearObstacles | None,
         corridor: Corridor | None,
         in_view: GroundInView,
     ) -> Course | None:

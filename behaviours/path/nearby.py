@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.types import ObstaclePoints
+from uav_bt.types import NearObstacles
 from uav_bt.types.site_map import SiteMap
 
 Floats = NDArray[np.float64]
@@ -34,7 +34,7 @@ class RecentObstacles:
 
 
 def recent_obstacles(
-    obstacles: ObstaclePoints | None,
+    obstacles: NearObstacles | None,
     site_map: SiteMap,
     *,
     same_m: float = 0.25,

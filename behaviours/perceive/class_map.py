@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import Self
 
 from behaviours.stage_timer import StageTimer
 from perception.networks.named import segmentation_file
@@ -12,7 +12,6 @@ from uav_bt.board import (
     CLASS_MAP,
     FRAME,
     HELIPAD,
-    OBSTACLES,
     ODOMETRY,
     SITE_MAP,
     STATE,
@@ -21,10 +20,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import FileError
 from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame
-
-if TYPE_CHECKING:
-    from perception.mapping.site_mapper import SiteMapperConfig
+from uav_bt.types import PAD_HEIGHT_M
 
 
 def _mapping_file(classes: str) -> None:
@@ -140,76 +136,3 @@ class FindHelipad(Leaf):
         if fix is not None:
             self.write(HELIPAD, fix, captured_s=fix.captured_s)
         return Status.SUCCESS
-
-
-class RememberObstacles(Leaf):
-    """Keep the map of the place, and where obstacles stand around the drone; SUCCESS always.
-
-    What that takes, how the drone moves over the ground, it writes to the board, too. `FindHelipad`
-    ahead of it puts the landing mark on the map.
-    """
-
-    mapping: ClassVar[SiteMapperConfig | None] = None  # how the map is kept; None: as it ships
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA, HELIPAD)
-    writes = (OBSTACLES, ODOMETRY, SITE_MAP)
-
-    def on_setup(self, mission: MissionContext) -> None:
-        """Make the memory and the map."""
-        from perception.mapping.site_mapper import SiteMapper  # noqa: PLC0415 - late, as above
-        from perception.obstacles.memory import ObstacleMemory  # noqa: PLC0415 - late, as above
-
-        self._memory, self._mapper = ObstacleMemory(), SiteMapper(self.mapping)
-        self._timer = StageTimer(mission, "obstacles")
-        self._map_timer = StageTimer(mission, "map")
-        self._last_s = -1.0
-
-    def on_inherit(self, former: Self) -> None:
-        """Keep the memory and the map, and with them where the drone is on it."""
-        self._memory, self._mapper = former._memory, former._mapper
-        self._last_s = former._last_s
-
-    def update(self) -> Status:
-        """Follow the drone's motion, and take in a new class map."""
-        state = self.read(STATE).value
-        if state is None:
-            return Status.SUCCESS
-        self._memory.predict(state)
-        self._look()
-        motion = self._memory.motion
-        if motion is not None:
-            self.write(ODOMETRY, motion, captured_s=motion.pose.time_s)
-        return Status.SUCCESS
-
-    def _look(self) -> None:
-        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
-        class_map = self.read(CLASS_MAP).value
-        if frame is None or camera is None or class_map is None:
-            return
-        if self._last_s != class_map.captured_s == frame.captured_s:
-            self._last_s = class_map.captured_s
-            height_px, width_px = class_map.ids.shape
-            self._take_in(class_map, frame, camera.resized(width_px, height_px))
-        points = self._memory.points()
-        self.write(OBSTACLES, points, captured_s=points.captured_s)
-
-    def _take_in(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
-        with self._timer:
-            scan = self._memory.update(class_map, frame, camera)
-        motion = self._memory.motion
-        if motion is None:
-            return
-        with self._map_timer:
-            restarts = self._mapper.restarts
-            self._mapper.follow(motion)
-            if scan is not None:
-                self._mapper.see(scan, frame, camera)
-                # What moves is remembered for as long as the map carries it, not as what stands.
-                until_s = frame.captured_s + self._mapper.config.movers.life_s
-                self._memory.forget_by(until_s, self._mapper.trails_m())
-            fix = self.read(HELIPAD).value
-            if fix is not None and fix.detected:
-                self._mapper.see_mark(fix)
-            site_map = self._mapper.map()
-            if site_map.restarts > restarts:
-                self._memory.forget()  # what was placed by the map that was given up
-        self.write(SITE_MAP, site_map, captured_s=frame.captured_s)

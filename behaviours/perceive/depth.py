@@ -6,20 +6,20 @@ import math
 
 from behaviours.stage_timer import StageTimer
 from perception.camera.ground_plane import view_of
+from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.networks.named import CONTACT, depth_file
-from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
     CORRIDOR,
     FRAME,
     METRIC_DEPTH,
-    OBSTACLES,
     RELATIVE_DEPTH,
+    SITE_MAP,
     STATE,
 )
 from uav_bt.board.context import MissionContext
-from uav_bt.classes import CARPET
+from uav_bt.classes import is_above_ground, is_ground
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
 
@@ -28,8 +28,8 @@ class EstimateDepth(Leaf):
     """Metric depth of each new frame; SUCCESS always, staleness shows by age.
 
     A frame that gives no metric depth (black, frozen, too little carpet, no height) writes none,
-    and the leaf's message says why. Where RememberObstacles ticks before it, boxes whose base has
-    left the view are still known by where it was.
+    and the leaf's message says why. Where `MapSite` ticks before it, the
+    range of a box is known by its base after that has left the view.
     """
 
     ports = (
@@ -46,7 +46,7 @@ class EstimateDepth(Leaf):
             doc="'network', or 'fused': by what things stand on where that is known",
         ),
     )
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA, OBSTACLES)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP)
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -70,6 +70,7 @@ class EstimateDepth(Leaf):
         """Estimate the depth of the frame if it is a new one and has been segmented."""
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map, state = self.read(CLASS_MAP).value, self.read(STATE).value
+        site_map = self.read(SITE_MAP).value
         if frame is None or camera is None or class_map is None or frame.index == self._last_index:
             return Status.SUCCESS
         self._last_index = frame.index
@@ -78,7 +79,7 @@ class EstimateDepth(Leaf):
             class_map,
             camera,
             state=state,
-            obstacles=self.read(OBSTACLES).value,
+            near=None if site_map is None else site_map.near,
             timed=self._timers.__getitem__,
         )
         self.feedback_message = f"no depth: {metric.refusal}" if metric.refusal else ""
@@ -168,7 +169,7 @@ class BuildCorridor(Leaf):
         self._last_s = depth.captured_s
         height_px, width_px = depth.depth.shape
         ids = class_map.ids
-        things = ids != CARPET if self.port_value("background") else ids > CARPET
+        things = ~is_ground(ids) if self.port_value("background") else is_above_ground(ids)
         with self._timer:
             corridor = self._builder.build(
                 depth,

@@ -135,15 +135,15 @@ class CorridorRule:
         )
 
     def _beside(self, view: PolicyView, step_m: float, margin_m: float) -> float:
-        """Return the longest step up to this one that the memory of obstacles allows, or zero."""
-        cfg, obstacles = self.config, view.obstacles
-        if obstacles is None:
+        """Return the longest step up to this one that obstacles on the map allow, or zero."""
+        if view.site_map is None:
             return step_m
-        if obstacles.unplaced_within(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min:
+        cfg, near = self.config, view.site_map.near
+        if near.unplaced_within(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min:
             return 0.0
         assumed = view.full_turns == 0
         for length_m in (step_m, *np.arange(0.9, cfg.shortest_step_m - 0.01, -0.1)):
-            if length_m <= step_m and obstacles.allows(
+            if length_m <= step_m and near.allows(
                 float(length_m), margin_m=margin_m, assumed=assumed
             ):
                 return float(length_m)

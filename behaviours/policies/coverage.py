@@ -63,7 +63,7 @@ class Coverage:
         if site_map is None:
             raise MissionError(
                 "policy 'coverage' flies by the map of the place, and none is on the board: put "
-                "<Segment/> and <RememberObstacles/> ahead of the leaves that fly"
+                "<Segment/>, <TrackMotion/> and <MapSite/> ahead of the leaves that fly"
             )
         ground_rad = _ground_rad(site_map, cfg.around_m)
         turn = Blocked(
@@ -77,7 +77,7 @@ class Coverage:
             return replace(turn, reason="the view contradicts the map")
         if site_map.untracked_s > cfg.blind_s and self._sees_little_ground(view, site_map):
             return Rotate(yaw_rad=ground_rad, reason="turns to the ground")
-        recent = recent_obstacles(view.obstacles, site_map, unmapped_s=cfg.follow.unmapped_s)
+        recent = recent_obstacles(site_map.near, site_map, unmapped_s=cfg.follow.unmapped_s)
         maps = ClearanceMaps(site_map, recent, cfg.margins, past_assumed=True)
         room = maps[Passage.ORDINARY]
         leg = best_route(room, cfg.survey, self._value)

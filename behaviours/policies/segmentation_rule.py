@@ -142,14 +142,14 @@ class SegmentationRule:
         return Blocked(yaw_rad=yaw_rad, ground_ends=not carpet_goes_on, reason=reason)
 
     def _keeps_margin(self, view: PolicyView, relief: int) -> bool:
-        if view.obstacles is None:
+        if view.site_map is None:
             return True
-        cfg, obstacles = self.config, view.obstacles
-        if obstacles.unplaced_within(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min:
+        cfg, near = self.config, view.site_map.near
+        if near.unplaced_within(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min:
             return False
         margin_m = cfg.margin_m - cfg.margin_relief_m * relief
         # Assumptions may close every way; after a full turn only what was really seen counts.
-        return obstacles.allows(cfg.step_m, margin_m=margin_m, assumed=relief == 0)
+        return near.allows(cfg.step_m, margin_m=margin_m, assumed=relief == 0)
 
     def _turn(self, for_left: int, for_right: int, tie_break: float) -> float:
         """Return a turn to the side with more votes; clockwise, to the right, is positive."""

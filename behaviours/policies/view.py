@@ -11,7 +11,6 @@ from uav_bt.board import (
     CORRIDOR,
     FRAME,
     HELD_TURN,
-    OBSTACLES,
     RECENT_VIEWS,
     SITE_MAP,
 )
@@ -22,7 +21,7 @@ from uav_bt.tree import Leaf
 from uav_bt.types import CameraModel, ClassMap, Frame, HeldTurn
 
 VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
-    *(FRAME, CLASS_MAP, CAMERA, CORRIDOR, OBSTACLES, SITE_MAP, RECENT_VIEWS, HELD_TURN),
+    *(FRAME, CLASS_MAP, CAMERA, CORRIDOR, SITE_MAP, RECENT_VIEWS, HELD_TURN),
 )
 """What a leaf must declare that it reads, to show views to policies."""
 
@@ -90,7 +89,6 @@ def policy_view(
         gimbal_pitch_rad=frame.gimbal_pitch_rad,
         height_above_carpet_m=frame.height_above_carpet_m,
         corridor=leaf.read(CORRIDOR).value,
-        obstacles=leaf.read(OBSTACLES).value,
         site_map=leaf.read(SITE_MAP).value,
         recent=recent,
         turning=held.direction,

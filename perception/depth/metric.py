@@ -27,7 +27,7 @@ from uav_bt.types import (
     DepthMap,
     DroneState,
     Frame,
-    ObstaclePoints,
+    NearObstacles,
     rotate_points,
 )
 
@@ -162,18 +162,18 @@ class MetricDepthMaker:
 
 
 def remembered_bases(
-    obstacles: ObstaclePoints, state: DroneState, frame: Frame, camera: CameraModel
+    near: NearObstacles, state: DroneState, frame: Frame, camera: CameraModel
 ) -> Remembered:
     """Return remembered obstacles as they were from the lens when a frame was captured.
 
     Args:
-        obstacles: from the body's centre at the time of the state.
+        near: from the body's centre at the time of the state.
         state: the newest telemetry; the video is a little behind it.
         frame: its capture is the moment asked for.
         camera: says where the lens is.
     """
     velocity, late_s = state.velocity, state.captured_s - frame.captured_s
-    since_m = obstacles.points_m + late_s * np.array([velocity.forward_mps, velocity.right_mps])
+    since_m = near.points_m + late_s * np.array([velocity.forward_mps, velocity.right_mps])
     turn_rad = state.attitude.yaw_rad - frame.attitude.yaw_rad
     then_m = rotate_points(since_m, turn_rad)
     lever_m = camera.forward_offset_m * math.cos(frame.attitude.pitch_rad)

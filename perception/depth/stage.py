@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from perception.depth.metric import MetricDepth, MetricDepthMaker, remembered_bases
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, NearObstacles
 
 Timed = Callable[[str], AbstractContextManager[object]]
 
@@ -57,7 +57,7 @@ class DepthStage:
         camera: CameraModel,
         *,
         state: DroneState | None = None,
-        obstacles: ObstaclePoints | None = None,
+        near: NearObstacles | None = None,
         timed: Timed = nullcontext,
     ) -> MetricDepth:
         """Return the depth of a frame that was not seen before, at the class map's size.
@@ -67,7 +67,7 @@ class DepthStage:
             class_map: of that frame.
             camera: intrinsics at any size of the frame's aspect.
             state: the newest telemetry, where there is any.
-            obstacles: what is remembered, from the body's centre at the time of the state.
+            near: obstacles near the drone, from the body's centre at the time of the state.
             timed: measures a stage, `relative_depth` or `metric_depth`, by its name.
         """
         refusal = self._frozen(frame, state) or self._misfit(frame, camera)
@@ -79,8 +79,8 @@ class DepthStage:
                 relative = self._network.estimate(frame)
         with timed("metric_depth"):
             remembered = None
-            if obstacles is not None and state is not None:
-                remembered = remembered_bases(obstacles, state, frame, camera)
+            if near is not None and state is not None:
+                remembered = remembered_bases(near, state, frame, camera)
             metric = self._maker.make(frame, class_map, camera, relative, remembered)
         return replace(metric, relative=relative)
 

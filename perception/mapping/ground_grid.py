@@ -7,33 +7,31 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.obstacles.contact_scan import NO_CLASS, GroundScan
+from perception.mapping.contact_scan import NO_CLASS
+from perception.mapping.tables import Flags, Floats
+from perception.mapping.view import View
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_HELIPAD
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Pose2D
 from uav_bt.types.site_map import is_beyond_edge
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class GroundGridConfig:
     """The grid's size, and what goes into it."""
 
-    cell_m: float = 0.1
-    reach_m: float = 12.0  # from the take-off point, each way
-    max_range_m: float = 4.0  # further ground is seen too flatly
-    # Votes of views on whether a cell is ground or lies beyond it; the first few can be overturned.
+    cell_m: float = 0.1  # side of a cell; chosen
+    reach_m: float = 12.0  # from the take-off point, each way; chosen
+    max_range_m: float = 4.0  # ground further from the camera is seen too flatly; chosen
+    # Views vote on whether a cell is ground or beyond it; more votes do not count. Chosen.
     max_votes: int = 6
-    near_step_m: float = 0.08  # between the places below the nearest line of sight
-    near_bearings: int = 3  # every so many bearings
-    passed_m: float = 0.5  # a cell this near to the flown path was passed
-    around_m: float = 0.1  # of a place, seen to be ground: far ground is placed so far off
-    # Where something moved it may come back, for so long, unless the ground was seen since.
-    lane_s: float = 90.0  # it may pause, and paths are long
-    looked_s: float = 0.4  # so long ago at most
-    lane_m: float = 0.2  # around the middle of what moved
-    body_m: float = 0.35  # around the drone itself nothing can stand
+    near_step_m: float = 0.08  # between places below the lowest line of sight; chosen, below a cell
+    near_bearings: int = 3  # of the scan, one in this number is cleared; chosen
+    passed_m: float = 0.5  # cells this near to the flown path were passed; as `coverage_passed`
+    around_m: float = 0.1  # ground must be seen this far around a place; its error when far; chosen
+    lane_s: float = 90.0  # a mover may come back to where it was for this time; chosen
+    looked_s: float = 0.4  # ground seen within this time is free of movers; chosen
+    lane_m: float = 0.2  # radius of a lane around a mover's path; chosen
+    body_m: float = 0.35  # no obstacle stands this near to the drone; chosen
 
     def __post_init__(self) -> None:
         if not 0.0 < self.cell_m < self.reach_m:
@@ -46,14 +44,14 @@ class GroundGrid:
     def __init__(self, config: GroundGridConfig | None = None) -> None:
         self.config = config = config or GroundGridConfig()
         side = 2 * round(config.reach_m / config.cell_m) + 1
-        self.seen_s = np.full((side, side), -np.inf, dtype=np.float32)
+        self.seen_s = np.full((side, side), -np.inf)  # float64: clocks may count from 1970
         self.free = np.zeros((side, side), dtype=bool)
         self.passed = np.zeros((side, side), dtype=bool)
         self._beyond = np.zeros((side, side), dtype=np.int8)  # votes: positive lies beyond the edge
         self._disc = _disc(config.passed_m / config.cell_m)
         self._around = np.argwhere(_disc(config.around_m / config.cell_m))
         self._around -= self._around.max(axis=0) // 2
-        self._moved_s = np.full((side, side), -np.inf, dtype=np.float32)  # something moved there
+        self._moved_s = np.full((side, side), -np.inf)  # something moved there
         self._has_moved = False
         self._lane = np.argwhere(_disc(config.lane_m / config.cell_m))
         self._lane -= self._lane.max(axis=0) // 2
@@ -61,15 +59,14 @@ class GroundGrid:
         self._low, self._high = np.full(2, side // 2), np.full(2, side // 2)  # cells in use
         self.full = False  # something lay outside the grid
 
-    def see(self, scan: GroundScan, lens: Pose2D, captured_s: float) -> None:
+    def add(self, view: View) -> None:
         """Take in the ground that a view shows.
 
         Args:
-            scan: of the view.
-            lens: where the camera was.
-            captured_s: when.
+            view: placed in the map's frame.
         """
-        cfg, groups = self.config, scan.groups
+        cfg, scan, lens = self.config, view.scan, view.lens
+        groups = scan.groups
         near = np.hypot(*np.moveaxis(scan.level_m, -1, 0)) <= cfg.max_range_m
         is_ground = near & (groups == GROUP_CARPET)
         is_beyond = near & (groups == GROUP_BACKGROUND)
@@ -85,9 +82,9 @@ class GroundGrid:
             more, less, votes = more_ground > 0, more_ground < 0, self._beyond[window]
             votes[more] = np.maximum(votes[more] - 1, -cfg.max_votes)
             votes[less] = np.minimum(votes[less] + 1, cfg.max_votes)
-            self.seen_s[window][more] = captured_s
+            self.seen_s[window][more] = view.captured_s
             self.free[window][more] = True
-        self._clear_below(scan, lens)
+        self._clear_below(view)
 
     def fly_over(self, x_m: float, y_m: float) -> None:
         """Note where the drone is: what lies below it is passed, and nothing stands there."""
@@ -99,7 +96,7 @@ class GroundGrid:
         if inside:
             self._use(np.array([[row, column]]))
 
-    def was_ground(self, places_m: Floats) -> NDArray[np.bool_]:
+    def was_ground(self, places_m: Floats) -> Flags:
         """Return at which places all ground around was seen.
 
         Args:
@@ -118,7 +115,7 @@ class GroundGrid:
         inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all()
         return bool(inside and (self.seen_s[tuple(cells.T)] > since_s).all())
 
-    def shown_at(self, places_m: Floats, captured_s: float) -> NDArray[np.bool_]:
+    def shown_at(self, places_m: Floats, captured_s: float) -> Flags:
         """Return at which places the view of that time showed ground.
 
         Args:
@@ -128,7 +125,7 @@ class GroundGrid:
         cells = self._cells(places_m)
         inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
         shown = np.zeros(len(places_m), dtype=bool)
-        shown[inside] = self.seen_s[tuple(cells[inside].T)] == np.float32(captured_s)
+        shown[inside] = self.seen_s[tuple(cells[inside].T)] == captured_s
         return shown
 
     def note_moving(self, places_m: Floats, captured_s: float) -> None:
@@ -153,7 +150,7 @@ class GroundGrid:
         cells = np.argwhere(lately & unseen)
         return np.asarray((cells - self.seen_s.shape[0] // 2) * cfg.cell_m)
 
-    def outside(self, window: tuple[slice, slice]) -> NDArray[np.bool_]:
+    def outside(self, window: tuple[slice, slice]) -> Flags:
         """Return which cells of a window lie beyond the edge of the ground."""
         return np.asarray(self._beyond[window] > 0)
 
@@ -182,12 +179,12 @@ class GroundGrid:
             (window[1].start - middle) * cfg.cell_m,
         )
 
-    def _clear_below(self, scan: GroundScan, lens: Pose2D) -> None:
+    def _clear_below(self, view: View) -> None:
         """Note as free what lies between the camera and the nearest ground in view.
 
         Whatever stood there and reached the flight height would hide that ground.
         """
-        cfg = self.config
+        cfg, scan = self.config, view.scan
         groups, level_m = scan.groups[:: cfg.near_bearings], scan.level_m[:: cfg.near_bearings]
         first = (groups != NO_CLASS).argmax(axis=1)
         rows = np.arange(len(groups))
@@ -197,7 +194,7 @@ class GroundGrid:
         steps = np.arange(cfg.near_step_m, cfg.max_range_m, cfg.near_step_m)
         shares = steps / np.maximum(lengths, cfg.near_step_m)[:, None]
         below = (ends[:, None, :] * shares[..., None])[shares < 1.0]
-        cells = self._inside(lens.points_to_world(below))
+        cells = self._inside(view.lens.points_to_world(below))
         self.free[tuple(cells.T)] = True
 
     def _inside(self, places_m: Floats) -> NDArray[np.intp]:
@@ -216,18 +213,18 @@ class GroundGrid:
 
 
 def _counts(cells: NDArray[np.intp], size: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return how often each cell of a window of so many rows and columns occurs."""
+    """Return how often each cell occurs in a window, given its rows and columns."""
     flat = np.bincount(cells[:, 0] * size[1] + cells[:, 1], minlength=int(size.prod()))
     return flat.reshape(size)
 
 
-def _disc(radius_cells: float) -> NDArray[np.bool_]:
+def _disc(radius_cells: float) -> Flags:
     reach = int(radius_cells)
     down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     return np.asarray(np.hypot(down, right) <= radius_cells)
 
 
-def _stamp(grid: NDArray[np.bool_], row: int, column: int, disc: NDArray[np.bool_]) -> None:
+def _stamp(grid: Flags, row: int, column: int, disc: Flags) -> None:
     """Mark the cells around one, as far as the grid goes."""
     reach = disc.shape[0] // 2
     top, left = max(reach - row, 0), max(reach - column, 0)

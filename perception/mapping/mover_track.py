@@ -8,47 +8,50 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
-from numpy.typing import NDArray
 
+from perception.mapping.tables import Flags, Floats
 from uav_bt.errors import ValueRangeError
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
 class MoverConfig:
-    """What is a mover, and for how long."""
+    """When a cluster is a mover, and for how long. Chosen on the twin's people and carts."""
 
-    apart_m: float = 0.3  # points further apart are of two clusters
-    min_points: int = 3
-    max_width_m: float = 1.2  # wider ones are walls that a displaced view shows
-    depth_m: float = 0.4  # of a thing; its base is seen from one side, its middle lies behind
-    min_radius_m: float = 0.25
-    # Of a cluster's middle, and of its range besides.
-    std_m: float = 0.06
-    cut_std_m: float = 0.3  # where the end of the view cuts it off
-    range_std_ratio: float = 0.02
-    accel_mps2: float = 0.5  # movers start and stop
-    start_mps: float = 0.5  # one standard deviation of a new cluster's velocity
-    gate: float = 13.8  # squared Mahalanobis distance, chi-square 2 dof at 99.9 %
+    apart_m: float = 0.3  # points further apart belong to two clusters
+    min_points: int = 3  # a cluster with fewer points is ignored
+    max_width_m: float = 1.2  # a wider cluster is a wall that a displaced view shows
+    # Assumed depth of a mover; its base is seen from one side, its middle lies behind.
+    depth_m: float = 0.4
+    min_radius_m: float = 0.25  # least radius of a mover
+    shrinks: float = 0.98  # ratio by which the radius may shrink from one sighting to the next
+    owned_m: float = 0.15  # points this near to the circle of what moves belong to it
+    std_m: float = 0.06  # standard deviation of a cluster's middle
+    cut_std_m: float = 0.3  # the same where the end of the view cuts the cluster off
+    range_std_ratio: float = 0.02  # the same as a ratio of its range, in addition
+    accel_mps2: float = 0.5  # standard deviation of the acceleration; movers start and stop
+    start_mps: float = 0.5  # standard deviation of a new cluster's velocity
+    # Largest squared Mahalanobis distance of a sighting; chi-square, 2 dof, 99.9 %.
+    gate: float = 13.8
     same_m: float = 0.45  # a cluster this near to a track starts no other
-    # It moves when it was sighted so often, has come so far from where it was first seen, and is
-    # fast by so many standard deviations of its velocity; slow ones have to come further.
-    sightings: int = 5
-    moved_m: float = 0.3
-    moved_slowly_m: float = 0.45
-    min_mps: float = 0.1
-    max_mps: float = 1.5
-    sure: float = 2.0
-    # It stands when it has stayed so near to one place for so long.
-    stays_m: float = 0.2
-    stays_s: float = 3.0
-    doubt_s: float = 0.6  # unseen for so long, a cluster that has not moved yet is forgotten,
-    life_s: float = 2.5  # and a mover
-    free_s: float = 0.3  # and either when its place is seen free for so long
-    waits_s: float = 90.0  # so long after anything moved, what has arrived may be one that waits
-    trail_s: float = 3.0  # of a mover's past places that are kept
+    early_sightings: int = 3  # sightings after which a fast cluster most likely moves
+    sightings: int = 5  # sightings after which a cluster may be a mover
+    moved_m: float = 0.3  # distance from its first place after which a fast cluster is a mover
+    moved_slowly_m: float = 0.45  # the same for a slow one
+    min_mps: float = 0.1  # a mover is faster
+    max_mps: float = 1.5  # and slower
+    sure: float = 2.0  # a cluster is fast above this many standard deviations of its velocity
+    stays_m: float = 0.2  # a cluster that stays this near to one place
+    stays_s: float = 3.0  # for this long stands
+    # A cluster that has not moved is forgotten when it is unseen for this long.
+    doubt_s: float = 0.6
+    life_s: float = 2.5  # the same for a mover
+    free_s: float = 0.3  # either is forgotten when its place is seen free for this long
+    # After a movement, an obstacle that has arrived may be a waiting mover this long.
+    waits_s: float = 90.0
+    trail_s: float = 3.0  # past places of a mover are kept for this long
+    # A point of the map belongs to a mover that was there this near in time to the point's first
+    # sighting.
+    passed_s: float = 1.0
 
     def __post_init__(self) -> None:
         if not 0.0 < self.min_mps < self.max_mps or self.sightings < 2:
@@ -63,7 +66,7 @@ class MoverTrack:
         place_m: (2,) of its middle, in the map's frame.
         noise: (2, 2) covariance of that.
         time_s: of the view that showed it first.
-        config: what is a mover.
+        config: when a cluster is a mover.
     """
 
     def __init__(
@@ -106,12 +109,12 @@ class MoverTrack:
     @property
     def is_under_way(self) -> bool:
         """Whether it is on its way, surely or most likely."""
-        speed_mps = float(np.hypot(*self.velocity_mps))
-        fast = speed_mps >= max(self._config.min_mps, self._config.sure * self.std(1))
-        return self.moves or (fast and not self.stands and self.sightings >= 3)
+        cfg, speed_mps = self._config, float(np.hypot(*self.velocity_mps))
+        fast = speed_mps >= max(cfg.min_mps, cfg.sure * self.std(1))
+        return self.moves or (fast and not self.stands and self.sightings >= cfg.early_sightings)
 
     def predict(self, time_s: float) -> None:
-        """Let it go on up to a time."""
+        """Predict it up to a time."""
         step_s = time_s - self.time_s
         if step_s <= 0.0:
             return
@@ -132,7 +135,7 @@ class MoverTrack:
         Args:
             place_m: (2,) of its middle.
             noise: (2, 2) covariance of that.
-            radius_m: of what was seen of it.
+            radius_m: of the part that was seen.
             whole: whether that is all of it.
         """
         cfg = self._config
@@ -142,14 +145,14 @@ class MoverTrack:
             self.filter.update(place_m.reshape(2, 1), R=noise)
         self.is_whole |= whole
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
-        # What is seen of it grows and shrinks with its place in the view.
-        self.radius_m = max(cfg.min_radius_m, radius_m, 0.98 * self.radius_m)
+        # The part of it that is seen grows and shrinks with its place in the view.
+        self.radius_m = max(cfg.min_radius_m, radius_m, cfg.shrinks * self.radius_m)
 
     def judge(self, *, moves: bool = True) -> None:
         """Decide whether it moves or stands.
 
         Args:
-            moves: whether what was sighted may show that; otherwise it counts from here on.
+            moves: whether the sighting may show that; if not, it is judged anew from here on.
         """
         cfg, place_m = self._config, self.place_m
         if not moves:

@@ -1,6 +1,6 @@
 """What moves in the place: tracked from view to view, and kept apart from what stands.
 
-Bases that appear on ground that was seen free before, away from what is known to stand there, have
+Bases that appear on ground that was seen free before, away from settled points, have
 arrived. Those of a view are clustered, and a Kalman filter with a constant velocity follows each
 cluster in the map's frame. It is a mover once it has really moved, further than the noise of depth
 and odometry; it stands once it has stayed at one place for some seconds.
@@ -17,12 +17,10 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.optimize import linear_sum_assignment
 
 from perception.mapping.mover_track import MoverConfig, MoverTrack
+from perception.mapping.tables import Flags, Floats
 from uav_bt.types.site_map import MapMover
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-
-_FAR = 1e6  # of an assignment that is none
+_FAR = 1e6  # cost of a pair that must not be assigned
 
 
 @dataclass(frozen=True)
@@ -35,10 +33,10 @@ class _Cluster:
 
 
 class MoverTracker:
-    """Follows what has arrived on free ground.
+    """Follows clusters that have arrived on free ground.
 
     Args:
-        config: what is a mover.
+        config: when a cluster is a mover.
     """
 
     def __init__(self, config: MoverConfig | None = None) -> None:
@@ -47,22 +45,24 @@ class MoverTracker:
         self._count = 0
         self._moved_s = -math.inf  # when anything was seen to move last
 
-    def owns(self, points_m: Floats, time_s: float, *, margin_m: float = 0.15) -> Flags:
-        """Return which points are of something that is known to move.
+    def predict(self, time_s: float) -> None:
+        """Let everything that is followed go on up to a time."""
+        for track in self._tracks:
+            track.predict(time_s)
+
+    def owns(self, points_m: Floats) -> Flags:
+        """Return which points lie on something that moves, at the time of the last prediction.
 
         Args:
             points_m: (N, 2) in the map's frame.
-            time_s: when they were seen.
-            margin_m: around its circle.
         """
         owned = np.zeros(len(points_m), dtype=bool)
         for track in self._tracks:
-            track.predict(time_s)
             if track.is_under_way:
-                owned |= track.holds(points_m, margin_m)
+                owned |= track.holds(points_m, self._config.owned_m)
         return owned
 
-    def see(
+    def follow(
         self,
         points_m: Floats,
         from_m: Floats,
@@ -81,7 +81,7 @@ class MoverTracker:
             judges: whether it may show that something moves.
 
         Returns:
-            Which of them stand: what they belong to has stayed for so long.
+            (N,) which of them belong to a cluster that has stayed long enough to stand.
         """
         cfg = self._config
         self._tracks = [
@@ -89,8 +89,7 @@ class MoverTracker:
             for track in self._tracks
             if time_s - track.seen_s <= (cfg.life_s if track.moves else cfg.doubt_s)
         ]
-        for track in self._tracks:
-            track.predict(time_s)
+        self.predict(time_s)
         stands = np.zeros(len(points_m), dtype=bool)
         cut = np.zeros(len(points_m), dtype=bool) if cut is None else cut
         for cluster, owner in self._assigned(self._clusters(points_m, from_m, cut)):
@@ -130,8 +129,8 @@ class MoverTracker:
         ]
         return np.array(shown).reshape(-1, 2)
 
-    def see_free(self, free: Flags, time_s: float) -> None:
-        """Forget what was seen not to be where it should be.
+    def forget_free(self, free: Flags, time_s: float) -> None:
+        """Forget what views show not to be where it should be.
 
         Args:
             free: (K,) at which of `places_m` a view showed ground.
@@ -162,7 +161,7 @@ class MoverTracker:
             if track.moves:
                 for time_s, x_m, y_m in track.trail:
                     near = np.hypot(*(points_m - (x_m, y_m)).T) <= track.radius_m
-                    passed |= near & (np.abs(first_s - time_s) <= 1.0)
+                    passed |= near & (np.abs(first_s - time_s) <= self._config.passed_s)
         return passed
 
     def trails_m(self) -> Floats:

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from perception.mapping.landmarks import Landmarks
-from uav_bt.classes import BOXES
+from perception.mapping.tables import Floats
+from uav_bt.classes import standing_classes
 from uav_bt.types import rotation
 from uav_bt.types.site_map import MapObject
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,12 +26,11 @@ class ObjectConfig:
     # A box seen from one side shows a line: what stands behind it is assumed to be as deep as
     # boxes are.
     depth_m: float = 0.4
-    # Rectangles are tried at so many yaws; points nearer than that to a side lie on it.
-    yaws: int = 45
-    near_m: float = 0.02
+    yaws: int = 45  # at which rectangles are tried, in a quarter turn: 2 degrees apart; chosen
+    near_m: float = 0.02  # points this near to a side lie on it; chosen
 
 
-def objects_of(points: Landmarks, config: ObjectConfig | None = None) -> tuple[MapObject, ...]:
+def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple[MapObject, ...]:
     """Return the objects that stand in the place, by class and then by position.
 
     Args:
@@ -43,7 +40,7 @@ def objects_of(points: Landmarks, config: ObjectConfig | None = None) -> tuple[M
     config = config or ObjectConfig()
     found: list[MapObject] = []
     lasting = points.take(points.seen_s - points.first_s >= config.min_seen_s)
-    for class_id in BOXES:
+    for class_id in standing_classes():
         of_class = lasting.take(lasting.ids == class_id)
         if len(of_class) < config.min_points:
             continue
@@ -98,6 +95,6 @@ def _yaw_of_sides(points_m: Floats, config: ObjectConfig) -> float:
 
 @cache
 def _axes(count: int) -> tuple[Floats, Floats]:
-    """Return so many yaws of a quarter turn, and the axes there, (count, 2, 2)."""
+    """Return a number of yaws in a quarter turn, and the axes there, (count, 2, 2)."""
     yaws = np.linspace(0.0, math.pi / 2, count, endpoint=False)
     return yaws, np.stack([rotation(yaw) for yaw in yaws])

@@ -1,4 +1,4 @@
-"""Correct the drone's place by what it sees again: scan matching against the map's points.
+"""Correct the drone's place by points that are seen again: scan matching against the map's points.
 
 The transform from the dead-reckoned frame to the map's (REP 105's `odom` to `map`) is the state of
 a Kalman filter. It grows uncertain with the odometry's drift. Each view is matched to the map by
@@ -11,16 +11,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from perception.mapping.landmarks import Landmarks
+from perception.mapping.tables import Floats
+from perception.mapping.view import View
+from uav_bt.classes import BACKGROUND
 from uav_bt.types import Pose2D
 
-Floats = NDArray[np.float64]
-_CLASSES_APART_M: Final = 1000.0  # more than any place is wide
+_CLASSES_APART_M: Final = 1000.0  # wider than any place
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,28 +38,17 @@ class RegistrationConfig:
     max_yaw_std_rad: float = 0.06  # telemetry's heading is not wrong by more
     point_std_m: float = 0.03  # of a point near by
     range_std_ratio: float = 0.02  # of its range besides: height and pitch are off a little
-    gate_m: float = 0.35  # what is further from all known points is new
-    # Neighbouring samples, and views a tenth of a second apart, err alike: so many count as one.
+    gate_m: float = 0.35  # a point further from all known points is new; chosen
+    # Neighbouring samples, and views 0.1 s apart, err alike: this number counts as one. Chosen.
     alike: float = 8.0
     mark_alike: float = 30.0  # of sightings of the landing mark
-    mark_gate_stds: float = 3.0  # a mark is another beyond so many, and beyond gate_m
+    mark_gate_stds: float = 3.0  # beyond these and `gate_m` a mark is another; chosen
     rounds: int = 3
     settled_m: float = 1e-4  # a smaller step ends the rounds
     neighbours: int = 6
     line_reach_m: float = 0.25  # of the neighbours that show a line's direction
     line_ratio: float = 8.0  # of their variances along and across
     min_points: int = 12  # matched; fewer say nothing
-
-
-class Points(NamedTuple):
-    """Points on the ground, and what stands there."""
-
-    xy_m: Floats  # (N, 2)
-    ids: NDArray[np.uint8]  # (N,) classes
-
-    def apart(self) -> Floats:
-        """Return (N, 3) places in which points of different classes are far from each other."""
-        return np.column_stack([self.xy_m, _CLASSES_APART_M * self.ids])
 
 
 class Registration:
@@ -95,32 +87,34 @@ class Registration:
             self._covariance += about @ walk @ about.T * (time_s - self._time_s)
         self._time_s = time_s
 
-    def match(self, seen: Points, ranges_m: Floats, known: Points) -> float | None:
-        """Correct by points of a view that stand in the map.
+    def match(self, view: View, known: Landmarks) -> float | None:
+        """Correct by the points of a view that stand on the map.
 
         Args:
-            seen: points of a view, N of them, in the dead-reckoned frame.
-            ranges_m: (N,) their distances from the camera.
+            view: its pose is dead-reckoned.
             known: points of the map.
 
         Returns:
-            The median distance of the view's points from where they stand in the map, across
-            lines; None when there are too few of them to say.
+            The median distance of the view's points from where they stand on the map, across
+            lines; None when there are too few of them.
         """
-        cfg = self._config
-        if min(len(seen.ids), len(known.ids)) < cfg.min_points:
+        cfg, local_m = self._config, np.vstack([view.bases_m, view.edges_m])
+        if min(len(local_m), len(known)) < cfg.min_points:
             return None
-        tree = cKDTree(known.apart())
-        std_m = np.hypot(cfg.point_std_m, cfg.range_std_ratio * ranges_m)
+        seen_m = view.pose.points_to_world(view.body_m(local_m))
+        edge_ids = np.full(len(view.edges_m), BACKGROUND, dtype=np.uint8)
+        ids = np.concatenate([view.base_ids, edge_ids])
+        tree = cKDTree(_apart(known.xy_m, known.ids))
+        std_m = np.hypot(cfg.point_std_m, cfg.range_std_ratio * np.hypot(*local_m.T))
         prior = np.linalg.inv(self._covariance + 1e-8 * np.eye(3))
         state, hessian = self._state.copy(), prior
         for _ in range(cfg.rounds):
-            places = seen._replace(xy_m=_pose(state).points_to_world(seen.xy_m))
-            residual_m, normals, distance_m = _equations(places, tree, known.xy_m, cfg)
+            places_m = _pose(state).points_to_world(seen_m)
+            residual_m, normals, distance_m = _equations(places_m, ids, tree, known.xy_m, cfg)
             near = distance_m <= cfg.gate_m
             if np.count_nonzero(near) < cfg.min_points:
                 return None
-            slopes = np.column_stack([normals, _turning(normals, places.xy_m - state[:2])])
+            slopes = np.column_stack([normals, _turning(normals, places_m - state[:2])])
             weight = near / (1.0 + (residual_m / std_m) ** 2) / std_m**2 / cfg.alike
             hessian = prior + slopes.T @ (weight[:, None] * slopes)
             gradient = slopes.T @ (weight * residual_m) + prior @ (state - self._state)
@@ -129,12 +123,12 @@ class Registration:
             if np.abs(step).max() < cfg.settled_m:
                 break
         self._state, self._covariance = state, np.linalg.inv(hessian)
-        places = seen._replace(xy_m=_pose(state).points_to_world(seen.xy_m))
-        residual_m, _, distance_m = _equations(places, tree, known.xy_m, cfg)
+        places_m = _pose(state).points_to_world(seen_m)
+        residual_m, _, distance_m = _equations(places_m, ids, tree, known.xy_m, cfg)
         near = distance_m <= cfg.gate_m
         return float(np.median(np.abs(residual_m[near]))) if near.any() else None
 
-    def see_mark(self, seen_m: Floats, known_m: Floats, std_m: float) -> bool:
+    def correct_by_mark(self, seen_m: Floats, known_m: Floats, std_m: float) -> bool:
         """Correct by the landing mark, whose place in the map is known.
 
         Args:
@@ -169,23 +163,32 @@ def _turning(normals: Floats, arms: Floats) -> Floats:
     return np.asarray(normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1])
 
 
+def _apart(places_m: Floats, ids: NDArray[np.uint8]) -> Floats:
+    """Return (N, 3) places in which points of different classes are far from each other."""
+    return np.column_stack([places_m, _CLASSES_APART_M * ids])
+
+
 def _equations(
-    places: Points, tree: cKDTree, known: Floats, cfg: RegistrationConfig
+    places_m: Floats,
+    ids: NDArray[np.uint8],
+    tree: cKDTree,
+    known_m: Floats,
+    cfg: RegistrationConfig,
 ) -> tuple[Floats, Floats, Floats]:
     """Return for each place how far it is from the map, (N,), along which normal, (N, 2).
 
     And its distance to the nearest known point of its class, (N,).
     """
-    distances, indices = tree.query(places.apart(), k=min(cfg.neighbours, len(known)))
-    around = known[indices]
+    distances, indices = tree.query(_apart(places_m, ids), k=min(cfg.neighbours, len(known_m)))
+    around = known_m[indices]
     counted = (distances <= distances[:, :1] + cfg.line_reach_m)[..., None]
     number = counted.sum(axis=1)
     centre = (around * counted).sum(axis=1) / number
     spread = (around - centre[:, None, :]) * counted
     values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", spread, spread))
     is_line = (values[:, 1] > cfg.line_ratio * np.maximum(values[:, 0], 1e-9))[:, None]
-    apart = places.xy_m - around[:, 0]
-    towards = apart / np.maximum(distances[:, :1], 1e-9)
+    apart_m = places_m - around[:, 0]
+    towards = apart_m / np.maximum(distances[:, :1], 1e-9)
     normals = np.where(is_line, vectors[:, :, 0], towards)
-    offset = np.where(is_line, places.xy_m - centre, apart)
+    offset = np.where(is_line, places_m - centre, apart_m)
     return np.einsum("ni,ni->n", offset, normals), normals, distances[:, 0]

@@ -13,8 +13,18 @@ from uav_bt.board import CLASS_MAP, STATE
 from uav_bt.classes import CARPET
 from uav_bt.protocols import PolicyView
 from uav_bt.testing import LeafBench
-from uav_bt.tree import Leaf, Status
-from uav_bt.types import Attitude, BodyVelocity, ClassMap, DroneState, FlyingState, MovementStatus
+from uav_bt.tree import Leaf, MissionTree, Status
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    ClassMap,
+    DroneState,
+    FlyingState,
+    MovementStatus,
+    NearObstacles,
+    Pose2D,
+    SiteMap,
+)
 
 ADVANCE = Advance(forward_m=0.3, reason="clear")
 TURN_RIGHT = Blocked(yaw_rad=0.5, reason="obstacle")
@@ -98,3 +108,31 @@ def halted_proposals(bench: LeafBench) -> tuple[object, object]:
     bench.proposals.clear()
     bench.halt()
     return bench.proposed, bench.pointed
+
+
+def replace_tree(bench: LeafBench, leaf: Leaf) -> None:
+    """Let another tree take over the bench's mission, as the runner does."""
+    tree = MissionTree(leaf)
+    tree.setup(bench.leaf.mission)
+    bench.halt()
+    tree.inherit(bench.tree)
+    bench.tree = tree
+
+
+def map_with(near: NearObstacles) -> SiteMap:
+    """Return a map that views contradict: of it only what is near the drone is believed."""
+    nothing, cells = np.empty((0, 2)), np.zeros((3, 3), dtype=bool)
+    return SiteMap(
+        pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
+        corner_m=(-0.1, -0.1),
+        cell_m=0.1,
+        seen_s=np.full((3, 3), -math.inf),
+        free=cells,
+        outside=cells,
+        passed=cells,
+        obstacles_m=nothing,
+        edges_m=nothing,
+        captured_s=near.captured_s,
+        contradicted_s=9.0,
+        near=near,
+    )

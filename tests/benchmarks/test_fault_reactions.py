@@ -19,7 +19,7 @@ TREE = """
 <root BTCPP_format="4">
   <BehaviorTree ID="Mission">
     <ReactiveSequence>
-      <Segment/> <FindHelipad/> <RememberObstacles/>
+      <Segment/> <FindHelipad/> <TrackMotion/> <MapSite/>
       <Fallback>
         <Sequence>
           <TakeOff height_m="1.2" gimbal_deg="-30"/>

@@ -20,12 +20,19 @@ from rich.console import Console
 
 from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
-from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
+from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight, Listeners
 from uav_bt.board import METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, CLASS_NAMES, HELIPAD_BOX
+from uav_bt.classes import (
+    BOXES,
+    CLASS_COLOURS,
+    CLASS_NAMES,
+    HELIPAD_BOX,
+    is_above_ground,
+    is_ground,
+)
 from uav_bt.display.canvas import Colour
 from uav_bt.display.lab_map import LabMap, MapItem, MapMover
 from uav_bt.display.phrases import describe_flight, lands_on_helipad
@@ -206,7 +213,7 @@ def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
     def intruding(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
         height_px, width_px = depth.depth.shape
         ids = class_map.ids
-        things = ids != CARPET if background else ids > CARPET
+        things = ~is_ground(ids) if background else is_above_ground(ids)
         return builder.intruding(
             depth, view_of(frame, camera, (width_px, height_px)), things=things
         )

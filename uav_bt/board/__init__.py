@@ -1,5 +1,7 @@
 """The mission board: typed keys, ages, proposals, and what a leaf is handed."""
 
+from typing import TYPE_CHECKING, Never
+
 from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import (
@@ -16,7 +18,6 @@ from uav_bt.board.keys import (
     HELIPAD,
     METRIC_DEPTH,
     MISSION_KEYS,
-    OBSTACLES,
     ODOMETRY,
     PHASE,
     RECENT_VIEWS,
@@ -39,7 +40,6 @@ __all__ = [
     "HELIPAD",
     "METRIC_DEPTH",
     "MISSION_KEYS",
-    "OBSTACLES",
     "ODOMETRY",
     "PHASE",
     "RECENT_VIEWS",
@@ -52,3 +52,11 @@ __all__ = [
     "MissionContext",
     "Reading",
 ]
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Never:
+        if name == "OBSTACLES":
+            # An AttributeError's text would be lost in `from uav_bt.board import OBSTACLES`.
+            raise ImportError("the board has no OBSTACLES any more: read SITE_MAP and its `near`")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -15,7 +15,6 @@ from uav_bt.types import (
     Frame,
     HeldTurn,
     HelipadFix,
-    ObstaclePoints,
     RecentViews,
 )
 from uav_bt.types.dead_reckoning import MotionEstimate
@@ -78,25 +77,18 @@ HELIPAD: Final = Key(
     max_age_s=_HELIPAD_MAX_AGE_S,
 )
 
-OBSTACLES: Final = Key(
-    "obstacles",
-    ObstaclePoints,
-    "where obstacles stand, also those that have left the view",
-    writer="RememberObstacles",
-    max_age_s=_FRAME_MAX_AGE_S,
-)
 ODOMETRY: Final = Key(
     "odometry",
     MotionEstimate,
     "where the drone is and how it moves over the ground, as the ground shows it",
-    writer="RememberObstacles",
+    writer="TrackMotion",
     max_age_s=_STATE_MAX_AGE_S,
 )
 SITE_MAP: Final = Key(
     "site_map",
     SiteMap,
-    "the map of the place: ground, obstacles, edges, objects, landing mark",
-    writer="RememberObstacles",
+    "the map of the place: ground, obstacles, edges, objects, landing mark, and what is near",
+    writer="MapSite",
     max_age_s=_FRAME_MAX_AGE_S,
     formerly=("obstacles",),
 )
@@ -154,7 +146,6 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     METRIC_DEPTH,
     CORRIDOR,
     HELIPAD,
-    OBSTACLES,
     ODOMETRY,
     SITE_MAP,
     PHASE,

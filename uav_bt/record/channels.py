@@ -27,11 +27,10 @@ from uav_bt.types import (
     GimbalTo,
     HelipadFix,
     Movement,
-    ObstaclePoints,
-    Pose2D,
+    NearObstacles,
     Truth,
 )
-from uav_bt.types.site_map import MapMark, MapMover, MapObject
+from uav_bt.types.site_map import SiteMapBase
 
 Quality = Literal["lossless", "high", "small"]
 
@@ -151,26 +150,10 @@ class FrameNote:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SiteMapNote:
+class SiteMapNote(SiteMapBase):
     """A site map: as `uav_bt.types.site_map.SiteMap`, its grids as one image."""
 
-    pose: Pose2D
-    corner_m: tuple[float, ...]
-    cell_m: float
     cells_png: str  # base64; a byte for each cell, a bit for each grid
-    obstacles_m: NDArray[np.float64]
-    edges_m: NDArray[np.float64]
-    captured_s: float
-    movers: tuple[MapMover, ...] = ()
-    lanes_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
-    objects: tuple[MapObject, ...] = ()
-    mark: MapMark | None = None
-    correction: Pose2D
-    residual_m: float = 0.0
-    contradicted_s: float = 0.0
-    restarts: int = 0
-    full: bool = False
-    untracked_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,7 +228,8 @@ RELATIVE_DEPTH: Final = Channel(topic="/perception/relative_depth", content="Raw
 METRIC_DEPTH: Final = Channel(topic="/perception/metric_depth", content="RawImage", image=True)
 CORRIDOR: Final = Channel(topic="/perception/corridor", content=Corridor)
 HELIPAD: Final = Channel(topic="/perception/helipad", content=HelipadFix)
-OBSTACLES: Final = Channel(topic="/perception/obstacles", content=ObstaclePoints)
+# Of the site map, in every tick; the topic is that of records whose board had a key for it.
+NEAR: Final = Channel(topic="/perception/obstacles", content=NearObstacles)
 SITE_MAP: Final = Channel(topic="/perception/site_map", content=SiteMapNote)
 STATE: Final = Channel(topic="/drone/state", content=DroneState)
 POSE: Final = Channel(topic="/drone/pose", content="PoseInFrame")
@@ -263,7 +247,7 @@ CHANNELS: Final[dict[str, Channel]] = {
     channel.topic: channel
     for channel in (
         *(CAMERA_IMAGE, CAMERA_FRAME, CALIBRATION),
-        *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, HELIPAD, OBSTACLES, SITE_MAP),
+        *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, HELIPAD, NEAR, SITE_MAP),
         *(STATE, POSE, TRANSFORM, TRUTH),
         *(TICK, COMMANDS, BOARD, ADVICE, TREE, TREE_STATUS, LOG),
     )

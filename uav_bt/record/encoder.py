@@ -25,13 +25,12 @@ from uav_bt.record.site_maps import note_of
 from uav_bt.record.values import dump, encode, finite
 from uav_bt.record.worker import Encoded
 from uav_bt.tree.status import Status
-from uav_bt.types import CameraModel, ClassMap, DepthMap, GimbalTo, Movement
+from uav_bt.types import CameraModel, ClassMap, DepthMap, GimbalTo, Movement, NearObstacles
 
 # The board's values that have a channel of their own, whenever there is a new one.
 _VALUES: Final = {
     keys.CORRIDOR.name: channels.CORRIDOR,
     keys.HELIPAD.name: channels.HELIPAD,
-    keys.OBSTACLES.name: channels.OBSTACLES,
     keys.ADVICE.name: channels.ADVICE,
 }
 _MAP_S: Final = 0.5  # between site maps, which change with every view
@@ -89,6 +88,7 @@ class MomentEncoder:
         self._last: dict[str, Any] = {}  # the board's values that were written last
         self._statuses: tuple[Status, ...] | None = None
         self._map_s = -math.inf  # when a site map was kept last
+        self._near: NearObstacles | None = None  # that was written last
 
     def encode(self, moment: RawMoment, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - called by the worker
         """Yield a moment's messages.
@@ -141,6 +141,10 @@ class MomentEncoder:
             if self._is_new(name, moment):
                 yield channel, moment.board[name][0]
         time_s, site_map = moment.tick.time_s, keys.SITE_MAP.name
+        value, _ = moment.board.get(site_map, (None, 0.0))
+        if value is not None and value.near is not self._near:
+            self._near = value.near
+            yield channels.NEAR, value.near
         if time_s - self._map_s >= _MAP_S - _SLACK_S and self._is_new(site_map, moment):
             self._map_s = time_s
             yield channels.SITE_MAP, note_of(moment.board[site_map][0])

@@ -29,7 +29,7 @@ from uav_bt.types import (
     DroneState,
     Frame,
     HelipadFix,
-    ObstaclePoints,
+    NearObstacles,
     Truth,
 )
 from uav_bt.types.site_map import SiteMap
@@ -70,7 +70,7 @@ class Moment:
     metric_depth: DepthMap | None = None  # whole millimetres; NaN where unknown
     corridor: Corridor | None = None
     helipad: HelipadFix | None = None
-    obstacles: ObstaclePoints | None = None
+    near: NearObstacles | None = None  # of the site map
     site_map: SiteMap | None = None  # kept at most twice a second
     truth: Truth | None = None
 
@@ -111,7 +111,7 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         metric_depth=_depth(channels.METRIC_DEPTH, "metric_depth", found, board),
         corridor=value(channels.CORRIDOR),
         helipad=value(channels.HELIPAD),
-        obstacles=value(channels.OBSTACLES),
+        near=value(channels.NEAR),
         site_map=None if site_map is None else site_map_of(site_map),
         truth=value(channels.TRUTH),
     )

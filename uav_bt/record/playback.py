@@ -8,6 +8,7 @@ for tick in playback.ticks():
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from uav_bt import board as keys
@@ -20,6 +21,7 @@ from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree.status import Status
 from uav_bt.types import Frame, Observation
+from uav_bt.types.site_map import SiteMap
 
 # What has a channel of its own, by its name in `Moment` and on the board.
 _VALUES: Final[tuple[Key[Any], ...]] = (
@@ -28,8 +30,6 @@ _VALUES: Final[tuple[Key[Any], ...]] = (
     keys.METRIC_DEPTH,
     keys.CORRIDOR,
     keys.HELIPAD,
-    keys.OBSTACLES,
-    keys.SITE_MAP,
 )
 
 
@@ -46,6 +46,7 @@ class Playback:
         self._paths = tuple(node.path for node in reader.tree.nodes)
         self._statuses: tuple[str, ...] = ()
         self._frame: Frame | None = None
+        self._map: SiteMap | None = None  # the last; a record keeps two a second
         self.board = Blackboard(self._clock, keys.MISSION_KEYS)
 
     @property
@@ -113,6 +114,7 @@ class Playback:
                 board.forget(key)
             elif value is not None:
                 board.write(key, value, captured_s=entry["captured_s"])
+        self._write_map(moment)
         for plain in (keys.ELAPSED, keys.PHASE):
             entry = moment.board.get(plain.name)
             if entry is not None:
@@ -122,3 +124,12 @@ class Playback:
         board.write(keys.CAMERA, self._reader.camera)
         if self._frame is not None:
             board.write(keys.FRAME, self._frame, captured_s=self._frame.captured_s)
+
+    def _write_map(self, moment: Moment) -> None:
+        entry = moment.board.get(keys.SITE_MAP.name)
+        self._map = moment.site_map or self._map
+        if entry is None or entry["value"] is None:
+            self.board.forget(keys.SITE_MAP)
+        elif self._map is not None and (moment.site_map is not None or moment.near is not None):
+            self._map = replace(self._map, near=moment.near or self._map.near)
+            self.board.write(keys.SITE_MAP, self._map, captured_s=entry["captured_s"])

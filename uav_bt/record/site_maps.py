@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from dataclasses import fields
 from typing import Final
 
 import numpy as np
@@ -18,7 +19,7 @@ from uav_bt.errors import InputError
 from uav_bt.record.channels import SiteMapNote
 from uav_bt.record.images import decode_bytes, encode_bytes
 from uav_bt.types import Pose2D
-from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
+from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap, SiteMapBase
 
 Floats = NDArray[np.float64]
 
@@ -32,25 +33,11 @@ def note_of(site_map: SiteMap) -> SiteMapNote:
     cells = np.zeros(site_map.free.shape, dtype=np.uint8)
     for grid, bit in _grids(site_map):
         cells[grid] |= bit
-    return SiteMapNote(
-        pose=site_map.pose,
-        corner_m=site_map.corner_m,
-        cell_m=site_map.cell_m,
-        cells_png=base64.b64encode(encode_bytes(cells)).decode("ascii"),
-        obstacles_m=site_map.obstacles_m.round(_DECIMALS),
-        edges_m=site_map.edges_m.round(_DECIMALS),
-        captured_s=site_map.captured_s,
-        movers=site_map.movers,
-        lanes_m=site_map.lanes_m.round(_DECIMALS),
-        objects=site_map.objects,
-        mark=site_map.mark,
-        correction=site_map.correction,
-        residual_m=site_map.residual_m,
-        contradicted_s=site_map.contradicted_s,
-        restarts=site_map.restarts,
-        full=site_map.full,
-        untracked_s=site_map.untracked_s,
-    )
+    kept = {item.name: getattr(site_map, item.name) for item in fields(SiteMapBase)}
+    for name in ("obstacles_m", "edges_m", "lanes_m"):
+        kept[name] = kept[name].round(_DECIMALS)
+    cells_png = base64.b64encode(encode_bytes(cells)).decode("ascii")
+    return SiteMapNote(cells_png=cells_png, **kept)
 
 
 def _grids(site_map: SiteMap) -> tuple[tuple[NDArray[np.bool_], int], ...]:
@@ -73,28 +60,12 @@ def site_map_of(note: SiteMapNote) -> SiteMap:
     except binascii.Error as error:
         raise InputError(f"the cells of a site map are damaged: {error}") from error
     _check(note)
-    ground = (cells & _GROUND) > 0
     return SiteMap(
-        pose=note.pose,
-        corner_m=(note.corner_m[0], note.corner_m[1]),
-        cell_m=note.cell_m,
-        seen_s=np.where(ground, note.captured_s, -np.inf).astype(np.float32),
+        seen_s=np.where(cells & _GROUND, note.captured_s, -np.inf),
         free=(cells & _FREE) > 0,
         outside=(cells & _OUTSIDE) > 0,
         passed=(cells & _PASSED) > 0,
-        obstacles_m=note.obstacles_m,
-        edges_m=note.edges_m,
-        captured_s=note.captured_s,
-        movers=note.movers,
-        lanes_m=note.lanes_m,
-        objects=note.objects,
-        mark=note.mark,
-        correction=note.correction,
-        residual_m=note.residual_m,
-        contradicted_s=note.contradicted_s,
-        restarts=note.restarts,
-        full=note.full,
-        untracked_s=note.untracked_s,
+        **{item.name: getattr(note, item.name) for item in fields(SiteMapBase)},
     )
 
 

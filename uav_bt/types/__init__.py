@@ -4,6 +4,8 @@ Conventions (see ``ARCHITECTURE.md``): metres, radians, seconds of the mission c
 is Parrot's: x forward, y right, z down, yaw clockwise positive seen from above. Images are RGB.
 """
 
+from typing import TYPE_CHECKING, Never
+
 from uav_bt.types.camera import CameraModel, ClassMap, Corridor, DepthMap, Frame
 from uav_bt.types.commands import (
     HOVER,
@@ -29,7 +31,7 @@ from uav_bt.types.surroundings import (
     PAD_SIZE_M,
     HeldTurn,
     HelipadFix,
-    ObstaclePoints,
+    NearObstacles,
 )
 from uav_bt.types.telemetry import (
     Attitude,
@@ -72,8 +74,8 @@ __all__ = [
     "MovementState",
     "MovementStatus",
     "MoverState",
+    "NearObstacles",
     "Observation",
-    "ObstaclePoints",
     "PastView",
     "Phase",
     "Pose",
@@ -89,3 +91,13 @@ __all__ = [
     "rotation",
     "wrap_angle",
 ]
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Never:
+        if name == "ObstaclePoints":
+            # An AttributeError's text would be lost in `from uav_bt.types import ObstaclePoints`.
+            raise ImportError(
+                "uav_bt.types has no ObstaclePoints any more: it is NearObstacles now"
+            )
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

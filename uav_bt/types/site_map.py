@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError
 from uav_bt.types.pose import Pose2D
+from uav_bt.types.surroundings import NearObstacles
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-EDGE_MARGIN_M: Final = 0.3  # only what is further beyond the edge of the ground is surely beyond it
+EDGE_MARGIN_M: Final = 0.3  # a place beyond the edge by more is surely beyond it; chosen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,35 +81,68 @@ class MapMover:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SiteMap:
-    """A grid around the take-off point, and what was seen to stand in it.
+class SiteMapBase:
+    """Everything of a site map but its grids: a record keeps it as it is.
 
-    The frame is the dead-reckoned one: x along yaw 0, y to its right, the origin where the mission
-    began; what was seen again has corrected the drone's place in it. All grids have one shape,
-    rows along x and columns along y.
+    Attributes:
+        pose: of the drone, now.
+        corner_m: the centre of the grids' cell (0, 0).
+        cell_m: side of a cell.
+        obstacles_m: (N, 2) points where obstacles stand.
+        edges_m: (K, 2) points where the ground ends.
+        captured_s: capture of the newest view.
+        movers: what moves, where it is now. None of it is among the obstacles.
+        lanes_m: (L, 2) places where something moved lately, and that no view has shown since.
+        objects: obstacles with class, place and size.
+        mark: the landing mark; None before it was seen.
+        correction: the pose of the dead-reckoned frame in the map's frame.
+        residual_m: mean distance of views' points from where they stand on the map.
+        contradicted_s: for how long views have contradicted the map.
+        restarts: how often the map was begun anew for that.
+        full: whether part of the place lies beyond the grid.
+        untracked_s: for how long the odometry has followed no ground.
     """
 
-    pose: Pose2D  # the drone now
-    corner_m: tuple[float, float]  # the centre of cell (0, 0)
+    pose: Pose2D
+    corner_m: tuple[float, float]
     cell_m: float
-    seen_s: NDArray[np.float32]  # when the cell last showed ground; -inf: never
-    free: Flags  # known to be free to fly: ground, or below a line of sight to the ground
-    outside: Flags  # beyond the edge of the ground
-    passed: Flags  # within half a metre of the flown path
-    obstacles_m: Floats  # (N, 2) points where obstacles stand
-    edges_m: Floats  # (K, 2) points where the ground ends
-    captured_s: float  # of the newest frame that went in
-    movers: tuple[MapMover, ...] = ()  # what moves; none of it is among the obstacles
-    # (L, 2) where something moved lately and may come back: nobody has looked since
+    obstacles_m: Floats
+    edges_m: Floats
+    captured_s: float
+    movers: tuple[MapMover, ...] = ()
     lanes_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
     objects: tuple[MapObject, ...] = ()
     mark: MapMark | None = None
     correction: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
-    residual_m: float = 0.0  # how far points of views are from where they stand, lately
-    contradicted_s: float = 0.0  # for so long the view has disagreed with the map
-    restarts: int = 0  # how often the map was given up for that
-    full: bool = False  # part of the place lies beyond the grid
-    untracked_s: float = 0.0  # for so long the odometry has followed no ground
+    residual_m: float = 0.0
+    contradicted_s: float = 0.0
+    restarts: int = 0
+    full: bool = False
+    untracked_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SiteMap(SiteMapBase):
+    """Grids around the take-off point, obstacles in them, and obstacles near the drone.
+
+    The frame is the dead-reckoned one: x along yaw 0, y to its right, the origin where the mission
+    began; views have corrected the drone's place in it. All grids have one shape, rows along x and
+    columns along y.
+
+    Attributes:
+        seen_s: (R, C) float64 when the cell last showed ground; -inf: never.
+        free: (R, C) cells known to be free to fly: ground, or below a line of sight to the ground.
+        outside: (R, C) cells beyond the edge of the ground.
+        passed: (R, C) cells within half a metre of the flown path.
+        near: obstacles and edges near the drone, from `pose`, placed by dead reckoning: also those
+            that a few views have seen, and those of unknown range.
+    """
+
+    seen_s: Floats
+    free: Flags
+    outside: Flags
+    passed: Flags
+    near: NearObstacles = field(default_factory=NearObstacles)
 
     __repr__ = shapes_repr
 
@@ -126,10 +160,6 @@ class SiteMap:
     def ground_s(self) -> float:
         """When a view last showed ground; -inf before any has."""
         return float(self.seen_s.max(initial=-math.inf))
-
-    def at(self, reckoned: Pose2D) -> SiteMap:
-        """Return the map with the drone at a dead-reckoned pose."""
-        return replace(self, pose=self.correction.pose_to_world(reckoned))
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return the row and column of a place, which may lie outside the grid."""

@@ -1,4 +1,4 @@
-"""The surroundings: fixed sizes, what is known of helipad and obstacles, the turn being held."""
+"""The surroundings: fixed sizes, the helipad's fix, obstacles near the drone, the held turn."""
 
 from __future__ import annotations
 
@@ -35,16 +35,17 @@ class HelipadFix:
         return math.atan2(self.right_m, self.forward_m)
 
 
-# Passing a point that lies abeam brings it nearer by this little; that is no approach.
+# A path past a point abeam may bring it nearer by this and counts as no approach; chosen.
 _PASSING_M = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObstaclePoints:
-    """Where obstacles stand on the carpet, as seen lately, from the body's centre now."""
+class NearObstacles:
+    """Obstacles and edges near the drone, from the body's centre, placed by dead reckoning."""
 
-    points_m: NDArray[np.float64]  # (N, 2): forward, right, in the heading-aligned level frame
-    captured_s: float  # of the newest frame that went in
+    # (N, 2): forward, right, in the heading-aligned level frame
+    points_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    captured_s: float = -math.inf  # of the newest frame that went in
     # (K, 2), in the same frame: where obstacles of unknown range are assumed for the time being.
     assumed_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     # (E, 2), in the same frame: where the carpet ends.
@@ -80,8 +81,8 @@ class ObstaclePoints:
             return math.inf
         return float(np.hypot(self.points_m[:, 0], self.points_m[:, 1]).min())
 
-    def within(self, reach_m: float) -> ObstaclePoints:
-        """Return it with the points and edges only that are so near to the body's centre."""
+    def within(self, reach_m: float) -> NearObstacles:
+        """Return only the points and edges within a distance of the body's centre."""
         points, edges = (np.hypot(*each.T) <= reach_m for each in (self.points_m, self.edges_m))
         return replace(
             self,
@@ -96,7 +97,7 @@ class ObstaclePoints:
     ) -> bool:
         """Return whether a straight path keeps a margin from every point.
 
-        What is already nearer than the margin may be passed and left, but not approached.
+        A point nearer than the margin may be passed and left, but not approached.
 
         Args:
             forward_m: the end of the path, ahead of the body's centre.

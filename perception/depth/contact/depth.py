@@ -28,7 +28,7 @@ from perception.camera.ground_plane import CameraView, GroundPlane
 from perception.depth.contact.contacts import Base, BaseConfig, Remembered, find_base, rows_above
 from perception.depth.contact.lines import fit_base
 from perception.depth.contact.panorama import Panorama
-from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, is_above_ground
 from uav_bt.errors import ShapeError
 from uav_bt.types import PAD_HEIGHT_M
 
@@ -126,7 +126,7 @@ class _Estimation:
             self._fill_helipad()
         with np.errstate(invalid="ignore"):
             self._depth[self._depth > self._config.max_depth_m] = np.nan
-        things = self._ids > CARPET
+        things = is_above_ground(self._ids)
         count = int(np.count_nonzero(things))
         known = int(np.count_nonzero(things & np.isfinite(self._depth)))
         return ContactDepth(

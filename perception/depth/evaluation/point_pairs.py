@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import CARPET, OBSTACLES
+from uav_bt.classes import OBSTACLES, is_above_ground
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 
@@ -163,7 +163,7 @@ def _picked(
         max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1
     ]
     # The carpet before a base is nearer, and hides nothing.
-    others = (ids[window] > CARPET) & (ids[window] != ids[row, column]) & (face[window] == 0)
+    others = is_above_ground(ids[window]) & (ids[window] != ids[row, column]) & (face[window] == 0)
     return not bool(np.any(others & (depth_m[window] < depth_m[row, column] - config.occluder_m)))
 
 

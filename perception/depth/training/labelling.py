@@ -22,7 +22,8 @@ from perception.depth.contact.depth import contact_depth
 from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.parallax import Parallax, ParallaxConfig
-from perception.obstacles.memory import ObstacleMemory
+from perception.mapping.recent import RecentLayer
+from perception.mapping.view import View
 from perception.odometry.camera_track import (
     FOOTAGE_SIZE_PX,
     CameraTrack,
@@ -30,6 +31,7 @@ from perception.odometry.camera_track import (
     camera_track,
     measured_motion,
 )
+from perception.odometry.carpet import CarpetOdometry
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.progress import Advance, silent
@@ -111,20 +113,28 @@ def contact_labels(
     width, height = LABEL_SIZE_PX
     depth = np.full((len(footage), height, width), np.nan, dtype=np.float16)
     bound = np.full((len(footage), height, width), np.inf, dtype=np.float16)
-    memory = ObstacleMemory()
+    recent, odometry = RecentLayer(), CarpetOdometry()
     states = _states_of(footage)
     state = next(states)
-    memory.predict(state)
+    odometry.predict(state)
     for place, frame in enumerate(frames_of(footage)):
         while state.captured_s < frame.captured_s and (later := next(states, None)) is not None:
             state = later
-            memory.predict(state)
+            odometry.predict(state)
         if frame.height_above_carpet_m >= config.min_height_m:
             class_map = segmenter.segment(frame)
             view = view_of(frame, footage.camera, class_map.ids.shape[::-1])
             # What stands too near for its base to be seen was seen from further away.
-            remembered = remembered_bases(memory.points(), state, frame, footage.camera)
-            memory.update(class_map, frame, view.camera)
+            remembered, now = None, odometry.now
+            if now is not None:
+                recent.expire(now.time_s)
+                remembered = remembered_bases(recent.near(now), state, frame, footage.camera)
+            odometry.see(class_map, frame, view.camera)
+            seen = odometry.at(frame.captured_s)
+            if seen is not None:
+                placed = View.of(class_map, frame, view.camera, seen)
+                if placed is not None:
+                    recent.add(placed)
             if place % config.every == 0:
                 known = contact_depth(class_map.ids, view, remembered=remembered)
                 depth[place], bound[place] = _small(known.depth), _small(known.at_most)

@@ -16,14 +16,15 @@ from tests.behaviours.leaf_world import (
     Says,
     halted_proposals,
     live,
+    map_with,
     show,
     steering_bench,
 )
 from uav_bt.answers import Done, Rotate
-from uav_bt.board import HELD_TURN, OBSTACLES, STATE
+from uav_bt.board import HELD_TURN, SITE_MAP, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import Attitude, HeldTurn, MoveBy, ObstaclePoints, Velocity
+from uav_bt.types import Attitude, HeldTurn, MoveBy, NearObstacles, Velocity
 
 
 def turning(policy: Says) -> LeafBench:
@@ -203,8 +204,8 @@ def test_after_an_advance_the_policy_chooses_again() -> None:
 def near(bench: LeafBench, *points: tuple[float, float]) -> None:
     """Remember obstacles so far ahead and right of the body's centre, and tick."""
     show(bench, seconds=0.3)
-    bench.board[OBSTACLES] = ObstaclePoints(
-        points_m=np.array(points, dtype=np.float64), captured_s=bench.clock.now()
+    bench.board[SITE_MAP] = map_with(
+        NearObstacles(points_m=np.array(points, dtype=np.float64), captured_s=bench.clock.now())
     )
     assert bench.tick() is Status.RUNNING
 
@@ -256,10 +257,12 @@ def test_a_turn_keeps_off_the_edge_of_the_carpet() -> None:
     bench = turning(Says(TURN_LEFT))
     for ahead_m, away_mps in ((0.35, 0.0), (0.25, -0.075)):
         show(bench, seconds=0.3)
-        bench.board[OBSTACLES] = ObstaclePoints(
-            points_m=np.empty((0, 2)),
-            edges_m=np.array([[ahead_m, 0.0]]),
-            captured_s=bench.clock.now(),
+        bench.board[SITE_MAP] = map_with(
+            NearObstacles(
+                points_m=np.empty((0, 2)),
+                edges_m=np.array([[ahead_m, 0.0]]),
+                captured_s=bench.clock.now(),
+            )
         )
         bench.tick()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from tests.behaviours.leaf_world import (
     Says,
     halted_proposals,
     live,
+    map_with,
     show,
     steering_bench,
 )
@@ -26,7 +26,6 @@ from uav_bt.board import (
     FLIGHT_PITCH,
     FRAME,
     HELD_TURN,
-    OBSTACLES,
     ODOMETRY,
     PHASE,
     SITE_MAP,
@@ -44,7 +43,7 @@ from uav_bt.types import (
     HeldTurn,
     MoveBy,
     MovementState,
-    ObstaclePoints,
+    NearObstacles,
     Velocity,
 )
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
@@ -307,7 +306,9 @@ def test_at_a_speed_the_height_is_kept() -> None:
 def test_at_a_speed_it_keeps_away_from_what_is_beside_it(beside_m: float, goes: float) -> None:
     bench = steering_bench(Explore, Says(FollowLeg(speed_mps=0.4)))
     live(bench)
-    bench.board[OBSTACLES] = ObstaclePoints(points_m=np.array([[0.1, beside_m]]), captured_s=0.0)
+    bench.board[SITE_MAP] = map_with(
+        NearObstacles(points_m=np.array([[0.1, beside_m]]), captured_s=0.0)
+    )
     bench.allow_stale()
     live(bench, seconds=0.3)
     assert isinstance(bench.proposed, Velocity)
@@ -329,8 +330,7 @@ def test_at_the_edge_the_camera_is_lowered_to_the_ground(*, looks_down: bool) ->
     bench.allow_stale()
     live(bench)
     assert bench.pointed == (GimbalTo(pitch_rad=math.radians(-56)) if looks_down else None)
-    inside = OdometryPose(x_m=0.0, y_m=-1.0, yaw_rad=math.pi / 2, time_s=0.0)
-    bench.board[ODOMETRY] = replace(bench.board[ODOMETRY], pose=inside)
+    bench.board[SITE_MAP] = drawn_map(pose=(0.0, -1.0, math.pi / 2))
     live(bench)
     assert bench.pointed == (GimbalTo(pitch_rad=flight_rad) if looks_down else None)
 

@@ -15,15 +15,15 @@ from behaviours.fly.keeping_away import (
     step_away_m,
 )
 from tests.behaviours.path.test_survey import drawn_map
-from uav_bt.types import ObstaclePoints
+from uav_bt.types import NearObstacles
 
 CONFIG = KeepAwayConfig()
 
 
 def around(
     *points: tuple[float, float], edges: list[tuple[float, float]] | None = None
-) -> ObstaclePoints:
-    return ObstaclePoints(
+) -> NearObstacles:
+    return NearObstacles(
         points_m=np.array(points, dtype=float).reshape(-1, 2),
         edges_m=np.array(edges or [], dtype=float).reshape(-1, 2),
         captured_s=0.0,
@@ -36,7 +36,7 @@ def test_the_step_leads_away_from_the_nearest_obstacle() -> None:
 
 
 @pytest.mark.parametrize("obstacles", [None, around(), around((0.5, 0.0))])
-def test_nothing_near_needs_no_step(obstacles: ObstaclePoints | None) -> None:
+def test_nothing_near_needs_no_step(obstacles: NearObstacles | None) -> None:
     assert step_away_m(obstacles, CONFIG) is None
 
 

@@ -16,12 +16,13 @@ from tests.behaviours.leaf_world import (
     TURN_RIGHT,
     Says,
     halted_proposals,
+    map_with,
     show,
     steering_bench,
 )
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.answers import Done, FollowLeg
-from uav_bt.board import HELIPAD, OBSTACLES, ODOMETRY, PHASE, SITE_MAP, STATE
+from uav_bt.board import HELIPAD, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -29,7 +30,7 @@ from uav_bt.types import (
     GimbalTo,
     HelipadFix,
     MoveBy,
-    ObstaclePoints,
+    NearObstacles,
     Velocity,
 )
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
@@ -46,7 +47,7 @@ def fly(
     unseen_s: float = 0.0,
     std_m: float = 0.0,
     site_map: SiteMap | None = None,
-    obstacles: Sequence[tuple[float, float]] | None = (),
+    obstacles: Sequence[tuple[float, float]] = (),
     unplaced_rad: Sequence[float] = (),
     yaw_rad: float = 0.0,
 ) -> Status:
@@ -62,16 +63,16 @@ def fly(
             detected=unseen_s == 0.0,
             std_m=std_m,
         )
+    near = NearObstacles(
+        points_m=np.array(obstacles, dtype=np.float64).reshape(-1, 2),
+        unplaced_rad=np.array(unplaced_rad, dtype=np.float64),
+        captured_s=now_s,
+    )
+    if site_map is None and (obstacles or unplaced_rad):
+        site_map = map_with(near)
     del bench.board[SITE_MAP]
     if site_map is not None:
-        bench.board[SITE_MAP] = replace(site_map, captured_s=now_s)
-    del bench.board[OBSTACLES]
-    if obstacles is not None:
-        bench.board[OBSTACLES] = ObstaclePoints(
-            points_m=np.array(obstacles, dtype=np.float64).reshape(-1, 2),
-            unplaced_rad=np.array(unplaced_rad, dtype=np.float64),
-            captured_s=now_s,
-        )
+        bench.board[SITE_MAP] = replace(site_map, captured_s=now_s, near=near)
     return bench.tick()
 
 
@@ -570,9 +571,10 @@ def test_almost_above_the_pad_nothing_of_unknown_range_is_gone_round() -> None:
     assert fly(bench, (0.1, 0.0), unplaced_rad=UNPLACED_RAD) is Status.SUCCESS
 
 
-def test_almost_above_the_pad_a_memory_that_is_stale_permits_nothing() -> None:
+def test_almost_above_the_pad_a_map_that_is_stale_permits_nothing() -> None:
     """It makes a detour, as it does further away."""
     bench = approaching((1.2, 0.0), Says(TURN_RIGHT))
+    bench.board[SITE_MAP] = map_with(NearObstacles(captured_s=bench.clock.now()))
     bench.allow_stale()
     bench.clock.advance(5.0)
     for _ in range(12):
@@ -592,10 +594,10 @@ def test_past_the_pad_it_is_there() -> None:
     assert fly(bench, (-0.02, 0.15), unseen_s=2.6) is Status.SUCCESS
 
 
-def test_a_tree_without_a_memory_flies_the_last_metre() -> None:
-    """Who does not remember obstacles is not stopped by them."""
+def test_a_tree_without_a_map_flies_the_last_metre() -> None:
+    """Without a map there are no obstacles to stop for."""
     bench = overflying()
-    fly(bench, (0.6, 0.0), unseen_s=1.0, obstacles=None)
+    fly(bench, (0.6, 0.0), unseen_s=1.0)
 
     assert velocity(bench).forward_mps > 0.0
 

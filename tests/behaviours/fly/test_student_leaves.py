@@ -19,6 +19,7 @@ from tests.behaviours.leaf_world import (
     TURN_RIGHT,
     Says,
     live,
+    map_with,
     show,
     steering_bench,
 )
@@ -29,9 +30,9 @@ from uav_bt.board import (
     FRAME,
     HELD_TURN,
     HELIPAD,
-    OBSTACLES,
     PHASE,
     RECENT_VIEWS,
+    SITE_MAP,
 )
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
@@ -42,7 +43,7 @@ from uav_bt.types import (
     HeldTurn,
     HelipadFix,
     MoveBy,
-    ObstaclePoints,
+    NearObstacles,
     PastView,
     RecentViews,
     Velocity,
@@ -188,7 +189,9 @@ def room(
         time_to_impact_s=impact_s,
     )
     if obstacle is not None:
-        bench.board[OBSTACLES] = ObstaclePoints(points_m=np.array([obstacle]), captured_s=now_s)
+        bench.board[SITE_MAP] = map_with(
+            NearObstacles(points_m=np.array([obstacle]), captured_s=now_s)
+        )
     return bench.tick()
 
 

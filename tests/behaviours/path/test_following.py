@@ -15,16 +15,16 @@ from behaviours.path.nearby import RecentObstacles, recent_obstacles
 from behaviours.path.survey import best_route
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.answers import FollowLeg, Rotate
-from uav_bt.types import Corridor, ObstaclePoints
+from uav_bt.types import Corridor, NearObstacles
 
 MARGINS = Margins()
 AHEAD = np.array([0.1, 0.0])
 BOX = np.array([[1.0, y_m] for y_m in np.arange(-0.2, 0.25, 0.1)])
 
 
-def seen(points_m: np.ndarray, edges_m: np.ndarray | None = None) -> ObstaclePoints:
+def seen(points_m: np.ndarray, edges_m: np.ndarray | None = None) -> NearObstacles:
     edges = np.empty((0, 2)) if edges_m is None else edges_m
-    return ObstaclePoints(points_m=points_m, edges_m=edges, captured_s=1.0)
+    return NearObstacles(points_m=points_m, edges_m=edges, captured_s=1.0)
 
 
 def test_what_the_map_shows_too_is_where_the_map_shows_it() -> None:

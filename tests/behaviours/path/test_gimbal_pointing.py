@@ -15,14 +15,14 @@ from behaviours.path.gimbal_pointing import (
 )
 from tests.behaviours.path.test_survey import drawn_map
 from tests.behaviours.policies.cast_world import CAMERA
-from uav_bt.types import ObstaclePoints
+from uav_bt.types import NearObstacles
 
 FLIGHT_RAD = math.radians(-30)
 LOWEST_RAD = math.radians(-50)
 
 
-def known(**bearings_deg: list[float]) -> ObstaclePoints:
-    return ObstaclePoints(
+def known(**bearings_deg: list[float]) -> NearObstacles:
+    return NearObstacles(
         points_m=np.empty((0, 2)),
         captured_s=0.0,
         **{f"{name}_rad": np.radians(degrees) for name, degrees in bearings_deg.items()},

@@ -11,7 +11,7 @@ from behaviours.path.map_search import Aim, Course, MapSearch
 from tests.behaviours.path.drawn_hall import SIGHT, DrawnHall
 from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.answers import Done, FollowLeg, Rotate
-from uav_bt.types import Corridor, ObstaclePoints, Pose2D
+from uav_bt.types import Corridor, NearObstacles, Pose2D
 from uav_bt.types.site_map import MapMark
 
 BOXES = (
@@ -139,7 +139,7 @@ def test_corridor_and_assumed_obstacles_limit_the_speed() -> None:
     )
     by_corridor = MapSearch().decide(place.map(mark), mark, None, near, SIGHT)
     beside = np.array([(0.6, 0.5), (0.6, -0.5)])
-    assumed = ObstaclePoints(points_m=np.empty((0, 2)), assumed_m=beside, captured_s=0.0)
+    assumed = NearObstacles(points_m=np.empty((0, 2)), assumed_m=beside, captured_s=0.0)
     by_doubt = MapSearch().decide(place.map(mark), mark, assumed, None, SIGHT)
     assert isinstance(free, FollowLeg)
     assert isinstance(by_corridor, FollowLeg)

@@ -38,7 +38,7 @@ def drawn_map(
         pose=Pose2D(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2]),
         corner_m=(-3.0, -3.0),
         cell_m=0.1,
-        seen_s=np.where(seen, 1.0, -math.inf).astype(np.float32),
+        seen_s=np.where(seen, 1.0, -math.inf),
         free=seen,
         outside=~ground,
         passed=np.zeros_like(ground) if passed is None else passed,
@@ -97,7 +97,7 @@ def test_where_an_obstacle_is_assumed_no_leg_leads() -> None:
     drawn = drawn_map(passed=where("near"))
     apart_m = np.hypot(*np.moveaxis(drawn.places_m(), -1, 0))
     unseen = (apart_m > 0.8) & (apart_m < 1.8)
-    ring = replace(drawn, seen_s=np.where(unseen, -np.inf, drawn.seen_s).astype(np.float32))
+    ring = replace(drawn, seen_s=np.where(unseen, -np.inf, drawn.seen_s))
     beyond = leg(ring)
     assert beyond is not None
     assert np.hypot(*beyond.path_m.T).max() > 1.2

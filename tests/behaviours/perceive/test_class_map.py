@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.perceive.class_map import FindHelipad, RememberObstacles, Segment
-from tests.behaviours.leaf_world import carpet, live, show
+from behaviours.perceive.class_map import FindHelipad, Segment
+from tests.behaviours.leaf_world import carpet, live, replace_tree, show
 from tests.behaviours.path.test_survey import drawn_map
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, ODOMETRY, SITE_MAP, STATE
-from uav_bt.classes import BOXES, HELIPAD_BOX, HELIPAD_H
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, ODOMETRY, SITE_MAP, STATE
+from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
 from uav_bt.testing import LeafBench, pinhole
-from uav_bt.tree import Leaf, MissionTree, Status
+from uav_bt.tree import Status
 from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
@@ -223,113 +223,19 @@ def test_a_pad_out_of_view_stays_where_the_ground_says_it_is() -> None:
     assert places == [pytest.approx(-0.225, abs=0.03), pytest.approx(0.0, abs=0.03)]
 
 
-# --- RememberObstacles ----------------------------------------------------------------------------
-
-
-def box_map() -> np.ndarray:
-    ids = np.ones((112, 224), dtype=np.uint8)
-    ids[:70, 100:130] = BOXES[0]
-    return ids
-
-
-def remembering() -> LeafBench:
-    bench = LeafBench(RememberObstacles)
-    bench.camera = pinhole(640, 360)
-    return bench
-
-
-def test_a_box_in_view_is_remembered_after_a_turn() -> None:
-    """What was ahead is to the left after a turn to the right."""
-    bench = remembering()
-    assert live(bench, ids=box_map()) is Status.SUCCESS
-    ahead = bench.board[OBSTACLES]
-    assert len(ahead.points_m) > 5
-    assert ahead.captured_s == bench.clock.now()
-
-    live(bench, yaw_rad=math.pi / 2)
-    aside = bench.board[OBSTACLES]
-    assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
-    assert aside.points_m[:, 0] == pytest.approx(ahead.points_m[:, 1])
-
-
-def test_how_the_drone_moves_is_written_every_tick_from_the_first_frame_on() -> None:
-    """Between two frames, too, and by telemetry alone until ground has been followed."""
-    bench = remembering()
-    bench.tick()
-    assert ODOMETRY not in bench.board
-
-    live(bench)
-    first = bench.board[ODOMETRY]
-    assert first.seen == first.pose
-
-    bench.clock.advance(0.1)
-    bench.observe(DroneState(captured_s=bench.clock.now(), flying=FlyingState.FLYING))
-    bench.tick()
-    then = bench.board[ODOMETRY]
-    assert then.pose.time_s == bench.clock.now()
-    assert then.seen == first.seen
-    assert (then.error, then.tracked_s) == (BodyVelocity(), -math.inf)
-
-
-def test_without_boxes_the_memory_is_empty_but_fresh() -> None:
-    """Knowing that nothing is there is not the same as knowing nothing."""
-    bench = remembering()
-    live(bench)
-
-    assert bench.board[OBSTACLES].points_m.shape == (0, 2)
-    assert bench.board[OBSTACLES].captured_s == bench.clock.now()
-
-
-@pytest.mark.parametrize("missing", [STATE, FRAME, CLASS_MAP, CAMERA])
-def test_blind_it_claims_nothing_new(missing: object) -> None:
-    """Without its inputs the board keeps what was known, and it ages."""
-    bench = remembering()
-    live(bench, ids=box_map())
-    before = bench.board[OBSTACLES]
-    show(bench, ids=box_map())
-    del bench.board[missing]  # type: ignore[arg-type]
-
-    assert bench.tick() is Status.SUCCESS
-    assert bench.board[OBSTACLES].captured_s == before.captured_s
-
-
-def replaced(bench: LeafBench, leaf: Leaf) -> None:
-    """Let another tree take over the bench's mission, as the runner does."""
-    tree = MissionTree(leaf)
-    tree.setup(bench.leaf.mission)
-    bench.halt()
-    tree.inherit(bench.tree)
-    bench.tree = tree
-
-
-def test_the_map_is_kept_when_another_tree_takes_over() -> None:
-    bench = remembering()
-    live(bench, ids=box_map())
-    ahead, known = bench.board[OBSTACLES], bench.board[SITE_MAP]
-    replaced(bench, RememberObstacles())
-
-    live(bench, seconds=0.5, yaw_rad=math.pi / 2)  # the box is out of view
-    aside = bench.board[OBSTACLES]
-    assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
-    site_map = bench.board[SITE_MAP]
-    assert site_map.captured_s > known.captured_s
-    assert (site_map.seen_s == np.float32(known.captured_s)).any()  # ground that only it had seen
-
-
 @pytest.mark.parametrize(("pad_height_m", "kept"), [(0.4, True), (0.3, False)])
 def test_a_pads_track_is_kept_unless_the_pad_is_another(pad_height_m: float, *, kept: bool) -> None:
     bench = finding()
     live(bench, ids=pad_map())
-    replaced(bench, FindHelipad(pad_height_m=pad_height_m))
+    replace_tree(bench, FindHelipad(pad_height_m=pad_height_m))
     del bench.board[HELIPAD]
     live(bench)
     assert (HELIPAD in bench.board) == kept
 
 
-@pytest.mark.parametrize("leaf", [FindHelipad, RememberObstacles])
-def test_perception_commands_nothing(leaf: type[FindHelipad | RememberObstacles]) -> None:
+def test_perception_commands_nothing() -> None:
     """Neither a movement nor the gimbal."""
-    bench = LeafBench(leaf)
+    bench = LeafBench(FindHelipad)
     live(bench)
 
     assert (bench.proposed, bench.pointed) == (None, None)

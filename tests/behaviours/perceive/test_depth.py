@@ -9,6 +9,7 @@ import pytest
 
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from perception.camera.ground_plane import CameraView, ground_depth
+from uav_bt import classes
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.classes import BACKGROUND, BOXES, CARPET
@@ -243,6 +244,22 @@ def test_the_carpet_is_no_obstacle_and_background_only_where_asked() -> None:
     assert sides["carpet"] is None
     assert sides["hidden"] is None
     assert sides["shown"] is not None
+
+
+def test_what_counts_follows_the_group_of_a_class_not_its_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In this lab class 0 is an obstacle, and class 4 is outside."""
+    groups = classes.CLASS_TO_GROUP.copy()
+    groups[[0, 4]] = classes.GROUP_OBSTACLE, classes.GROUP_BACKGROUND
+    monkeypatch.setattr(classes, "_GROUP_TABLE", groups)
+    sides = []
+    for class_id in (0, 4):
+        bench = LeafBench(BuildCorridor)
+        show_depth(bench, 0.4, np.full(SIZE[::-1], class_id, dtype=np.uint8))
+        sides.append(bench.board[CORRIDOR].nearest_side)
+    assert sides[0] is not None
+    assert sides[1] is None
 
 
 def test_walls_stand_where_the_file_puts_them() -> None:

@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.policies.corridor_rule import CorridorRule, CorridorRuleConfig, carpet_reach
+from tests.behaviours.leaf_world import map_with
 from tests.behaviours.policies.cast_world import CAMERA, cast, view
 from uav_bt.answers import Advance, Blocked
 from uav_bt.classes import group_of
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Corridor, ObstaclePoints
+from uav_bt.types import Corridor, NearObstacles
 
 # Fixed here, so that tuning the defaults does not change what these tests ask.
 CONFIG = CorridorRuleConfig(
@@ -54,8 +55,8 @@ def decide(found: Corridor | None = None, ids: Any = None, **seen: Any) -> Advan
     return RULE.decide(view(shown, corridor=found or corridor(), **seen))
 
 
-def points(*places: tuple[float, float]) -> ObstaclePoints:
-    return ObstaclePoints(points_m=np.array(places, dtype=float), captured_s=0.0)
+def points(*places: tuple[float, float]) -> NearObstacles:
+    return NearObstacles(points_m=np.array(places, dtype=float), captured_s=0.0)
 
 
 # --- how far --------------------------------------------------------------------------------------
@@ -98,7 +99,7 @@ def test_the_carpets_end_shortens_the_step() -> None:
 
 def test_remembered_obstacles_shorten_the_step() -> None:
     """What stands beside the way was seen earlier: the step stops before passing it."""
-    decision = decide(obstacles=points((1.0, 0.4)))
+    decision = decide(site_map=map_with(points((1.0, 0.4))))
 
     assert isinstance(decision, Advance)
     assert 0.3 <= decision.forward_m <= 1.0 - math.sqrt(0.55**2 - 0.4**2) + 1e-9
@@ -106,11 +107,11 @@ def test_remembered_obstacles_shorten_the_step() -> None:
 
 def test_an_obstacle_of_unknown_range_forbids_the_step() -> None:
     """Bearings near to ahead without a known base."""
-    unplaced = ObstaclePoints(
+    unplaced = NearObstacles(
         points_m=np.empty((0, 2)), captured_s=0.0, unplaced_rad=np.radians([3.0, 4.0])
     )
 
-    assert isinstance(decide(obstacles=unplaced), Blocked)
+    assert isinstance(decide(site_map=map_with(unplaced)), Blocked)
 
 
 # --- which way ------------------------------------------------------------------------------------

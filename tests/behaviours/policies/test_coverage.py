@@ -34,7 +34,7 @@ def corridor(free_m: float) -> Corridor:
 
 
 def test_without_a_map_it_says_which_leaf_makes_one() -> None:
-    with pytest.raises(MissionError, match="<RememberObstacles/>"):
+    with pytest.raises(MissionError, match="<TrackMotion/> and <MapSite/>"):
         decide(None)
 
 

@@ -15,12 +15,13 @@ from behaviours.policies.segmentation_rule import (
     SegmentationRule,
     SegmentationRuleConfig,
 )
+from tests.behaviours.leaf_world import map_with
 from tests.behaviours.policies.cast_world import CAMERA, FOR_EVER, Box, cast, view
 from uav_bt.answers import Advance, Blocked
 from uav_bt.classes import BACKGROUND, BOXES, HELIPAD_BOX
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import PolicyView
-from uav_bt.types import CameraModel, ObstaclePoints
+from uav_bt.types import CameraModel, NearObstacles
 from uav_bt.types.projection import ground_points
 
 # Fixed here, so that tuning the defaults does not change what these tests ask.
@@ -226,16 +227,18 @@ def remembered(*points: tuple[float, float], unplaced_deg: Sequence[float] = ())
     """Open carpet, and points remembered: forward and right of the body's centre."""
     return replace(
         view(cast()),
-        obstacles=ObstaclePoints(
-            points_m=np.array(points, dtype=np.float64).reshape(-1, 2),
-            captured_s=0.0,
-            unplaced_rad=np.radians(unplaced_deg),
+        site_map=map_with(
+            NearObstacles(
+                points_m=np.array(points, dtype=np.float64).reshape(-1, 2),
+                captured_s=0.0,
+                unplaced_rad=np.radians(unplaced_deg),
+            )
         ),
     )
 
 
 def test_nothing_remembered_does_not_block() -> None:
-    """An empty memory, and a tree without one, leave it to the view."""
+    """An empty map, and a tree without one, leave it to the view."""
     assert isinstance(RULE.decide(remembered()), Advance)
     assert isinstance(RULE.decide(view(cast())), Advance)
 

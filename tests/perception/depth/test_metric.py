@@ -23,7 +23,7 @@ from uav_bt.types import (
     DroneState,
     FlyingState,
     Frame,
-    ObstaclePoints,
+    NearObstacles,
 )
 
 SIZE = (224, 112)
@@ -212,7 +212,7 @@ def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(dra
         attitude=Attitude(yaw_rad=math.pi / 2),
         velocity=BodyVelocity(forward_mps=0.5),
     )
-    points = ObstaclePoints(points_m=np.array([[1.0, 0.0]]), captured_s=3.5)
+    points = NearObstacles(points_m=np.array([[1.0, 0.0]]), captured_s=3.5)
     seen = remembered_bases(points, now, frame(drawn), CAMERA)
 
     # 1.25 m to the right of where it was, and the lens ahead of its centre.
@@ -228,7 +228,7 @@ def test_contact_uses_what_is_remembered(drawn: View) -> None:
         np.stack([np.full(7, 0.55), edge - 0.45], 1),
         np.stack([edge + 0.7, np.full(7, -0.3)], 1),
     ]
-    points = ObstaclePoints(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
+    points = NearObstacles(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
     state = DroneState(captured_s=3.0, flying=FlyingState.HOVERING)
     remembered = remembered_bases(points, state, frame(drawn), CAMERA)
     made = maker("contact").make(frame(drawn), class_map(drawn), CAMERA, remembered=remembered)

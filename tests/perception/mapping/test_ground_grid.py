@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from perception.mapping.contact_scan import GroundScan, find_bases
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
-from perception.obstacles.contact_scan import GroundScan
+from perception.mapping.view import View, ViewConfig
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET
+from uav_bt.testing import pinhole
 from uav_bt.types import Pose2D
 
+CAMERA = replace(pinhole(224, 112), forward_offset_m=0.0)
 SMALL = GroundGridConfig(reach_m=2.0)
 
 
-def seen(grid: GroundGrid, group: int, *, ahead_m: float, x_m: float) -> None:
+def see(
+    grid: GroundGrid, group: int, *, ahead_m: float, x_m: float = 0.0, captured_s: float = 1.0
+) -> None:
     """Show the grid one sample, so far ahead of a camera at x."""
     scan = GroundScan(
         groups=np.array([[group]], dtype=np.uint8),
@@ -22,7 +29,21 @@ def seen(grid: GroundGrid, group: int, *, ahead_m: float, x_m: float) -> None:
         image_groups=np.array([[group]], dtype=np.uint8),
         min_run=1,
     )
-    grid.see(scan, Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0), 1.0)
+    grid.add(
+        View(
+            captured_s=captured_s,
+            pose=Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0),
+            camera=CAMERA,
+            pitch_rad=-0.7,
+            height_m=1.5,
+            config=ViewConfig(),
+            scan=scan,
+            contacts=find_bases(scan),
+            bases_m=np.empty((0, 2)),
+            base_ids=np.empty(0, dtype=np.uint8),
+            edges_m=np.empty((0, 2)),
+        )
+    )
 
 
 @pytest.mark.parametrize(("x_m", "y_m"), [(1.9, 0.0), (-2.0, -2.0), (0.0, 1.7)])
@@ -46,6 +67,29 @@ def test_beyond_the_grid_nothing_is_marked_and_it_is_full() -> None:
 def test_only_ground_beyond_the_grid_makes_it_full() -> None:
     for group, full in ((GROUP_BACKGROUND, False), (GROUP_CARPET, True)):
         grid = GroundGrid(SMALL)
-        seen(grid, group, ahead_m=0.9, x_m=1.5)
+        see(grid, group, ahead_m=0.9, x_m=1.5)
         assert grid.full is full
         assert np.isfinite(grid.seen_s).sum() == 0
+
+
+@pytest.mark.parametrize("epoch_s", [0.0, 1.76e9])
+def test_views_a_tenth_of_a_second_apart_are_told_apart_by_any_clock(epoch_s: float) -> None:
+    """A drone's clock may count seconds from 1970."""
+    grid, place_m = GroundGrid(SMALL), np.array([[0.9, 0.0]])
+    see(grid, GROUP_CARPET, ahead_m=0.9, captured_s=epoch_s)
+    assert grid.shown_at(place_m, epoch_s).all()
+    assert not grid.shown_at(place_m, epoch_s + 0.1).any()
+
+
+@pytest.mark.parametrize("epoch_s", [0.0, 1.76e9])
+def test_a_lane_is_over_once_the_ground_was_seen_since(epoch_s: float) -> None:
+    """0.5 s after the last look it is a lane, 0.3 s after it is not."""
+    grid, place_m = GroundGrid(SMALL), np.array([[0.9, 0.0]])
+    grid.note_moving(place_m, epoch_s)
+    see(grid, GROUP_CARPET, ahead_m=0.9, captured_s=epoch_s)
+
+    def is_lane(now_s: float) -> bool:
+        return bool((np.hypot(*(grid.lanes_m(now_s) - place_m).T) < 0.05).any())
+
+    assert is_lane(epoch_s + 0.5)
+    assert not is_lane(epoch_s + 0.3)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from perception.mapping.mover_track import MoverConfig
 from perception.mapping.movers import MoverTracker
 from perception.mapping.site_mapper import SiteMapper
-from perception.obstacles.contact_scan import scan_ground
+from perception.mapping.view import View
 from sim_bridge.anafi import anafi_camera
 from uav_bt.classes import BOXES, CARPET
 from uav_bt.errors import ValueRangeError
@@ -53,7 +53,7 @@ def follow(
     for step in range(round(from_s / STEP_S), round(until_s / STEP_S)):
         time_s = step * STEP_S
         points_m = face(np.array(path(time_s)), rng, drift_m)
-        stands = tracker.see(points_m, HERE_M, time_s)
+        stands = tracker.follow(points_m, HERE_M, time_s)
         yield time_s, tracker.movers(time_s), bool(stands.all())
 
 
@@ -99,7 +99,7 @@ def test_out_of_view_a_mover_goes_on_less_and_less_surely_and_is_forgotten() -> 
     unseen_s, stds = time_s, [seen[0].std_m]
     while tracker.movers(unseen_s):
         unseen_s += STEP_S
-        tracker.see(np.empty((0, 2)), HERE_M, unseen_s)
+        tracker.follow(np.empty((0, 2)), HERE_M, unseen_s)
         stds += [mover.std_m for mover in tracker.movers(unseen_s)]
     assert unseen_s - time_s == pytest.approx(MoverConfig().life_s, abs=0.15)
     assert stds == sorted(stds)
@@ -130,7 +130,7 @@ def test_two_that_cross_keep_their_numbers() -> None:
         time_s = step * STEP_S
         one, other = (2.6, -1.0 + 0.5 * time_s), (1.6, 1.0 - 0.5 * time_s)
         points = np.vstack([face(np.array(place), rng, 0.02) for place in (one, other)])
-        tracker.see(points, HERE_M, time_s)
+        tracker.follow(points, HERE_M, time_s)
         if step == 15:
             before = {mover.id: mover.x_m for mover in tracker.movers(time_s)}
     after = {mover.id: mover.x_m for mover in tracker.movers(time_s)}
@@ -145,7 +145,7 @@ def test_a_wall_and_a_speck_are_nothing() -> None:
     tracker = MoverTracker()
     for step in range(20):
         shifted = wall + np.array([0.0, 0.05 * step])
-        tracker.see(np.vstack([shifted, [[0.5, 0.05 * step]]]), HERE_M, step * STEP_S)
+        tracker.follow(np.vstack([shifted, [[0.5, 0.05 * step]]]), HERE_M, step * STEP_S)
         assert not len(tracker.places_m())
 
 
@@ -155,8 +155,17 @@ def test_what_is_seen_not_to_be_there_is_forgotten() -> None:
     time_s, movers, _ = views[-1]
     assert len(movers) == 1
     for step in range(1, 6):
-        tracker.see_free(np.ones(len(tracker.places_m()), dtype=bool), time_s + step * STEP_S)
+        tracker.forget_free(np.ones(len(tracker.places_m()), dtype=bool), time_s + step * STEP_S)
     assert tracker.movers(time_s) == ()
+
+
+def test_asking_what_a_mover_owns_leaves_it_where_it_was() -> None:
+    tracker = MoverTracker()
+    *_, (time_s, before, _) = follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=2.0)
+    middle_m = np.array([[before[0].x_m, before[0].y_m]])
+    assert tracker.owns(middle_m).all()
+    assert tracker.owns(middle_m).all()
+    assert tracker.movers(time_s) == before
 
 
 def test_speeds_in_the_wrong_order_are_refused() -> None:
@@ -205,9 +214,8 @@ def mapped(
         time_s = index * STEP_S
         pose = OdometryPose(time_s=time_s, x_m=-1.0, y_m=0.0, yaw_rad=0.0)
         still = BodyVelocity()
-        mapper.follow(
-            MotionEstimate(pose=pose, seen=pose, velocity=still, error=still, tracked_s=time_s)
-        )
+        motion = MotionEstimate(pose=pose, seen=pose, velocity=still, error=still, tracked_s=time_s)
+        mapper.follow(motion)
         frame = Frame(
             image=np.zeros((4, 8, 3), dtype=np.uint8),
             index=index,
@@ -216,8 +224,10 @@ def mapped(
             height_above_carpet_m=height_m,
         )
         class_map = ClassMap(ids=class_ids(place, height_m), captured_s=time_s)
-        mapper.see(scan_ground(class_map, frame, CAMERA), frame, CAMERA)
-        yield mapper.map()
+        view = View.of(class_map, frame, CAMERA, pose)
+        assert view is not None
+        mapper.add(view)
+        yield mapper.map(motion)
 
 
 def crossing(speed_mps: float = 0.5) -> list[tuple[float, float] | None]:
@@ -301,5 +311,5 @@ def test_what_waits_is_kept_away_from_for_as_long_as_movers_pause() -> None:
         for step in range(10):
             seen_s = time_s + later_s + step * STEP_S
             place = np.array([[1.0, 1.0], [1.0, 1.1], [1.1, 1.0]])
-            tracker.see(place, np.zeros(2), seen_s)
+            tracker.follow(place, np.zeros(2), seen_s)
         assert bool(len(tracker.may_move_m(seen_s))) == may_move

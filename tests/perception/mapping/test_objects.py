@@ -7,19 +7,30 @@ import math
 import numpy as np
 import pytest
 
-from perception.mapping.landmarks import seen_points
-from perception.mapping.objects import ObjectConfig, objects_of
-from uav_bt.types import Pose2D
+from perception.mapping.landmarks import Landmarks
+from perception.mapping.objects import ObjectConfig, find_objects
+from uav_bt import classes
 from uav_bt.types.site_map import MapObject
-
-FROM_ORIGIN = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 
 def object_of(points_m: list[tuple[float, float]]) -> MapObject:
-    points = seen_points(np.array(points_m), np.full(len(points_m), 4, np.uint8), FROM_ORIGIN, 0.0)
-    points.seen_s = points.first_s + 1.0
-    (found,) = objects_of(points)
+    (found,) = find_objects(landmarks(points_m, class_id=4))
     return found
+
+
+def landmarks(points_m: list[tuple[float, float]], *, class_id: int) -> Landmarks:
+    """Return points seen from the origin for a second."""
+    zeros = np.zeros(len(points_m))
+    return Landmarks(
+        xy_m=np.array(points_m),
+        weight=zeros + 1.0,
+        first_s=zeros,
+        seen_s=zeros + 1.0,
+        settled_s=zeros,
+        from_m=np.zeros((len(points_m), 2)),
+        ids=np.full(len(points_m), class_id, dtype=np.uint8),
+        missed=zeros,
+    )
 
 
 def side(first: tuple[float, float], last: tuple[float, float]) -> list[tuple[float, float]]:
@@ -51,3 +62,12 @@ def test_a_margin_moves_all_sides() -> None:
     found = object_of(side((1.0, -0.25), (1.0, 0.25)))
     inner, outer = found.corners_m(margin_m=-0.05), found.corners_m()
     assert np.ptp(outer, axis=0) - np.ptp(inner, axis=0) == pytest.approx([0.1, 0.1])
+
+
+def test_every_obstacle_class_of_a_lab_makes_objects(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this lab class 2 is an obstacle."""
+    groups = classes.CLASS_TO_GROUP.copy()
+    groups[2] = classes.GROUP_OBSTACLE
+    monkeypatch.setattr(classes, "CLASS_TO_GROUP", groups)
+    (found,) = find_objects(landmarks(side((1.0, -0.25), (1.0, 0.25)), class_id=2))
+    assert found.class_id == 2

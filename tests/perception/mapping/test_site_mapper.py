@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from perception.mapping.contradiction import ContradictionConfig
+from perception.mapping.mark_place import MarkPlaceConfig
 from perception.mapping.site_mapper import SiteMapper, SiteMapperConfig
-from perception.obstacles.contact_scan import scan_ground
+from perception.mapping.view import View
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import render_views
 from uav_bt.classes import CARPET
-from uav_bt.errors import MissionError
 from uav_bt.types import BodyVelocity, ClassMap, Frame, HelipadFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
@@ -88,9 +89,16 @@ def fly(mapper: SiteMapper, drift: Drift = no_drift, *, from_s: float = 0.0) -> 
             height_above_carpet_m=HEIGHT_M,
         )
         mapper.follow(motion(pose))
-        mapper.see(scan_ground(ClassMap(ids=ids, captured_s=time_s), frame, CAMERA), frame, CAMERA)
-        maps.append(mapper.map())
+        look(mapper, ClassMap(ids=ids, captured_s=time_s), frame, pose)
+        maps.append(mapper.map(motion(pose)))
     return maps
+
+
+def look(mapper: SiteMapper, class_map: ClassMap, frame: Frame, pose: Pose2D) -> None:
+    """Let the mapper take in a frame that was captured at a dead-reckoned pose."""
+    view = View.of(class_map, frame, CAMERA, pose)
+    assert view is not None
+    mapper.add(view)
 
 
 def motion(pose: OdometryPose) -> MotionEstimate:
@@ -178,15 +186,10 @@ def test_the_mark_corrects_and_is_remembered() -> None:
         mapper.see_mark(
             HelipadFix(captured_s=tenths / 10, forward_m=1.0, right_m=0.5, detected=True)
         )
-    found = mapper.map()
+    found = mapper.map(motion(drifted))
     assert found.mark is not None
     assert math.dist((found.mark.x_m, found.mark.y_m), (1.0, 0.5)) < 0.03
     assert abs(found.pose.x_m) < 0.04
-
-
-def test_a_map_without_motion_is_refused() -> None:
-    with pytest.raises(MissionError, match="follow"):
-        SiteMapper().map()
 
 
 def sighted(
@@ -196,7 +199,8 @@ def sighted(
     marks = []
     for index in range(views):
         time_s = from_s + index / 10
-        mapper.follow(motion(OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)))
+        here = motion(OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0))
+        mapper.follow(here)
         mapper.see_mark(
             HelipadFix(
                 captured_s=time_s,
@@ -206,15 +210,16 @@ def sighted(
                 confidence=confidence,
             )
         )
-        mark = mapper.map().mark
+        mark = mapper.map(here).mark
         assert mark is not None
         marks.append(mark)
     return marks
 
 
-def show_carpet(mapper: SiteMapper, time_s: float) -> None:
-    """Let the mapper see nothing but carpet, from 0.6 m behind its origin."""
-    mapper.follow(motion(OdometryPose(time_s=time_s, x_m=-0.6, y_m=0.0, yaw_rad=0.0)))
+def show_carpet(mapper: SiteMapper, time_s: float) -> SiteMap:
+    """Let the mapper see only carpet, from 0.6 m behind its origin; return the map then."""
+    pose = OdometryPose(time_s=time_s, x_m=-0.6, y_m=0.0, yaw_rad=0.0)
+    mapper.follow(motion(pose))
     frame = Frame(
         image=np.zeros((4, 8, 3), dtype=np.uint8),
         index=0,
@@ -223,12 +228,13 @@ def show_carpet(mapper: SiteMapper, time_s: float) -> None:
         height_above_carpet_m=HEIGHT_M,
     )
     nothing = ClassMap(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
-    mapper.see(scan_ground(nothing, frame, CAMERA), frame, CAMERA)
+    look(mapper, nothing, frame, pose)
+    return mapper.map(motion(pose))
 
 
 def test_a_mark_is_moved_by_as_much_as_the_map_may_have_drifted() -> None:
     """Only by sightings again and again."""
-    mapper, views = SiteMapper(), SiteMapperConfig().mark_moved_views
+    mapper, views = SiteMapper(), MarkPlaceConfig().moved_views
     sighted(mapper, 0.5, from_s=0.0, views=20)
     *before, last = sighted(mapper, 0.0, from_s=2.0, views=views)
     assert all(mark.y_m == pytest.approx(0.5, abs=0.02) for mark in before)
@@ -243,7 +249,8 @@ def test_a_doubtful_sighting_gives_way_to_a_good_one() -> None:
     mark = sighted(mapper, 0.0, from_s=2.0, views=1)[0]
     assert mark.y_m == pytest.approx(0.0, abs=0.03)
     assert mark.moved_m == 0.0
-    assert mapper.map().pose.y_m == pytest.approx(0.0, abs=0.03)
+    here = motion(OdometryPose(time_s=2.0, x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    assert mapper.map(here).pose.y_m == pytest.approx(0.0, abs=0.03)
 
 
 def test_sightings_far_from_a_mark_that_still_stands_are_errors() -> None:
@@ -257,7 +264,7 @@ def test_sightings_far_from_a_mark_that_still_stands_are_errors() -> None:
 
 def test_a_mark_that_was_carried_away_is_found_elsewhere() -> None:
     """Ground was seen where it was."""
-    mapper, views = SiteMapper(), SiteMapperConfig().mark_moved_views
+    mapper, views = SiteMapper(), MarkPlaceConfig().moved_views
     sighted(mapper, 0.5, from_s=0.0, views=20)
     show_carpet(mapper, 3.0)
     last = sighted(mapper, -1.0, from_s=4.0, views=views)[-1]
@@ -274,7 +281,8 @@ def hover(
     for index in range(views):
         time_s = from_s + 0.1 * index
         x_m, y_m = at.x_m - CAMERA_FORWARD_M, -at.y_m
-        mapper.follow(motion(OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=0.0)))
+        pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=0.0)
+        mapper.follow(motion(pose))
         frame = Frame(
             image=np.zeros((4, 8, 3), dtype=np.uint8),
             index=index,
@@ -283,8 +291,8 @@ def hover(
             height_above_carpet_m=at.z_m + float(rng.normal(0.0, height_std_m)),
         )
         class_map = ClassMap(ids=view.ids, captured_s=time_s)
-        mapper.see(scan_ground(class_map, frame, CAMERA), frame, CAMERA)
-    return mapper.map()
+        look(mapper, class_map, frame, pose)
+    return mapper.map(motion(pose))
 
 
 FAR = Scene(
@@ -308,8 +316,8 @@ def test_a_box_that_is_looked_at_from_far_stays_on_the_map() -> None:
 
 def test_time_without_views_does_not_count_against_the_map() -> None:
     """After a long gap one view that is wrong is not enough to give the map up."""
-    mapper = SiteMapper(SiteMapperConfig(judged_points=5.0))
+    mapper = SiteMapper(SiteMapperConfig(contradiction=ContradictionConfig(judged_points=5.0)))
     fly(mapper)
-    show_carpet(mapper, len(flown()) * STEP_S + 10.0)
-    assert mapper.map().restarts == 0
-    assert mapper.map().contradicted_s < 1.0
+    found = show_carpet(mapper, len(flown()) * STEP_S + 10.0)
+    assert found.restarts == 0
+    assert found.contradicted_s < 1.0

@@ -66,7 +66,7 @@ class Careful:
 MISSION = """
 <root BTCPP_format="4"><BehaviorTree ID="Tour">
   <ReactiveSequence>
-    <Segment/> <FindHelipad/> <RememberObstacles/>
+    <Segment/> <FindHelipad/> <TrackMotion/> <MapSite/>
     <Sequence>
       <TakeOff height_m="1.2"/> <Peek ticks="2"/>
       <Fallback> <Explore/> <Avoid/> </Fallback>

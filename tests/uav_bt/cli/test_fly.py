@@ -389,7 +389,7 @@ def test_watch_refuses_what_a_changing_tree_does_not_go_with(
 
 
 WATCHED = """<ReactiveSequence>
-<Segment/><FindHelipad/><RememberObstacles/>
+<Segment/><FindHelipad/><TrackMotion/><MapSite/>
 <Sequence>
 <TakeOff height_m="{height}" gimbal_deg="-42"/><HoverFor name="{name}" seconds="{seconds}"/><Land/>
 </Sequence>

@@ -110,7 +110,7 @@ def believed(x_m: float = 0.0, *objects: MapObject) -> SiteMap:
         pose=Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0),
         corner_m=(-1.0, -1.0),
         cell_m=0.1,
-        seen_s=np.where(ahead, 1.0, -np.inf).astype(np.float32),
+        seen_s=np.where(ahead, 1.0, -np.inf),
         free=ahead,
         outside=~ahead & right,
         passed=ahead & ~right,

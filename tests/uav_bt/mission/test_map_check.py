@@ -78,7 +78,7 @@ def site_map(
         pose=Pose2D(x_m=x_m, y_m=y_m, yaw_rad=REPORTED_RAD),
         corner_m=(0.0, 0.0),
         cell_m=0.1,
-        seen_s=np.full((2, 2), -np.inf, dtype=np.float32),
+        seen_s=np.full((2, 2), -np.inf),
         free=none,
         outside=none,
         passed=none,

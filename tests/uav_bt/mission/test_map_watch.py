@@ -19,7 +19,7 @@ GROUND = SiteMap(
     pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
     corner_m=(0.0, 0.0),
     cell_m=0.1,
-    seen_s=np.zeros((5, 5), dtype=np.float32),
+    seen_s=np.zeros((5, 5)),
     free=~NOTHING,
     outside=NOTHING,
     passed=NOTHING,
@@ -28,8 +28,8 @@ GROUND = SiteMap(
     captured_s=0.0,
     mark=MARK,
 )
-SEEN = replace(GROUND, seen_s=np.full((5, 5), 1e6, dtype=np.float32))
-NO_GROUND = replace(GROUND, seen_s=np.full((5, 5), -np.inf, dtype=np.float32), mark=None)
+SEEN = replace(GROUND, seen_s=np.full((5, 5), 1e6))
+NO_GROUND = replace(GROUND, seen_s=np.full((5, 5), -np.inf), mark=None)
 
 
 def watched(maps: Sequence[SiteMap | None], *, airborne: bool = True) -> MapWatch:
@@ -63,7 +63,7 @@ def test_ground_that_is_seen_no_more_is_named_and_ends_nothing() -> None:
     """What the map has of it is old; the mission may still find back."""
     assert "no ground in view" in shown([GROUND] * 400)
     assert watched([GROUND] * 400).trouble is None
-    at_it = replace(GROUND, seen_s=np.full((5, 5), 20.0, dtype=np.float32))
+    at_it = replace(GROUND, seen_s=np.full((5, 5), 20.0))
     assert watched([at_it] * 400).trouble is None
 
 

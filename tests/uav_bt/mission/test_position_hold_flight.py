@@ -17,7 +17,7 @@ TREE = """
 <root BTCPP_format="4">
   <BehaviorTree ID="Mission">
     <ReactiveSequence>
-      <Segment/> <RememberObstacles/>
+      <Segment/> <TrackMotion/> <MapSite/>
       <Sequence>
         <TakeOff height_m="1.2" gimbal_deg="-30"/> <HoverFor seconds="10"/> <Land/>
       </Sequence>

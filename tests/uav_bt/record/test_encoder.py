@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.behaviours.leaf_world import map_with
 from tests.uav_bt.record.test_site_maps import site_map
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
@@ -27,8 +28,8 @@ from uav_bt.types import (
     FlyingState,
     HelipadFix,
     MoverState,
+    NearObstacles,
     Observation,
-    ObstaclePoints,
     Pose,
     Truth,
 )
@@ -66,7 +67,7 @@ BOARD: dict[str, Any] = {
         time_to_impact_s=math.inf,
     ),
     "helipad": HelipadFix(captured_s=CAPTURED_S, forward_m=0.1, right_m=0.2, detected=True),
-    "obstacles": ObstaclePoints(points_m=np.empty((0, 2)), captured_s=CAPTURED_S),
+    "site_map": map_with(NearObstacles(captured_s=CAPTURED_S)),
     "phase": "explore",
 }
 
@@ -123,8 +124,8 @@ def test_what_the_board_knew_comes_back() -> None:
     assert (moment.metric_depth.metric, moment.metric_depth.confidence) == (True, 0.25)
     assert moment.corridor == BOARD["corridor"]
     assert moment.helipad == BOARD["helipad"]
-    assert moment.obstacles is not None
-    assert moment.obstacles.points_m.shape == (0, 2)
+    assert moment.near is not None
+    assert moment.near.points_m.shape == (0, 2)
     assert moment.truth == TRUTH
     assert moment.statuses == ("RUNNING", "IDLE")
     assert moment.board["phase"] == {"value": "explore", "captured_s": CAPTURED_S}
@@ -175,3 +176,29 @@ def test_a_site_map_is_kept_at_most_twice_a_second() -> None:
         if read(made, at).site_map is not None:
             kept.append(index)
     assert kept == [0, 5, 10]
+
+
+def test_what_is_near_is_kept_with_every_new_map() -> None:
+    """Maps are kept twice a second, what is near in every tick."""
+    made, first = encoder(), NearObstacles(captured_s=1.0)
+    then = NearObstacles(captured_s=1.1)
+    assert read(made, raw_moment({"site_map": map_with(first)})).near is not None
+    moment = read(made, raw_moment({"site_map": map_with(then)}))
+    assert (moment.site_map, moment.near and moment.near.captured_s) == (None, 1.1)
+
+
+def test_a_note_of_obstacles_of_an_older_record_is_read() -> None:
+    """Their board had a key for them; the message is the same."""
+    found = {
+        message.channel.topic: message.data
+        for message in encoder().encode(raw_moment({"phase": "explore"}), images=True)
+        if message.data is not None
+    }
+    found["/perception/obstacles"] = (
+        b'{"points_m":{"shape":[1,2],"values":[1.5,-0.2]},"captured_s":1.0,'
+        b'"assumed_m":{"shape":[0,2],"values":[]},"edges_m":{"shape":[0,2],"values":[]},'
+        b'"unplaced_rad":{"shape":[0],"values":[]}}'
+    )
+    near = moment_of(found, ("FAILURE",)).near
+    assert near is not None
+    assert near.points_m.tolist() == [[1.5, -0.2]]

@@ -45,7 +45,7 @@ def site_map() -> SiteMap:
         pose=Pose2D(x_m=0.1, y_m=1 / 3, yaw_rad=-2.0),
         corner_m=(-1.5, 0.7),
         cell_m=0.1,
-        seen_s=np.where(some(), 7.0, -np.inf).astype(np.float32),
+        seen_s=np.where(some(), 7.0, -np.inf),
         free=some(),
         outside=some(),
         passed=some(),
@@ -93,7 +93,7 @@ def test_a_map_is_small() -> None:
     blank[20:90, 20:90] = True
     large = replace(
         site_map(),
-        seen_s=np.where(blank, 1.0, -np.inf).astype(np.float32),
+        seen_s=np.where(blank, 1.0, -np.inf),
         free=blank,
         outside=~blank,
         passed=blank,

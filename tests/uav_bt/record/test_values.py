@@ -28,7 +28,7 @@ from uav_bt.types import (
     Movement,
     MovementState,
     MovementStatus,
-    ObstaclePoints,
+    NearObstacles,
     TakeOff,
     Velocity,
 )
@@ -106,7 +106,7 @@ def test_what_json_has_no_number_for_comes_back() -> None:
 @pytest.mark.parametrize("count", [0, 3])
 def test_points_keep_their_shape_even_when_there_are_none(count: int) -> None:
     points = np.random.default_rng(1).normal(size=(count, 2))
-    back = there_and_back(ObstaclePoints(points_m=points, captured_s=2.5))
+    back = there_and_back(NearObstacles(points_m=points, captured_s=2.5))
     assert back.points_m.shape == (count, 2)
     assert np.array_equal(back.points_m, points)
     assert back.assumed_m.shape == (0, 2)

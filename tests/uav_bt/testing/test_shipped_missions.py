@@ -11,7 +11,7 @@ from uav_bt.tree import Status
 
 TREES = Path(__file__).parents[3] / "trees"
 LOOKS = {"Segment": "S", "FindHelipad": "S"}
-SEES = {**LOOKS, "RememberObstacles": "S"}
+SEES = {**LOOKS, "TrackMotion": "S", "MapSite": "S"}
 
 
 def land_only(**mocks: str) -> TreeBench:

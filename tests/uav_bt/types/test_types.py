@@ -24,7 +24,7 @@ from uav_bt.types import (
     HelipadFix,
     Hover,
     MoveBy,
-    ObstaclePoints,
+    NearObstacles,
     Velocity,
     wrap_angle,
 )
@@ -34,9 +34,9 @@ CAMERA = CameraModel(
 )
 
 
-def obstacles(*points_m: tuple[float, float], **more: NDArray[np.float64]) -> ObstaclePoints:
+def obstacles(*points_m: tuple[float, float], **more: NDArray[np.float64]) -> NearObstacles:
     points = np.array(points_m, dtype=np.float64).reshape(-1, 2)
-    return ObstaclePoints(points_m=points, captured_s=0.0, **more)
+    return NearObstacles(points_m=points, captured_s=0.0, **more)
 
 
 # --- angles ---------------------------------------------------------------------------------------
@@ -106,7 +106,7 @@ def test_class_and_depth_maps_are_flat() -> None:
 def test_obstacle_points_come_in_pairs(shape: tuple[int, ...]) -> None:
     wrong = np.zeros(shape)
     with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
-        ObstaclePoints(points_m=wrong, captured_s=0.0)
+        NearObstacles(points_m=wrong, captured_s=0.0)
     with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
         obstacles((1.0, 0.0), assumed_m=wrong)
     with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
@@ -226,5 +226,5 @@ def test_arrays_print_as_their_shapes() -> None:
     """A console shows a tick's record on a few lines, not its pixels."""
     class_map = ClassMap(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=1.0)
     assert repr(class_map) == "ClassMap(ids=<112x224 uint8>, captured_s=1.0)"
-    points = ObstaclePoints(points_m=np.zeros((3, 2)), captured_s=1.0)
+    points = NearObstacles(points_m=np.zeros((3, 2)), captured_s=1.0)
     assert "points_m=<3x2 float64>" in repr(points)

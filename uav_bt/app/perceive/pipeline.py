@@ -17,13 +17,13 @@ import numpy as np
 
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
+from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.depth.metric import MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.depth.stage import DepthStage
 from perception.landing.detector import HelipadDetection
 from perception.landing.tracker import HelipadFinder
-from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
-from uav_bt.classes import CARPET
+from uav_bt.classes import is_above_ground
 from uav_bt.display.video.perception_video import Seen
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
@@ -130,7 +130,7 @@ class Pipeline:
             height_px, width_px = metric.depth.depth.shape
             with self._timed(spent, "corridor"):
                 view = view_of(frame, self.camera, (width_px, height_px))
-                things = class_map.ids > CARPET
+                things = is_above_ground(class_map.ids)
                 velocity = None if self._state is None else self._state.velocity
                 corridor = self._corridors.build(
                     metric.depth, view, velocity=velocity, things=things

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import rerun as rr
 
-from uav_bt.board import CLASS_MAP, CORRIDOR, HELIPAD, METRIC_DEPTH, OBSTACLES, SITE_MAP
+from uav_bt.board import CLASS_MAP, CORRIDOR, HELIPAD, METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.flown_path import FlownPath
@@ -70,7 +70,8 @@ class FlightView:
         self._flown.add(record)
         frame, board = record.observation.frame, self._board
         class_map, depth = board.read(CLASS_MAP).value, board.read(METRIC_DEPTH).value
-        corridor, obstacles = board.read(CORRIDOR).value, board.read(OBSTACLES).value
+        corridor, site_map = board.read(CORRIDOR).value, board.read(SITE_MAP).value
+        near = None if site_map is None else site_map.near
         fix = board.read(HELIPAD).value
         self._world.show_drone(record.time_s, self._flown)
         self._world.show_movers(self._flown.movers)
@@ -79,10 +80,10 @@ class FlightView:
         self._images.show_mask(class_map)
         self._images.show_depth(depth, corridor, frame, class_map)
         self._world.show_corridor(corridor)
-        self._world.show_memory(obstacles, fix)
-        self._map.show(record, self._flown, board.read(SITE_MAP).value)
+        self._world.show_near(near, fix)
+        self._map.show(record, self._flown, site_map)
         self._tree.show(self._statuses())
-        self._plots.show(record, corridor=corridor, obstacles=obstacles, fix=fix)
+        self._plots.show(record, corridor=corridor, near=near, fix=fix)
         self._log_words(record)
 
     def _log_words(self, record: TickRecord) -> None:

@@ -16,7 +16,7 @@ from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour
 from uav_bt.display.rerun.setting import FREE_DISTANCE, HEADING, HEIGHT, TICK_TIME, TREE, TreeNode
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
-from uav_bt.types import Corridor, HelipadFix, MoveBy, ObstaclePoints, wrap_angle
+from uav_bt.types import Corridor, HelipadFix, MoveBy, NearObstacles, wrap_angle
 
 _BLUE: Final[Colour] = (94, 205, 255)
 
@@ -78,14 +78,14 @@ class FlightPlots:
         record: TickRecord,
         *,
         corridor: Corridor | None,
-        obstacles: ObstaclePoints | None,
+        near: NearObstacles | None,
         fix: HelipadFix | None,
     ) -> None:
         """Draw a tick."""
         turn_rad, truth = self._turn.after(record), record.truth
         free_m = None if corridor is None else corridor.free_distance_m
         intrusion_m = None if corridor is None else corridor.nearest_m
-        remembered_m = None if obstacles is None else obstacles.nearest_m
+        near_m = None if near is None else near.nearest_m
         clearance_m = None if truth is None else truth.clearance_m
         height_m = record.observation.state.height_above_carpet_m
         self._point(f"{HEADING}/turn", None if turn_rad is None else math.degrees(turn_rad))
@@ -94,7 +94,7 @@ class FlightPlots:
         self._point(f"{HEIGHT}/true", None if truth is None else truth.pose.z_m)
         self._point(f"{FREE_DISTANCE}/ahead", free_m)
         self._point(f"{FREE_DISTANCE}/intrusion", intrusion_m)
-        self._point(f"{FREE_DISTANCE}/remembered", remembered_m)
+        self._point(f"{FREE_DISTANCE}/remembered", near_m)
         self._point(f"{FREE_DISTANCE}/clearance", clearance_m)
         self._point(f"{TICK_TIME}/compute", 1000.0 * record.compute_s)
 

@@ -36,7 +36,7 @@ from uav_bt.types import (
     Frame,
     HelipadFix,
     MoverState,
-    ObstaclePoints,
+    NearObstacles,
     Pose,
     projection,
     rotate,
@@ -166,17 +166,17 @@ class WorldView:
         )
         self._entities.draw(CORRIDOR, _placed(pose), boxes)
 
-    def show_memory(self, obstacles: ObstaclePoints | None, fix: HelipadFix | None) -> None:
-        """Draw remembered obstacles and edges, and where the drone believes the helipad to be."""
+    def show_near(self, near: NearObstacles | None, fix: HelipadFix | None) -> None:
+        """Draw obstacles and edges near the drone, and the helipad where the mission has it."""
         pose = self._before
         if pose is None:
             return
-        if obstacles is None or not len(obstacles.points_m) + len(obstacles.edges_m):
+        if near is None or not len(near.points_m) + len(near.edges_m):
             self._entities.clear(OBSTACLES)
         else:
             points = rr.Points3D(
-                _on_carpet(pose, np.vstack([obstacles.points_m, obstacles.edges_m])),
-                colors=[ALARM] * len(obstacles.points_m) + [INK] * len(obstacles.edges_m),
+                _on_carpet(pose, np.vstack([near.points_m, near.edges_m])),
+                colors=[ALARM] * len(near.points_m) + [INK] * len(near.edges_m),
                 radii=_OBSTACLE_M,
             )
             self._entities.draw(OBSTACLES, points)

@@ -42,7 +42,8 @@ PERCEIVING = """
 <ReactiveSequence>
   <Segment model="unet"/>
   <FindHelipad/>
-  <RememberObstacles/>
+  <TrackMotion/>
+  <MapSite/>
   <Sequence>
     <TakeOff height_m="1.0"/>
     <Fallback><Explore policy="segmentation"/><Avoid policy="segmentation"/></Fallback>

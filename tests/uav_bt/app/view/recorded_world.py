@@ -18,7 +18,8 @@ MISSION = """
 <ReactiveSequence name="mission">
   <Segment model="unet"/>
   <FindHelipad/>
-  <RememberObstacles/>
+  <TrackMotion/>
+  <MapSite/>
   <Sequence name="hop">
     <TakeOff height_m="1.0" gimbal_deg="-30"/>
     <Turn name="round" degrees="40"/>

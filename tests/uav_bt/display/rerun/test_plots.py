@@ -10,7 +10,7 @@ import pytest
 from tests.uav_bt.display.rerun.rerun_world import NODES, NotedStream, World, values
 from uav_bt.display.rerun.plots import STATUS_COLOURS, FlightPlots, TreeGraph, TurnLeft, places
 from uav_bt.tree import Status
-from uav_bt.types import HOVER, Command, Corridor, HelipadFix, MoveBy, ObstaclePoints, Pose
+from uav_bt.types import HOVER, Command, Corridor, HelipadFix, MoveBy, NearObstacles, Pose
 
 
 def turn(id_: int, yaw_rad: float) -> Command:
@@ -49,7 +49,7 @@ def test_every_series_has_a_name_and_a_point_a_tick() -> None:
     series = [note.entity for note in stream.notes]
     assert all(note.static and values(note.thing.names) for note in stream.notes)
     at = Pose(x_m=0.0, y_m=0.0, z_m=1.4, yaw_rad=0.0)
-    plots.show(World().tick(pose=at), corridor=None, obstacles=None, fix=None)
+    plots.show(World().tick(pose=at), corridor=None, near=None, fix=None)
     assert {note.entity for note in stream.notes if not note.static} == set(series)
     assert shown(stream, "plots/height/telemetry") == 1.5
     assert shown(stream, "plots/height/true") == pytest.approx(1.4)
@@ -66,9 +66,9 @@ def test_what_is_known_of_the_way_is_plotted() -> None:
         nearest_side="front",
         time_to_impact_s=2.0,
     )
-    obstacles = ObstaclePoints(points_m=np.array([[0.3, 0.4]]), captured_s=0.0)
+    obstacles = NearObstacles(points_m=np.array([[0.3, 0.4]]), captured_s=0.0)
     fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=1.0, detected=True)
-    FlightPlots(stream).show(World().tick(), corridor=corridor, obstacles=obstacles, fix=fix)
+    FlightPlots(stream).show(World().tick(), corridor=corridor, near=obstacles, fix=fix)
     assert shown(stream, "plots/free_distance/ahead") == 1.2
     assert shown(stream, "plots/free_distance/intrusion") == 0.7
     assert shown(stream, "plots/free_distance/remembered") == pytest.approx(0.5)
@@ -78,7 +78,7 @@ def test_what_is_known_of_the_way_is_plotted() -> None:
 @pytest.mark.parametrize("entity", ["heading/turn", "heading/helipad", "height/true"])
 def test_what_is_not_known_leaves_a_gap(entity: str) -> None:
     stream = NotedStream()
-    FlightPlots(stream).show(World().tick(), corridor=None, obstacles=None, fix=None)
+    FlightPlots(stream).show(World().tick(), corridor=None, near=None, fix=None)
     assert math.isnan(shown(stream, f"plots/{entity}"))
 
 
@@ -91,7 +91,7 @@ def test_a_way_without_an_end_leaves_a_gap() -> None:
         nearest_side=None,
         time_to_impact_s=math.inf,
     )
-    FlightPlots(stream).show(World().tick(), corridor=free, obstacles=None, fix=None)
+    FlightPlots(stream).show(World().tick(), corridor=free, near=None, fix=None)
     assert math.isnan(shown(stream, "plots/free_distance/ahead"))
 
 

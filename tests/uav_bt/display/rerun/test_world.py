@@ -14,7 +14,7 @@ from uav_bt.display.lab_map import LabMap, MapItem, MapMover
 from uav_bt.display.rerun.setting import CorridorSize
 from uav_bt.display.rerun.world import WorldView, camera_axes, corridor_planes
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Corridor, HelipadFix, MoverState, ObstaclePoints, Pose
+from uav_bt.types import Corridor, HelipadFix, MoverState, NearObstacles, Pose
 
 
 def pose(x_m: float = 0.0, y_m: float = 0.0, z_m: float = 1.5, yaw_rad: float = 0.0) -> Pose:
@@ -157,11 +157,11 @@ def test_a_corridor_that_is_gone_is_taken_away() -> None:
 def test_remembered_points_lie_where_the_drone_believes_them() -> None:
     flight = Flight()
     flight.fly(pose(x_m=1.0, yaw_rad=math.pi / 2))  # looks along +y; right of it is +x
-    points = ObstaclePoints(
+    points = NearObstacles(
         points_m=np.array([[2.0, 0.5]]), edges_m=np.array([[1.0, 0.0]]), captured_s=0.0
     )
     fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.0, detected=True)
-    flight.view.show_memory(points, fix)
+    flight.view.show_near(points, fix)
     shown = flight.stream.last("world/obstacles")
     seen = values(shown.positions)
     np.testing.assert_allclose(seen, [[1.5, 2.0, 0.0], [1.0, 1.0, 0.0]], atol=1e-6)
@@ -169,6 +169,6 @@ def test_remembered_points_lie_where_the_drone_believes_them() -> None:
     assert of_an_obstacle != of_an_edge
     helipad = values(flight.stream.last("world/helipad_fix").positions)
     np.testing.assert_allclose(helipad, [[1.0, 1.0, 0.0]], atol=1e-6)
-    flight.view.show_memory(None, None)
+    flight.view.show_near(None, None)
     for entity in ("world/obstacles", "world/helipad_fix"):
         assert type(flight.stream.last(entity)).__name__ == "Clear"

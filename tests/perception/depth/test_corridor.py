@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from perception.camera.ground_plane import CameraView
-from perception.obstacles.corridor import (
+from perception.depth.corridor import (
     SIDES,
     CorridorBuilder,
     CorridorConfig,

@@ -77,6 +77,7 @@ def scan_ground(
     height_px, width_px = class_map.ids.shape
     half_view = math.atan2(width_px / 2, camera.fx_px)
     lowest = pitch_rad - math.atan2(height_px / 2, camera.fy_px)
+    lowest = max(lowest, -math.pi / 2 + config.elevation_step_rad)  # lower is behind the camera
     # At the lower edge the same columns span wider bearings than at the image's centre.
     widest = math.atan(math.tan(half_view) / max(math.cos(lowest), 0.2))
     bearings = np.arange(-widest, widest, config.bearing_step_rad)

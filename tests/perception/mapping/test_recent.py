@@ -1,4 +1,4 @@
-"""The obstacle memory: where bases stand, what is forgotten, what has no range yet."""
+"""The recent layer: where bases stand, which points are dropped, which have no range yet."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.obstacles.contact_scan import Bases, find_bases, scan_ground
-from perception.obstacles.memory import ObstacleMemory, ObstacleMemoryConfig
+from perception.mapping.contact_scan import Bases, find_bases, scan_ground
+from perception.mapping.recent import RecentLayer, RecentLayerConfig
+from perception.mapping.view import View, ViewConfig
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
@@ -20,12 +21,14 @@ from uav_bt.errors import ShapeError
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
+    CameraModel,
     ClassMap,
     DroneState,
     FlyingState,
     Frame,
-    ObstaclePoints,
+    NearObstacles,
 )
+from uav_bt.types.dead_reckoning import Odometry
 from uav_bt.types.projection import pixel_rays, project
 
 CAMERA = anafi_camera(640, 360).resized(224, 112)
@@ -76,8 +79,35 @@ def state(time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0) -> Dron
     )
 
 
-def look(memory: ObstacleMemory, ids: Ids, time_s: float, pitch_rad: float = PITCH_RAD) -> None:
-    memory.update(ClassMap(ids=ids, captured_s=time_s), frame(time_s, pitch_rad), CAMERA)
+class Flight:
+    """A drone whose telemetry places what it sees.
+
+    Args:
+        config: which points are kept.
+        view: which are placed.
+    """
+
+    def __init__(
+        self, config: RecentLayerConfig | None = None, view: ViewConfig | None = None
+    ) -> None:
+        self.recent, self._odometry, self._view = RecentLayer(config), Odometry(), view
+
+    def predict(self, sample: DroneState) -> None:
+        self.recent.expire(self._odometry.update(sample).time_s)
+
+    def points(self) -> NearObstacles:
+        assert self._odometry.now is not None
+        return self.recent.near(self._odometry.now)
+
+    def look(self, ids: Ids, time_s: float, pitch_rad: float = PITCH_RAD) -> None:
+        pose = self._odometry.at(time_s)
+        assert pose is not None
+        class_map = ClassMap(ids=ids, captured_s=time_s)
+        view = View.of(class_map, frame(time_s, pitch_rad), CAMERA, pose, self._view)
+        if view is None:
+            self.recent.pass_over(time_s)
+        else:
+            self.recent.add(view)
 
 
 # --- bases ----------------------------------------------------------------------------------------
@@ -145,6 +175,20 @@ def test_specks_have_no_base() -> None:
     assert bases(ids).placed_m.shape == (0, 2)
 
 
+@pytest.mark.parametrize("half_view_deg", [21, 35, 40])
+def test_no_sample_lies_behind_the_camera(half_view_deg: int) -> None:
+    """Pitched down by 1 rad, a lens of 80 degrees sees the ground behind the point below it."""
+    focal_px = 56.0 / math.tan(math.radians(half_view_deg))
+    wide = CameraModel(
+        width_px=224, height_px=112, fx_px=focal_px, fy_px=focal_px, cx_px=111.5, cy_px=55.5
+    )
+    scan = scan_ground(ClassMap(ids=carpet(), captured_s=0.0), frame(0.0, -1.0), wide)
+    ranges_m = np.hypot(*np.moveaxis(scan.level_m, -1, 0))
+
+    assert (scan.level_m[..., 0] > 0.0).all()
+    assert (np.diff(ranges_m, axis=1) > 0.0).all()
+
+
 def test_no_obstacle_no_bases() -> None:
     """Empty results keep their shape."""
     assert bases(carpet()).placed_m.shape == (0, 2)
@@ -163,19 +207,19 @@ def test_a_box_nearer_than_the_view_hides_its_base() -> None:
     assert (project(edge, CAMERA, PITCH_RAD)[:, 1] > 108).all()
 
 
-# --- memory ---------------------------------------------------------------------------------------
+# --- recent ---------------------------------------------------------------------------------------
 
 
 def test_a_base_is_remembered_after_it_left_the_view() -> None:
     """Flown past and turned away from, the box is still where it was."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0, forward_mps=0.5))
-    look(memory, draw_box(carpet(), 2.0, 0.4, 0.8), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0, forward_mps=0.5))
+    flight.look(draw_box(carpet(), 2.0, 0.4, 0.8), 0.0)
     for tick in range(1, 31):
-        memory.predict(state(0.1 * tick, forward_mps=0.5))
-    memory.predict(state(3.1, yaw_rad=math.pi / 2))
+        flight.predict(state(0.1 * tick, forward_mps=0.5))
+    flight.predict(state(3.1, yaw_rad=math.pi / 2))
 
-    found = memory.points().points_m
+    found = flight.points().points_m
 
     # It was 2.0 + 0.15 ahead of the centre; 1.5 m flown and half a tick of braking; turned right.
     ahead = 2.0 + CAMERA_FORWARD_M - 1.5 - 0.025
@@ -186,109 +230,109 @@ def test_a_base_is_remembered_after_it_left_the_view() -> None:
 
 def test_seen_again_a_point_is_kept_once() -> None:
     """Ten looks at one box leave as many points as one look."""
-    once, often = ObstacleMemory(), ObstacleMemory()
+    once, often = Flight(), Flight()
     ids = draw_box(carpet(), 2.0, -0.4, 0.4)
-    for memory, looks in ((once, 1), (often, 10)):
+    for flight, looks in ((once, 1), (often, 10)):
         for tick in range(looks):
-            memory.predict(state(0.1 * tick))
-            look(memory, ids, 0.1 * tick)
+            flight.predict(state(0.1 * tick))
+            flight.look(ids, 0.1 * tick)
 
     assert len(often.points().points_m) == len(once.points().points_m) > 5
 
 
 def test_carpet_seen_in_its_place_forgets_a_point() -> None:
     """What was a mistake, or was moved, does not stay."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
 
-    memory.predict(state(0.1))
-    look(memory, carpet(), 0.1)
+    flight.predict(state(0.1))
+    flight.look(carpet(), 0.1)
 
-    assert memory.points().points_m.shape == (0, 2)
-    assert memory.points().nearest_m == math.inf
+    assert flight.points().points_m.shape == (0, 2)
+    assert flight.points().nearest_m == math.inf
 
 
 def test_old_points_are_forgotten() -> None:
     """Dead reckoning goes astray: nothing is kept for longer than its time."""
-    memory = ObstacleMemory(ObstacleMemoryConfig(max_age_s=5.0))
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    flight = Flight(RecentLayerConfig(max_age_s=5.0))
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
 
-    memory.predict(state(5.0))
-    assert len(memory.points().points_m) > 0
-    assert np.allclose(memory.points().points_age_s, 5.0)
-    memory.predict(state(5.1))
-    assert len(memory.points().points_m) == 0
+    flight.predict(state(5.0))
+    assert len(flight.points().points_m) > 0
+    assert np.allclose(flight.points().points_age_s, 5.0)
+    flight.predict(state(5.1))
+    assert len(flight.points().points_m) == 0
 
 
 def test_the_end_of_the_carpet_is_remembered_longer() -> None:
     """A decimetre matters less there; and it does not count among the obstacles."""
-    memory = ObstacleMemory(ObstacleMemoryConfig(max_age_s=5.0, edge_age_s=9.0))
+    flight = Flight(RecentLayerConfig(max_age_s=5.0, edge_age_s=9.0))
     ids = draw_box(carpet(), 1.8, -0.3, 0.2)
     ids[:60][ids[:60] == CARPET] = BACKGROUND
-    memory.predict(state(0.0))
-    look(memory, ids, 0.0)
-    nearest_m = memory.points().nearest_m
+    flight.predict(state(0.0))
+    flight.look(ids, 0.0)
+    nearest_m = flight.points().nearest_m
     assert nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M, abs=0.1)
 
-    memory.predict(state(5.1))
+    flight.predict(state(5.1))
 
-    assert len(memory.points().points_m) == 0
-    assert len(memory.points().edges_m) > 10
-    memory.predict(state(9.1))
-    assert len(memory.points().edges_m) == 0
+    assert len(flight.points().points_m) == 0
+    assert len(flight.points().edges_m) > 10
+    flight.predict(state(9.1))
+    assert len(flight.points().edges_m) == 0
 
 
 def test_far_bases_are_not_remembered() -> None:
     """Beyond the range a pixel is worth too many centimetres."""
-    memory = ObstacleMemory(ObstacleMemoryConfig(max_range_m=2.0))
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
+    flight = Flight(view=ViewConfig(max_range_m=2.0))
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
 
-    assert len(memory.points().points_m) == 0
+    assert len(flight.points().points_m) == 0
 
 
 def test_looking_down_adds_nothing_and_forgets_nothing() -> None:
     """Straight down a roof is nearer than any base."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
-    before = memory.points().points_m
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    before = flight.points().points_m
 
-    memory.predict(state(0.1))
-    look(memory, carpet(), 0.1, pitch_rad=-math.pi / 2)
+    flight.predict(state(0.1))
+    flight.look(carpet(), 0.1, pitch_rad=-math.pi / 2)
 
-    assert np.array_equal(memory.points().points_m, before)
-    assert memory.points().captured_s == pytest.approx(0.1)
+    assert np.array_equal(flight.points().points_m, before)
+    assert flight.points().captured_s == pytest.approx(0.1)
 
 
-NEAR_BOX = ObstacleMemoryConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
+NEAR_BOX = RecentLayerConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
 
 
 def test_an_unexplained_near_box_is_a_bearing() -> None:
     """Its bearings, from the body's centre, turn as the drone does."""
-    memory = ObstacleMemory(NEAR_BOX)
-    memory.predict(state(0.0, yaw_rad=3.0))
-    look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    flight = Flight(NEAR_BOX)
+    flight.predict(state(0.0, yaw_rad=3.0))
+    flight.look(draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
 
-    found = memory.points()
+    found = flight.points()
     assert len(found.unplaced_rad) > 5
     assert (found.unplaced_rad > 0.1).all()
     assert found.unplaced_within(math.radians(60)) == len(found.unplaced_rad)
     assert found.unplaced_within(0.1) == 0
 
-    memory.predict(state(0.1, yaw_rad=3.0 + 1.0 - 2 * math.pi))
-    assert memory.points().unplaced_rad == pytest.approx(found.unplaced_rad - 1.0)
+    flight.predict(state(0.1, yaw_rad=3.0 + 1.0 - 2 * math.pi))
+    assert flight.points().unplaced_rad == pytest.approx(found.unplaced_rad - 1.0)
 
 
 def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
     """At the assumed ranges, for the assumed time; no longer, since it was never seen there."""
-    memory = ObstacleMemory(NEAR_BOX)
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    flight = Flight(NEAR_BOX)
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
 
-    found = memory.points()
+    found = flight.points()
     assert len(found.points_m) == 0
     ranges = np.hypot(found.assumed_m[:, 0], found.assumed_m[:, 1])
     bearings = np.arctan2(found.assumed_m[:, 1], found.assumed_m[:, 0])
@@ -296,39 +340,39 @@ def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
     assert bearings.min() == pytest.approx(found.unplaced_rad.min(), abs=0.1)
     assert bearings.max() == pytest.approx(found.unplaced_rad.max(), abs=0.1)
 
-    memory.predict(state(2.9))
-    assert len(memory.points().assumed_m) > 0
-    memory.predict(state(3.1))
-    assert len(memory.points().assumed_m) == 0
+    flight.predict(state(2.9))
+    assert len(flight.points().assumed_m) > 0
+    flight.predict(state(3.1))
+    assert len(flight.points().assumed_m) == 0
 
 
 def test_carpet_at_the_lower_edge_ends_what_is_assumed_before_it() -> None:
     """The view begins further away than the first assumed range; a tall box would reach into it."""
-    memory = ObstacleMemory(NEAR_BOX)
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
-    assumed = memory.points().assumed_m
-    memory.predict(state(0.1, yaw_rad=math.pi))
-    look(memory, carpet(), 0.1)
-    assert len(memory.points().assumed_m) == len(assumed)  # it looks elsewhere
+    flight = Flight(NEAR_BOX)
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    assumed = flight.points().assumed_m
+    flight.predict(state(0.1, yaw_rad=math.pi))
+    flight.look(carpet(), 0.1)
+    assert len(flight.points().assumed_m) == len(assumed)  # it looks elsewhere
 
-    memory.predict(state(0.2))
-    look(memory, carpet(), 0.2)
-    assert len(memory.points().assumed_m) == 0
+    flight.predict(state(0.2))
+    flight.look(carpet(), 0.2)
+    assert len(flight.points().assumed_m) == 0
 
 
 def test_a_remembered_base_explains_the_near_box() -> None:
     """The base seen from further away is the same box: its range is known."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0, forward_mps=1.0))
-    look(memory, draw_box(carpet(), 1.8, -0.3, 0.3), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0, forward_mps=1.0))
+    flight.look(draw_box(carpet(), 1.8, -0.3, 0.3), 0.0)
     for tick in range(1, 11):
-        memory.predict(state(0.1 * tick, forward_mps=1.0))
+        flight.predict(state(0.1 * tick, forward_mps=1.0))
     ids = carpet()
     ids[:, 90:134] = BOXES[0]
-    look(memory, ids, 1.0)
+    flight.look(ids, 1.0)
 
-    found = memory.points()
+    found = flight.points()
 
     assert len(found.points_m) > 5
     assert len(found.unplaced_rad) == 0
@@ -338,23 +382,14 @@ def test_a_remembered_base_explains_the_near_box() -> None:
 
 def test_the_pad_is_no_obstacle() -> None:
     """The drone flies above it."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(
-        memory,
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(
         np.where(draw_box(carpet(), 2.0, -0.4, 0.4) == CARPET, 1, HELIPAD_BOX).astype(np.uint8),
         0.0,
     )
 
-    assert len(memory.points().points_m) == 0
-
-
-def test_before_telemetry_nothing_is_known() -> None:
-    """A class map without a pose cannot be placed."""
-    memory = ObstacleMemory()
-    look(memory, draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
-
-    assert len(memory.points().points_m) == 0
+    assert len(flight.points().points_m) == 0
 
 
 # --- points ---------------------------------------------------------------------------------------
@@ -362,7 +397,7 @@ def test_before_telemetry_nothing_is_known() -> None:
 
 def test_a_way_keeps_its_margin() -> None:
     """Distance to the way, not to its line: beyond an end it is the distance to the end."""
-    ahead = ObstaclePoints(points_m=np.array([[0.5, 0.4]]), captured_s=0.0)
+    ahead = NearObstacles(points_m=np.array([[0.5, 0.4]]), captured_s=0.0)
 
     assert ahead.allows(1.0, margin_m=0.39)
     assert not ahead.allows(1.0, margin_m=0.41)
@@ -372,7 +407,7 @@ def test_a_way_keeps_its_margin() -> None:
 
 def test_what_is_near_already_may_be_left_but_not_approached() -> None:
     """Inside the margin only the direction counts, whichever it is."""
-    beside = ObstaclePoints(points_m=np.array([[0.0, 0.3]]), captured_s=0.0)
+    beside = NearObstacles(points_m=np.array([[0.0, 0.3]]), captured_s=0.0)
 
     assert beside.nearest_m == pytest.approx(0.3)
     assert beside.allows(0.3, margin_m=0.5)
@@ -382,7 +417,7 @@ def test_what_is_near_already_may_be_left_but_not_approached() -> None:
 
 def test_assumed_points_count_unless_told_otherwise() -> None:
     """They are assumptions: who is stuck may drop them."""
-    assumed = ObstaclePoints(
+    assumed = NearObstacles(
         points_m=np.empty((0, 2)), assumed_m=np.array([[0.4, 0.0]]), captured_s=0.0
     )
 
@@ -391,7 +426,7 @@ def test_assumed_points_count_unless_told_otherwise() -> None:
 
 
 def test_what_is_within_a_reach_keeps_its_age() -> None:
-    points = ObstaclePoints(
+    points = NearObstacles(
         points_m=np.array([[0.3, 0.0], [1.0, 0.0]]),
         edges_m=np.array([[2.0, 0.0]]),
         captured_s=0.0,
@@ -407,7 +442,7 @@ def test_what_is_within_a_reach_keeps_its_age() -> None:
 def test_points_must_be_pairs() -> None:
     """A wrong shape is refused."""
     with pytest.raises(ShapeError, match="obstacle points must be Nx2, got 3"):
-        ObstaclePoints(points_m=np.zeros(3), captured_s=0.0)
+        NearObstacles(points_m=np.zeros(3), captured_s=0.0)
 
 
 # --- agreement with the twin ----------------------------------------------------------------------
@@ -437,28 +472,28 @@ def test_the_twins_box_is_where_it_stands() -> None:
 
 def test_an_edge_that_was_never_seen_is_told_by_its_bearings() -> None:
     """Its bearings turn with the drone, and an obstacle is not made of it."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, end_carpet(carpet(), 0.8), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(end_carpet(carpet(), 0.8), 0.0)
 
-    found = memory.points()
+    found = flight.points()
 
     assert len(found.unplaced_edges_rad) > 40
     assert len(found.unplaced_rad) == len(found.edges_m) == len(found.assumed_m) == 0
-    memory.predict(state(0.1, yaw_rad=1.0))
-    assert memory.points().unplaced_edges_rad == pytest.approx(found.unplaced_edges_rad - 1.0)
+    flight.predict(state(0.1, yaw_rad=1.0))
+    assert flight.points().unplaced_edges_rad == pytest.approx(found.unplaced_edges_rad - 1.0)
 
 
 def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
     """Flown up to, it is where it was seen to be."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0, forward_mps=0.5))
-    look(memory, end_carpet(carpet(), 2.0), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0, forward_mps=0.5))
+    flight.look(end_carpet(carpet(), 2.0), 0.0)
     for tick in range(1, 25):
-        memory.predict(state(0.1 * tick, forward_mps=0.5))
-    look(memory, end_carpet(carpet(), 0.8), 2.4)
+        flight.predict(state(0.1 * tick, forward_mps=0.5))
+    flight.look(end_carpet(carpet(), 0.8), 2.4)
 
-    found = memory.points()
+    found = flight.points()
 
     ahead = np.abs(found.unplaced_edges_rad) < math.radians(20)
     assert not ahead.any()
@@ -466,24 +501,23 @@ def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
 
 
 def test_all_can_be_forgotten() -> None:
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
-    assert len(memory.points().points_m)
-    memory.forget()
-    after = memory.points()
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
+    assert len(flight.points().points_m)
+    flight.recent.forget()
+    after = flight.points()
     assert not len(after.points_m)
     assert not len(after.edges_m)
-    assert memory.motion is not None
 
 
 def test_a_shorter_life_makes_nothing_older() -> None:
     """What may move is soon forgotten, and was seen lately all the same."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
-    memory.forget_by(2.5, np.array([[2.2, 0.0, 1.0]]))
-    memory.predict(state(1.0))
-    assert np.allclose(memory.points().points_age_s, 1.0)
-    memory.predict(state(2.6))
-    assert not len(memory.points().points_m)
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
+    flight.recent.forget_trails(2.5, np.array([[2.2, 0.0, 1.0]]))
+    flight.predict(state(1.0))
+    assert np.allclose(flight.points().points_age_s, 1.0)
+    flight.predict(state(2.6))
+    assert not len(flight.points().points_m)

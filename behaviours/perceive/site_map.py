@@ -1,0 +1,84 @@
+"""The leaf that keeps the map of the place."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from behaviours.stage_timer import StageTimer
+from perception.mapping.view import View
+from uav_bt.board import (
+    CAMERA,
+    CLASS_MAP,
+    FRAME,
+    HELIPAD,
+    ODOMETRY,
+    SITE_MAP,
+)
+from uav_bt.board.context import MissionContext
+from uav_bt.tree import Leaf, Status
+from uav_bt.types import CameraModel, ClassMap, Frame
+from uav_bt.types.dead_reckoning import MotionEstimate
+
+if TYPE_CHECKING:
+    from perception.mapping.site_mapper import SiteMapperConfig
+
+
+class MapSite(Leaf):
+    """Keep the map of the place; SUCCESS always.
+
+    `TrackMotion` must stand ahead of it: a class map is taken in only with the drone's pose at its
+    capture. `FindHelipad` ahead of it puts the landing mark on the map.
+    """
+
+    mapping: ClassVar[SiteMapperConfig | None] = None  # None: as it ships
+    formerly = ("RememberObstacles",)
+    reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, HELIPAD)
+    writes = (SITE_MAP,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make an empty map."""
+        # Late: SciPy takes long to import and `uav-bt check` must answer at once.
+        from perception.mapping.site_mapper import SiteMapper  # noqa: PLC0415
+
+        self._mapper = SiteMapper(self.mapping)
+        self._timer = StageTimer(mission, "map")
+        self._last_s = -math.inf
+
+    def on_inherit(self, former: Self) -> None:
+        """Keep the map and where the drone is on it."""
+        self._mapper, self._last_s = former._mapper, former._last_s
+
+    def update(self) -> Status:
+        """Take in a new class map, and write the map with the drone where it is now."""
+        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        class_map, motion = self.read(CLASS_MAP).value, self.read(ODOMETRY).value
+        self.feedback_message = ""
+        if frame is None or camera is None or class_map is None:
+            return Status.SUCCESS
+        if motion is None:
+            self.feedback_message = "no odometry: <TrackMotion/> must tick ahead of this leaf"
+            return Status.SUCCESS
+        with self._timer:
+            if self._last_s != class_map.captured_s == frame.captured_s == motion.seen.time_s:
+                self._last_s = class_map.captured_s
+                self._take_in(class_map, frame, camera, motion)
+            site_map = self._mapper.map(motion)
+        if self._last_s > -math.inf:
+            self.write(SITE_MAP, site_map, captured_s=self._last_s)
+        return Status.SUCCESS
+
+    def _take_in(
+        self, class_map: ClassMap, frame: Frame, camera: CameraModel, motion: MotionEstimate
+    ) -> None:
+        height_px, width_px = class_map.ids.shape
+        sized, config = camera.resized(width_px, height_px), self._mapper.config.view
+        view = View.of(class_map, frame, sized, motion.seen, config)
+        self._mapper.follow(motion)
+        if view is None:
+            self._mapper.pass_over(frame.captured_s)
+        else:
+            self._mapper.add(view)
+        fix = self.read(HELIPAD).value
+        if fix is not None and fix.detected:
+            self._mapper.see_mark(fix)

@@ -1,0 +1,218 @@
+"""The map's recent layer: obstacles near the drone, also after they have left the view.
+
+A forward-looking camera shows neither obstacles beside the drone nor the ground nearer than about
+1.2 m. An obstacle stands still, and its base was seen from further away. Those points are kept for
+a while in the dead-reckoned frame, and dropped where ground is seen again. An obstacle that reaches
+down to the image's lower edge without such a point has an unknown range: its bearing is kept apart,
+and for a while it is assumed at several ranges, until ground is seen there or right behind it. The
+edge of the ground is kept in the same way.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.mapping.contact_scan import NO_CLASS
+from perception.mapping.tables import Flags, Floats, PointTable, first_in_cells
+from perception.mapping.view import View
+from uav_bt.classes import GROUP_CARPET
+from uav_bt.types import NearObstacles
+from uav_bt.types.dead_reckoning import OdometryPose
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecentLayerConfig:
+    """Which points are kept, and for how long."""
+
+    max_age_s: float = 30.0  # of bases. Dead reckoning drifts by about a decimetre in this time.
+    edge_age_s: float = 60.0  # of the edge of the ground, where a decimetre matters less. Chosen.
+    assumed_age_s: float = 10.0  # of assumed points. Chosen.
+    # Ranges at which an obstacle of unknown range is assumed. Nearer than the first it would touch
+    # the body already. Chosen.
+    assumed_ranges_m: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)
+    cell_m: float = 0.05  # one point is kept in each cell of this size. Chosen.
+    explain_rad: float = 0.12  # a known point explains an obstacle this near to its bearing, and
+    # At most this much further away than the ground that the obstacle hides. Chosen.
+    explain_m: float = 0.3
+
+
+class _Kind(enum.IntEnum):
+    """Kinds of points; of two in one cell the smaller kind stays."""
+
+    BASE = 0
+    EDGE = 1
+    ASSUMED = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Points(PointTable):
+    """Points in the dead-reckoned frame."""
+
+    until_s: Floats  # (N,) when they are dropped
+    seen_s: Floats  # (N,) when they, or what stands there, were seen last
+    kinds: NDArray[np.int8]
+
+    @classmethod
+    def of(cls, xy_m: Floats, *, until_s: float, seen_s: float, kind: _Kind) -> _Points:
+        """Return points that are alike in all else."""
+        count = len(xy_m)
+        return cls(
+            xy_m=xy_m,
+            until_s=np.full(count, until_s),
+            seen_s=np.full(count, seen_s),
+            kinds=np.full(count, kind, dtype=np.int8),
+        )
+
+
+_NONE = _Points.of(np.empty((0, 2)), until_s=0.0, seen_s=0.0, kind=_Kind.BASE)
+
+
+class RecentLayer:
+    """Keeps the points of the last views.
+
+    Args:
+        config: which points are kept.
+    """
+
+    def __init__(self, config: RecentLayerConfig | None = None) -> None:
+        self._config = config or RecentLayerConfig()
+        self._points = _NONE
+        self._newest_s = -math.inf
+        self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)  # dead-reckoned frame
+
+    def expire(self, now_s: float) -> None:
+        """Drop points that are too old at a time."""
+        self._points = self._points.take(self._points.until_s >= now_s)
+
+    def forget(self) -> None:
+        """Drop everything."""
+        self._points = _NONE
+        self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
+
+    def forget_trails(self, until_s: float, trails_m: Floats) -> None:
+        """Keep bases on the trails of movers no longer than until a time.
+
+        Args:
+            until_s: the time.
+            trails_m: (K, 3) places in the dead-reckoned frame, and the reach around each.
+        """
+        points = self._points
+        if not len(trails_m) or not len(points):
+            return
+        apart_m = np.hypot(*np.moveaxis(points.xy_m[:, None] - trails_m[:, :2], -1, 0))
+        on_trail = (apart_m <= trails_m[:, 2]).any(axis=1) & (points.kinds == _Kind.BASE)
+        sooner_s = np.where(on_trail, np.minimum(points.until_s, until_s), points.until_s)
+        self._points = replace(points, until_s=sooner_s)
+
+    def pass_over(self, captured_s: float) -> None:
+        """Take in that a frame was seen in which nothing can be placed."""
+        self._newest_s = captured_s
+        self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
+
+    def add(self, view: View) -> None:
+        """Take in a view, whose pose is dead-reckoned."""
+        cfg, found, pose = self._config, view.contacts, view.pose
+        self.pass_over(view.captured_s)
+        self._drop_where_ground_shows(view)
+        self._drop_assumed_before_ground(view)
+        base_s, edge_s = view.captured_s + cfg.max_age_s, view.captured_s + cfg.edge_age_s
+        for seen_m, until_s, kind in (
+            (found.placed_m, base_s, _Kind.BASE),
+            (found.edges_m, edge_s, _Kind.EDGE),
+        ):
+            near_m = seen_m[np.hypot(*seen_m.T) <= view.config.max_range_m]
+            self._add(pose.points_to_world(view.body_m(near_m)), until_s, kind)
+        unplaced_rad = self._unexplained(view, found.hidden_m, _Kind.BASE, base_s)
+        self._unplaced_rad = unplaced_rad + pose.yaw_rad
+        ended_rad = self._unexplained(view, found.hidden_edges_m, _Kind.EDGE, edge_s)
+        self._unplaced_edges_rad = ended_rad + pose.yaw_rad
+        rays = np.stack([np.cos(unplaced_rad), np.sin(unplaced_rad)], axis=-1)
+        assumed_m = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
+        assumed_s = view.captured_s + cfg.assumed_age_s
+        self._add(pose.points_to_world(assumed_m), assumed_s, _Kind.ASSUMED)
+
+    def near(self, pose: OdometryPose) -> NearObstacles:
+        """Return the points from a pose of the body, dead-reckoned, not earlier than the views."""
+        points = self._points.take(self._points.until_s >= pose.time_s)
+        local_m, age_s = pose.points_to_body(points.xy_m), pose.time_s - points.seen_s
+        is_base, is_edge = points.kinds == _Kind.BASE, points.kinds == _Kind.EDGE
+        return NearObstacles(
+            points_m=local_m[is_base],
+            assumed_m=local_m[points.kinds == _Kind.ASSUMED],
+            edges_m=local_m[is_edge],
+            points_age_s=age_s[is_base],
+            edges_age_s=age_s[is_edge],
+            captured_s=self._newest_s,
+            unplaced_rad=_wrapped(self._unplaced_rad - pose.yaw_rad),
+            unplaced_edges_rad=_wrapped(self._unplaced_edges_rad - pose.yaw_rad),
+        )
+
+    def _drop_where_ground_shows(self, view: View) -> None:
+        local_m = view.pose.points_to_body(self._points.xy_m)
+        _, ground = view.shows_ground(local_m - view.body_m(np.zeros(2)))
+        self._points = self._points.take(~ground)
+
+    def _drop_assumed_before_ground(self, view: View) -> None:
+        """Drop assumed points before the nearest ground in view.
+
+        An obstacle there that reached up to the drone would hide the ground with which a bearing
+        begins.
+        """
+        scan = view.scan
+        first = np.arange(len(scan.groups)), (scan.groups != NO_CLASS).argmax(axis=1)
+        bearings = np.arctan2(scan.level_m[:, 0, 1], scan.level_m[:, 0, 0])
+        local_m = view.pose.points_to_body(self._points.xy_m) - view.body_m(np.zeros(2))
+        azimuths = np.arctan2(local_m[:, 1], local_m[:, 0])
+        nearest = np.abs(azimuths[:, None] - bearings).argmin(axis=1)
+        hidden = np.hypot(*local_m.T) < np.hypot(*scan.level_m[first].T)[nearest]
+        in_view = (azimuths >= bearings[0]) & (azimuths <= bearings[-1])
+        ground = scan.groups[first][nearest] == GROUP_CARPET
+        assumed = self._points.kinds == _Kind.ASSUMED
+        self._points = self._points.take(~(hidden & in_view & ground & assumed))
+
+    def _unexplained(self, view: View, hidden_m: Floats, kind: _Kind, until_s: float) -> Floats:
+        """Return the bearings of hidden obstacles that no known point explains.
+
+        A point that explains one is still there: it is kept until a time.
+
+        Args:
+            view: the newest.
+            hidden_m: (N, 2) the nearest ground in view on bearings where an obstacle hides it.
+            kind: of the points that explain them.
+            until_s: the time.
+
+        Returns:
+            (M,) radians from the heading.
+        """
+        cfg, points, hidden_m = self._config, self._points, view.body_m(hidden_m)
+        bearings = np.arctan2(hidden_m[:, 1], hidden_m[:, 0])
+        local_m = view.pose.points_to_body(points.xy_m)
+        limits_m = np.hypot(*hidden_m.T) + cfg.explain_m
+        explains: Flags = (
+            (np.abs(bearings[:, None] - np.arctan2(local_m[:, 1], local_m[:, 0])) < cfg.explain_rad)
+            & (np.hypot(*local_m.T) <= limits_m[:, None])
+            & (points.kinds == kind)
+        )
+        there = explains.any(axis=0)
+        self._points = replace(
+            points,
+            until_s=np.where(there, until_s, points.until_s),
+            seen_s=np.where(there, self._newest_s, points.seen_s),
+        )
+        return np.asarray(bearings[~explains.any(axis=1)])
+
+    def _add(self, xy_m: Floats, until_s: float, kind: _Kind) -> None:
+        new = _Points.of(xy_m, until_s=until_s, seen_s=self._newest_s, kind=kind)
+        points = new.with_rows(self._points)
+        order = np.lexsort((-points.until_s, points.kinds))  # of one kind the newest first
+        first = first_in_cells(points.xy_m[order], self._config.cell_m)
+        self._points = points.take(order[first])
+
+
+def _wrapped(angles_rad: Floats) -> Floats:
+    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)

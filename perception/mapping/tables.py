@@ -1,0 +1,57 @@
+"""Points of the map as tables: columns of one length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointTable:
+    """N points of a level plane; subclasses add columns.
+
+    Attributes:
+        xy_m: (N, 2) float64, in metres.
+    """
+
+    xy_m: Floats
+
+    def __len__(self) -> int:
+        return len(self.xy_m)
+
+    def take(self, which: Flags | Rows) -> Self:
+        """Return the chosen rows.
+
+        Args:
+            which: (N,) flags, or row numbers.
+        """
+        if which.dtype == np.bool_ and which.all():
+            return self  # columns of a given table are never written to
+        return type(self)(**{name: column[which] for name, column in vars(self).items()})
+
+    def with_rows(self, other: Self) -> Self:
+        """Return this table with another's rows below."""
+        mine, theirs = vars(self), vars(other)
+        return type(self)(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
+
+
+def first_in_cells(xy_m: Floats, cell_m: float) -> Rows:
+    """Return the row of the first point in each cell of a grid, ordered by cell.
+
+    Args:
+        xy_m: (N, 2) points.
+        cell_m: side of a cell.
+
+    Returns:
+        (C,) row numbers.
+    """
+    cells = np.floor(xy_m / cell_m).astype(np.int64)
+    _, first = np.unique((cells[:, 0] << 32) + cells[:, 1], return_index=True)
+    return np.asarray(first)

@@ -1,0 +1,180 @@
+"""One frame as the map takes it in: its points on the ground, and when and from where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Final, Self
+
+import numpy as np
+
+from perception.mapping.contact_scan import (
+    Bases,
+    ContactScanConfig,
+    GroundScan,
+    find_bases,
+    scan_ground,
+)
+from perception.mapping.tables import Flags, Floats
+from uav_bt.classes import GROUP_CARPET
+from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
+from uav_bt.types.projection import project
+
+MIN_HEIGHT_M: Final = 0.05  # chosen; a lower camera counts as this high: a division needs it
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewConfig:
+    """Which frames are views, and which of their points are placed on the map."""
+
+    # The gimbal's lowest pitch; in steeper views roofs hide bases. Chosen.
+    min_pitch_rad: float = -1.0
+    # Points further from the camera are not placed. At 1.5 m height and this range one row of the
+    # class map is 5 cm of ground.
+    max_range_m: float = 3.0
+    # The same limit as a ratio of the camera's height, for the map's points. The range error of one
+    # pixel grows with range squared over height. Chosen.
+    max_range_ratio: float = 2.0
+    beside_rad: float = 0.03  # a base counts for the map with another one this near in bearing, and
+    # This near in range. On the bearing of a vertical edge, samples that miss it below and hit it
+    # above look like a base far behind. Both chosen.
+    beside_m: float = 0.12
+    # Share of the image's width at either end, in which an object may continue beyond the image.
+    # Chosen.
+    cut_share: float = 0.025
+    # How finely frames are scanned.
+    scan: ContactScanConfig = field(default_factory=ContactScanConfig)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """What one frame shows of the ground.
+
+    Points are forward and right of the point below the camera, in metres.
+
+    Attributes:
+        captured_s: when the frame was captured.
+        pose: of the body then; dead-reckoned, or in the map's frame after `at`.
+        camera: intrinsics at the class map's size.
+        pitch_rad: of the gimbal then, negative down.
+        height_m: of the camera above the ground.
+        config: which points are placed.
+        scan: the class map along bearings.
+        contacts: the bases and edges of the scan, at any range.
+        bases_m: (N, 2) bases near enough for the map, each with another one beside it.
+        base_ids: (N,) classes of what stands there.
+        edges_m: (M, 2) where the ground ends, near enough for the map.
+    """
+
+    captured_s: float
+    pose: Pose2D
+    camera: CameraModel
+    pitch_rad: float
+    height_m: float
+    config: ViewConfig
+    scan: GroundScan
+    contacts: Bases
+    bases_m: Floats
+    base_ids: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
+    edges_m: Floats
+
+    @classmethod
+    def of(
+        cls,
+        class_map: ClassMap,
+        frame: Frame,
+        camera: CameraModel,
+        pose: Pose2D,
+        config: ViewConfig | None = None,
+    ) -> Self | None:
+        """Return the view of a frame.
+
+        Args:
+            class_map: made from `frame`.
+            frame: its gimbal pitch and height place its points.
+            camera: intrinsics at the class map's size.
+            pose: of the body at the frame's capture, dead-reckoned.
+            config: which points are placed.
+
+        Returns:
+            None when the camera looks too far down to place any.
+        """
+        config = config or ViewConfig()
+        if frame.gimbal_pitch_rad < config.min_pitch_rad:
+            return None
+        scan = scan_ground(class_map, frame, camera, config.scan)
+        contacts, height_m = find_bases(scan), frame.height_above_carpet_m
+        reach_m = min(config.max_range_m, config.max_range_ratio * height_m)
+        firm = _have_neighbours(contacts.placed_m, config)
+        firm &= np.hypot(*contacts.placed_m.T) <= reach_m
+        near = np.hypot(*contacts.edges_m.T) <= reach_m
+        return cls(
+            captured_s=frame.captured_s,
+            pose=pose,
+            camera=camera,
+            pitch_rad=frame.gimbal_pitch_rad,
+            height_m=height_m,
+            config=config,
+            scan=scan,
+            contacts=contacts,
+            bases_m=contacts.placed_m[firm],
+            base_ids=contacts.placed_ids[firm],
+            edges_m=contacts.edges_m[near],
+        )
+
+    @property
+    def reach_m(self) -> float:
+        """Range up to which the map's points are seen."""
+        return min(self.config.max_range_m, self.config.max_range_ratio * self.height_m)
+
+    @property
+    def lens(self) -> Pose2D:
+        """The camera's place and heading, in the frame of `pose`."""
+        x_m, y_m = self.pose.to_world(self.camera.forward_offset_m, 0.0)
+        return replace(self.pose, x_m=x_m, y_m=y_m)
+
+    def at(self, pose: Pose2D) -> Self:
+        """Return the same view from another pose: of the body, in the map's frame."""
+        return replace(self, pose=pose)
+
+    def body_m(self, points_m: Floats) -> Floats:
+        """Return points of the view, (N, 2), forward and right of the body's centre."""
+        return np.asarray(points_m + np.array([self.camera.forward_offset_m, 0.0]))
+
+    def shows_ground(self, points_m: Floats) -> tuple[Flags, Flags]:
+        """Return which points lie in the image, and which of them show ground.
+
+        Args:
+            points_m: (..., 2) on the ground, forward and right of the point below the camera.
+
+        Returns:
+            Two arrays of flags, (...).
+        """
+        down_m = np.full((*points_m.shape[:-1], 1), max(self.height_m, MIN_HEIGHT_M))
+        pixels = project(np.concatenate([points_m, down_m], axis=-1), self.camera, self.pitch_rad)
+        groups = self.scan.image_groups
+        last = np.array(groups.shape[::-1]) - 1
+        with np.errstate(invalid="ignore"):
+            inside = np.asarray(((pixels >= 0) & (pixels <= last)).all(axis=-1))
+        columns, rows = np.rint(pixels[inside]).astype(int).T
+        shows = np.zeros(inside.shape, dtype=bool)
+        shows[inside] = groups[rows, columns] == GROUP_CARPET
+        return inside, shows
+
+    def is_cut(self) -> Flags:
+        """Return which of `bases_m` lie where the image ends to the left or right, (N,)."""
+        down_m = np.full((len(self.bases_m), 1), self.height_m)
+        columns = project(np.hstack([self.bases_m, down_m]), self.camera, self.pitch_rad)[:, 0]
+        margin_px = self.config.cut_share * self.camera.width_px
+        return np.asarray((columns < margin_px) | (columns > self.camera.width_px - margin_px))
+
+
+def _have_neighbours(points_m: Floats, config: ViewConfig) -> Flags:
+    """Return which points, in the order of their bearings, have another one beside them."""
+    ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
+    alike = (np.abs(np.diff(bearings_rad)) <= config.beside_rad) & (
+        np.abs(np.diff(ranges_m)) <= config.beside_m
+    )
+    found = np.zeros(len(points_m), dtype=bool)
+    found[1:] |= alike
+    found[:-1] |= alike
+    return found

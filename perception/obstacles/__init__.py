@@ -1,1 +1,0 @@
-"""Obstacles: the safety corridor, and what is remembered."""

@@ -1,0 +1,171 @@
+"""MapSite: the map of the place, once per class map, carried along with the drone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from behaviours.perceive.site_map import MapSite
+from tests.behaviours.leaf_world import replace_tree, show
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, SITE_MAP
+from uav_bt.classes import BOXES
+from uav_bt.errors import TreeError
+from uav_bt.testing import LeafBench, pinhole
+from uav_bt.tree import NodeRegistry, Status, parse_tree
+from uav_bt.types import BodyVelocity
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+
+
+def box_map() -> np.ndarray:
+    ids = np.ones((112, 224), dtype=np.uint8)
+    ids[:70, 100:130] = BOXES[0]
+    return ids
+
+
+def mapping() -> LeafBench:
+    bench = LeafBench(MapSite)
+    bench.camera = pinhole(640, 360)
+    return bench
+
+
+def reckon(bench: LeafBench, *, yaw_rad: float = 0.0, seen_s: float | None = None) -> None:
+    """Write the odometry of a drone that only turns; it saw the newest frame."""
+    now_s, still = bench.clock.now(), BodyVelocity()
+    pose = OdometryPose(time_s=now_s, x_m=0.0, y_m=0.0, yaw_rad=yaw_rad)
+    seen_s = now_s if seen_s is None else seen_s
+    seen = OdometryPose(time_s=seen_s, x_m=0.0, y_m=0.0, yaw_rad=yaw_rad)
+    bench.board[ODOMETRY] = MotionEstimate(
+        pose=pose, seen=seen, velocity=still, error=still, tracked_s=now_s
+    )
+
+
+def live(
+    bench: LeafBench,
+    *,
+    seconds: float = 0.1,
+    yaw_rad: float = 0.0,
+    ids: np.ndarray | None = None,
+) -> Status:
+    """Show the leaf a world of now, and tick it."""
+    show(bench, seconds=seconds, yaw_rad=yaw_rad, ids=ids)
+    reckon(bench, yaw_rad=yaw_rad)
+    return bench.tick()
+
+
+def test_a_box_in_view_is_near_after_a_turn() -> None:
+    """A box ahead is to the left after a turn to the right."""
+    bench = mapping()
+    assert live(bench, ids=box_map()) is Status.SUCCESS
+    ahead = bench.board[SITE_MAP].near
+    assert len(ahead.points_m) > 5
+    assert ahead.captured_s == bench.clock.now()
+
+    live(bench, yaw_rad=math.pi / 2)
+    aside = bench.board[SITE_MAP].near
+    assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
+    assert aside.points_m[:, 0] == pytest.approx(ahead.points_m[:, 1])
+
+
+def test_between_two_views_the_map_moves_along_with_the_drone() -> None:
+    """Turned by 90 degrees without a new frame: the pose and what is near turn, too."""
+    bench = mapping()
+    live(bench, ids=box_map())
+    ahead, captured_s = bench.board[SITE_MAP].near, bench.clock.now()
+    bench.clock.advance(0.1)
+    reckon(bench, yaw_rad=math.pi / 2, seen_s=captured_s)
+    bench.tick()
+
+    found = bench.board[SITE_MAP]
+    assert found.pose.yaw_rad == pytest.approx(math.pi / 2)
+    assert found.near.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
+    assert found.near.points_age_s == pytest.approx(0.1)
+    assert found.captured_s == captured_s
+
+
+def test_without_boxes_the_map_is_empty_but_fresh() -> None:
+    """A view without obstacles differs from no view."""
+    bench = mapping()
+    live(bench)
+
+    assert bench.board[SITE_MAP].near.points_m.shape == (0, 2)
+    assert bench.board[SITE_MAP].near.captured_s == bench.clock.now()
+
+
+@pytest.mark.parametrize("missing", [FRAME, CLASS_MAP, CAMERA, ODOMETRY])
+def test_blind_it_claims_nothing_new(missing: object) -> None:
+    """Without its inputs the board keeps the last map, and that ages."""
+    bench = mapping()
+    live(bench, ids=box_map())
+    before = bench.board[SITE_MAP]
+    show(bench, ids=box_map())
+    reckon(bench)
+    del bench.board[missing]  # type: ignore[arg-type]
+
+    assert bench.tick() is Status.SUCCESS
+    assert bench.board[SITE_MAP].captured_s == before.captured_s
+
+
+def test_without_odometry_it_says_which_leaf_is_missing() -> None:
+    bench = mapping()
+    show(bench, ids=box_map())
+
+    assert bench.tick() is Status.SUCCESS
+    assert SITE_MAP not in bench.board
+    assert "<TrackMotion/>" in bench.feedback
+
+
+def test_a_frame_that_the_odometry_has_not_seen_is_not_placed() -> None:
+    """Its pose is unknown: the view waits."""
+    bench = mapping()
+    live(bench)
+    show(bench, ids=box_map())
+    reckon(bench, seen_s=bench.clock.now() - 0.1)
+    bench.tick()
+
+    assert not len(bench.board[SITE_MAP].near.points_m)
+
+
+def test_the_map_is_kept_when_another_tree_takes_over() -> None:
+    bench = mapping()
+    live(bench, ids=box_map())
+    known = bench.board[SITE_MAP]
+    ahead = known.near
+    replace_tree(bench, MapSite())
+
+    live(bench, seconds=0.5, yaw_rad=math.pi / 2)  # the box is out of view
+    aside = bench.board[SITE_MAP].near
+    assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
+    site_map = bench.board[SITE_MAP]
+    assert site_map.captured_s > known.captured_s
+    assert (site_map.seen_s == known.captured_s).any()  # ground that only it had seen
+
+
+def test_mapping_commands_nothing() -> None:
+    bench = mapping()
+    live(bench)
+
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+# --- names of before ------------------------------------------------------------------------------
+
+
+def test_a_file_that_names_the_former_leaf_or_key_is_told_the_successors() -> None:
+    text = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
+      <RememberObstacles/>
+      <Script code="near := @obstacles"/>
+    </Sequence></BehaviorTree></root>"""
+    with pytest.raises(TreeError) as refused:
+        parse_tree(text, NodeRegistry.installed())
+    node, key = refused.value.findings
+    assert "it was replaced by MapSite and TrackMotion" in node
+    assert "no key 'obstacles'; it was replaced by site_map" in key
+
+
+def test_an_import_of_a_former_name_names_the_successor() -> None:
+    with pytest.raises(ImportError, match="read SITE_MAP"):
+        from uav_bt.board import OBSTACLES  # type: ignore[attr-defined]  # noqa: F401, PLC0415
+    with pytest.raises(ImportError, match="NearObstacles"):
+        from uav_bt.types import ObstaclePoints  # type: ignore[attr-defined]  # noqa: F401, PLC0415
