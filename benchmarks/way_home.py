@@ -1,4 +1,4 @@
-"""The way home by the map, and under the rule as without a map: from exploring to motors off.
+"""The way home by the map, and under the rule alone: from exploring to motors off.
 
     python benchmarks/way_home.py --explore rule
     python benchmarks/way_home.py --explore hall --home map
@@ -24,11 +24,9 @@ import numpy as np
 import yaml
 from mission_text import explore_and_come_home
 
-from behaviours.fly.return_to_base import ReturnToBase
 from uav_bt import app
 from uav_bt.errors import UavBtError
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.tree import NodeRegistry
 
 _EXPLORE_S = 30
 _FLIGHTS = (
@@ -47,12 +45,6 @@ _EXPLORES = {
 }
 
 
-class ReturnUnderPolicy(ReturnToBase):
-    """The way home as it is flown where there is no map."""
-
-    by_map = False
-
-
 @dataclass(frozen=True)
 class Task:
     """One flight."""
@@ -66,11 +58,11 @@ class Task:
 
 
 def _tree(task: Task) -> str:
-    leaf = "ReturnToBase" if task.home == "map" else "ReturnUnderPolicy"
+    approach = "memory" if task.home == "map" else "policy"
     return explore_and_come_home(
         explore=_EXPLORES[task.explore],
         explore_s=_EXPLORE_S,
-        home=f'<{leaf} policy="segmentation"/>',
+        home=f'<ReturnToBase policy="segmentation" approach="{approach}"/>',
         gimbal_deg=-42 if task.explore == "survey" else -30,
     )
 
@@ -91,8 +83,7 @@ def _fly(task: Task) -> tuple[Task, FlightReport]:
             exact_masks=True,
             image_size_px=(320, 180),
         )
-        registry = NodeRegistry.installed().with_nodes(ReturnUnderPolicy)
-        return task, app.fly(_tree(task), options, registry=registry)
+        return task, app.fly(_tree(task), options)
 
 
 def home_s(report: FlightReport) -> float | None:

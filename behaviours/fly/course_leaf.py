@@ -46,7 +46,7 @@ class CourseConfig:
 
 
 class CourseLeaf(MovingLeaf):
-    """Base of the leaves that fly at a speed, and keep away from what is near meanwhile."""
+    """Base of the leaves that fly at a speed, and keep away from obstacles meanwhile."""
 
     course: ClassVar[CourseConfig] = CourseConfig()
     reads: ClassVar[tuple[Key[Any], ...]] = (*(STATE, FLIGHT_HEIGHT, CAMERA, ODOMETRY, SITE_MAP),)
@@ -89,7 +89,7 @@ class CourseLeaf(MovingLeaf):
         )
 
     def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
-        """Return a turn on the spot that moves away from what is too near.
+        """Return a turn on the spot that moves away from obstacles that are too near.
 
         A hovering drone drifts, also to where the camera does not point.
         """
@@ -132,7 +132,7 @@ class CourseLeaf(MovingLeaf):
         return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
 
     def ground_pitch_rad(self, flight_rad: float) -> float:
-        """Return the camera's pitch: as in flight, lower where that would show little ground.
+        """Return the camera's pitch: as in flight, lower if that showed little ground.
 
         Args:
             flight_rad: The pitch in flight, negative down.

@@ -78,7 +78,7 @@ class GivingWay:
 
         Args:
             site_map: The newest map; None without one.
-            obstacles: What was seen around the drone.
+            obstacles: Obstacles seen around the drone.
             motion: The drone's motion over the ground.
             now_s: Time of the mission clock.
         """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from behaviours.fly.course_leaf import GIMBAL, CourseLeaf
 from behaviours.fly.mark_track import (
@@ -43,7 +43,7 @@ class MarkLeaf(CourseLeaf):
     """Base of the leaves whose camera follows the landing mark down."""
 
     reads = (*CourseLeaf.reads, *TRACK_KEYS)
-    ports = (GIMBAL,)
+    ports: ClassVar[tuple[Port[Any], ...]] = (GIMBAL,)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Begin with the camera as in flight."""
@@ -55,7 +55,7 @@ class MarkLeaf(CourseLeaf):
         self.write(PHASE, MissionPhase.APPROACH)
 
     def gimbal_pitch_rad(self) -> float:
-        """Return the camera's pitch: down at what has no range yet, else at the mark."""
+        """Return the camera's pitch: down at obstacles of unknown range, else at the mark."""
         flight_rad = math.radians(self.port_value("gimbal_deg"))
         fix, state = believed_fix(self), self.state()
         if fix is None or state is None:
@@ -75,7 +75,7 @@ class GoToMarkConfig:
         margins: Distances that the route keeps.
         follow: How it is followed.
         near_m: The route may end this near to the mark.
-        far_m: Where no route leads so near, it may end this near.
+        far_m: If no route does, it may end this near.
         doubted_s: A map that the views contradict for longer is not flown by.
         unplaced_rad: An obstacle of unknown range this near to ahead stops the drone.
         blocked_s: Stopped by one for this time, even with the camera down, the way is blocked.
@@ -121,40 +121,36 @@ class GoToMark(MarkLeaf):
 
     def work(self, state: DroneState) -> Status:
         """Plan on each new map, and fly on between two."""
-        cfg, fix, now_s = self.config, believed_fix(self), self.leaf_clock.now()
-        if fix is None:
-            return Status.FAILURE
-        if now_s < self._blocked_until_s:
+        fix, now_s = believed_fix(self), self.leaf_clock.now()
+        if fix is None or now_s < self._blocked_until_s:
             return Status.FAILURE
         if is_at_mark(fix, self.clock.now()) and is_clear(self, fix):
             return Status.SUCCESS
         answer: FollowLeg | Rotate | None
-        if not self._is_blocked_ahead(fix):
+        if self._is_blocked_ahead(fix):
+            waits = now_s - self._clear_s <= self.config.blocked_s
+            answer = Rotate(yaw_rad=fix.bearing_rad, reason="looks down") if waits else None
+        else:
             self._clear_s = now_s
-        elif now_s - self._clear_s > cfg.blocked_s:
-            return self._blocked()
-        else:
-            self.fly_on(state, Rotate(yaw_rad=fix.bearing_rad))
-            return Status.RUNNING
-        site_map = self.read(SITE_MAP).value
-        if site_map is None or site_map.contradicted_s > cfg.doubted_s:
-            answer = self._straight(fix)
-        elif site_map.captured_s > self._planned_s:
-            self._planned_s = site_map.captured_s
-            answer = self._over(site_map, fix)
-        else:
-            self.fly_on(state, None)
-            return Status.RUNNING
+            site_map = self.read(SITE_MAP).value
+            if site_map is not None and site_map.captured_s == self._planned_s:
+                self.fly_on(state, None)
+                return Status.RUNNING
+            answer = self._plan(site_map, fix)
         if answer is None:
-            return self._blocked()
+            self._blocked_until_s = now_s + self.config.detour_s
+            self.feedback_message = "no way"
+            return Status.FAILURE
         self.feedback_message = answer.reason
         self.fly_on(state, answer)
         return Status.RUNNING
 
-    def _blocked(self) -> Status:
-        self._blocked_until_s = self.leaf_clock.now() + self.config.detour_s
-        self.feedback_message = "no way"
-        return Status.FAILURE
+    def _plan(self, site_map: SiteMap | None, fix: HelipadFix) -> FollowLeg | Rotate | None:
+        """Return the course; None when no way is known."""
+        if site_map is None or site_map.contradicted_s > self.config.doubted_s:
+            return self._straight(fix)
+        self._planned_s = site_map.captured_s
+        return self._over(site_map, fix)
 
     def _is_blocked_ahead(self, fix: HelipadFix) -> bool:
         """Return whether something of unknown range stands ahead, further than at the mark."""

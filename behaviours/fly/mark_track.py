@@ -45,7 +45,7 @@ class TrackConfig:
         out_of_view_s: The mark is out of view without a sighting for this time, the 15 frames of
             the paper.
         close_m: Nearer than this, a mark out of view left it by the lower edge.
-        at_mark_m: Nearer than this, what the view shows stands beside the mark or behind it.
+        at_mark_m: Nearer than this, obstacles in view stand beside the mark or behind it.
         look_down_m: Nearer than this the camera looks down at obstacles of unknown range.
         clear_m: Distance from the straight way that obstacles keep in the last metre. The approach
             has shown them from nearby.

@@ -49,7 +49,7 @@ class SearchByMap(CourseLeaf):
     """Fly to where the map has the landing mark, and without one to views of unseen ground.
 
     SUCCESS where the mark must be ahead or below and `MarkFound` does not know it: it may be below
-    the view. FAILURE without a map, and where that knows no way.
+    the view. FAILURE without a map, and if the map knows no way.
     """
 
     ports = (GIMBAL,)
@@ -100,7 +100,7 @@ class SearchByMap(CourseLeaf):
         if mark is not None and self._search.aim is Aim.MARK:
             range_m = math.hypot(mark.x_m - site_map.pose.x_m, mark.y_m - site_map.pose.y_m)
             return mark_pitch_rad(range_m, state.height_above_carpet_m, self._flight_rad)
-        # A viewpoint was chosen for what it shows at the pitch in flight.
+        # A viewpoint was chosen for its view at the pitch in flight.
         return self._flight_rad if self._search.looks else self.ground_pitch_rad(self._flight_rad)
 
     def _plan(self, site_map: SiteMap, state: DroneState) -> Course | None:

@@ -33,7 +33,7 @@ class Route:
         straight_m: (N,) least clearance on the straight line from the drone to each place.
         time_s: Time to fly it.
         margins: The margins that it keeps.
-        new_m2: Ground that it passes for the first time; 0 where that was not asked for.
+        new_m2: Ground that it passes for the first time; 0 where nobody asked for it.
     """
 
     path_m: Floats
@@ -67,7 +67,7 @@ class ClearanceMap:
 
     Args:
         site_map: The newest map.
-        recent: What was seen besides.
+        recent: Obstacles that are not on the map.
         margins: The distances that routes keep.
         over: Landing mark that routes may lead over, (x, y) metres in the map's frame: ground to
             `margins.over_m` from there counts as seen and free.
@@ -117,7 +117,7 @@ class ClearanceMap:
         """Return the clearance of a place, metres.
 
         The clearance is the distance to the nearest obstacle. Edges, lanes, unknown cells and
-        assumed obstacles count, too, each shifted so that its own margin falls on
+        assumed obstacles count, too, each shifted so that its margin falls on
         `margins.touch_m`: a route leads where the clearance is at least that.
 
         Args:
@@ -155,7 +155,7 @@ class ClearanceMap:
         Args:
             to: Place in the map's frame, metres.
             near_m: The route that is the fastest to within this distance is returned.
-            far_m: Where no route leads so near, the one that ends nearest is, within this distance.
+            far_m: If no route does, the one that ends nearest is, within this distance.
         """
         time_s = self._turned.time_s
         apart_m = np.linalg.norm(self.map.places_m() - to, axis=-1)
@@ -213,7 +213,7 @@ class ClearanceMap:
         return np.asarray(apart_m <= self.margins.over_m)
 
     def _unknown_m(self) -> Floats:
-        """Return the distance to unknown patches; a single cell that no ray has met is none."""
+        """Return the distance to unknown patches. A single cell that no ray has met does not count."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         unknown = (~(self._free | self.map.outside)).astype(np.uint8)
@@ -283,7 +283,7 @@ class ClearanceMaps:
 
     Args:
         site_map: The newest map.
-        recent: What was seen besides.
+        recent: Obstacles that are not on the map.
         margins: Margins of the ordinary passage.
         crossing: Whether narrower passages lead through where something moved.
         past_assumed: Whether the tightest passage leads over open ground with assumed obstacles.
@@ -341,4 +341,6 @@ class ClearanceMaps:
             found = self[passage].route_to(to, near_m=near_m, far_m=far_m)
             if found is not None and (best is None or found.time_s < best.time_s - margins.saved_s):
                 best = found
+            if best is not None and passage is Passage.TIGHT:
+                break
         return best

@@ -50,10 +50,10 @@ class FastestPaths:
         return found
 
     def after(self, steps: int) -> NDArray[np.intp]:
-        """Return the cell that the path to each reached cell passes after so many steps.
+        """Return the cell that the path to each reached cell passes after a number of steps.
 
         Args:
-            steps: from the start; of a shorter path it is the end.
+            steps: Number of steps from the start; a shorter path gives its end.
 
         Returns:
             (N, 2) rows and columns.
@@ -79,8 +79,8 @@ def fastest_paths(open_: NDArray[np.bool_], cell_s: Floats, start: Cell) -> Fast
 
     Args:
         open_: (rows, columns) cells that paths may lead over, the start among them.
-        cell_s: (rows, columns) how long flying the side of a cell takes there.
-        start: where the paths begin.
+        cell_s: (rows, columns) time to fly the side of each cell.
+        start: The cell in which the paths begin.
     """
     from scipy.sparse import coo_array  # noqa: PLC0415  (`uav-bt check` must answer at once)
     from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415  (as above)

@@ -26,22 +26,22 @@ class FollowConfig:
 
     Attributes:
         ahead_m: The drone steers to the place of the path this far ahead.
-        cut_m: It may cut a corner where that costs no more than this of the clearance.
+        cut_m: It cuts a corner if that costs at most this much clearance.
         facing_rad: It flies on below this error of its heading.
-        stop_m: Before what the corridor shows this near it does not speed up. The corridor is wider
-            than the way past a box whose place the map knows.
+        stop_m: It slows down to stop at this distance from an obstacle in the corridor. The corridor
+            is wider than the way past a box whose place the map knows.
         creep_mps: It flies at least at this speed until `near_m`.
-        near_m: It stops before what the corridor shows nearer than this,
-        past_mps: except that it passes at this speed what the map has beside the way there.
-        same_m: What the corridor shows within this distance of an obstacle of the map is that one.
-        hull_m: It stops before what is nearer than this, mapped or not.
+        near_m: It stops if the corridor is blocked nearer than this.
+        past_mps: It goes on at this speed if the map has that obstacle beside the way.
+        same_m: An obstacle in the corridor this near to one of the map is that one.
+        hull_m: It stops if the corridor is blocked nearer than this, mapped or not.
         half_width_m: Half of the corridor's width.
         reaction_s: Time from a frame's capture to its effect (measured in the twin).
         brake_mps2: Deceleration that the drone can rely on.
         end_m: The route counts as flown this near to its end.
         end_mps: Speed at its end.
         unmapped_s: Age at which recent points that the map lacks are ignored: a lost drone may have
-            misplaced them, and they would bar a way for ever.
+            misplaced them, and they would close a way for ever.
         moving: How movers are predicted.
     """
 
@@ -81,7 +81,7 @@ def follow(
     Args:
         route: From the drone's place.
         site_map: The map on which it was planned.
-        corridor: What the safety corridor shows ahead; None without depth.
+        corridor: The safety corridor; None without depth.
         margins: Speeds beside obstacles; None for those of the route.
         config: Where the drone steers to.
         most_mps: Highest speed.
@@ -128,7 +128,7 @@ def _course(
 
 
 def _by_corridor(corridor: Corridor | None, config: FollowConfig) -> float:
-    """Return the speed from which the drone stops before what the corridor shows."""
+    """Return the speed from which the drone stops before the end of the free corridor."""
     if corridor is None:
         return math.inf
     free_m = corridor.free_distance_m

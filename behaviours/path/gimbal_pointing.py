@@ -1,4 +1,4 @@
-"""Where the camera points: at the landing mark, at ground near an edge, at what has no range."""
+"""The camera's pitch: at the landing mark, at ground near an edge, at unplaced obstacles."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class GimbalConfig:
         far_heights: Ground further away than this many heights is seen too flatly.
         enough: With this share of ground in the image the camera stays as in flight.
         little: With this share it looks down to `ground_rad`.
-        mark_rad: The camera follows the mark down to this pitch. Steeper, roofs cannot be told from
+        mark_rad: The camera follows the mark down to this pitch. Steeper, roofs look like
             bases.
         near_ahead_rad: A thing of unknown range this near to ahead is looked at.
         look_down_s: It is looked at for this long, enough for the memory to place it.
@@ -53,16 +53,16 @@ def ground_share(
     height_m: float,
     config: GimbalConfig | None = None,
 ) -> float:
-    """Return the share of an image that shows what may be ground: near, and not beyond its edge.
+    """Return the share of an image that may show ground: near, and not beyond its edge.
 
-    Places beyond what the map holds are no ground; unknown cells of it may be.
+    Unknown cells of the map may be ground; places beyond the map are not.
 
     Args:
-        site_map: with the drone where it is now.
-        camera: intrinsics at any size.
-        pitch_rad: of the gimbal, negative down.
-        height_m: of the camera above the ground.
-        config: how far ground counts.
+        site_map: The newest map, with the drone's pose of now.
+        camera: Intrinsics at any size.
+        pitch_rad: Pitch of the gimbal, negative down.
+        height_m: Height of the camera above the ground.
+        config: The distance to which ground counts.
     """
     config = config or GimbalConfig()
     across, down = (np.linspace(0.0, 1.0, count) for count in _SAMPLES)
@@ -84,14 +84,14 @@ def ground_pitch_rad(
     height_m: float,
     config: GimbalConfig | None = None,
 ) -> float:
-    """Return the camera's pitch: as in flight, and lower where that would show little ground.
+    """Return the camera's pitch: as in flight, and lower if that showed little ground.
 
     Args:
-        site_map: with the drone where it is now.
-        camera: intrinsics at any size.
-        flight_rad: the pitch in flight, negative down.
-        height_m: of the camera above the ground.
-        config: how far down, and when.
+        site_map: The newest map, with the drone's pose of now.
+        camera: Intrinsics at any size.
+        flight_rad: The pitch in flight, negative down.
+        height_m: Height of the camera above the ground.
+        config: How far down it looks, and when.
     """
     config = config or GimbalConfig()
     share = ground_share(site_map, camera, flight_rad, height_m, config)

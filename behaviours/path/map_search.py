@@ -42,7 +42,7 @@ class MapSearchConfig:
         facing_rad: A place is faced below this error of the heading.
         look_s: A place is faced this long.
         at_viewpoint_m: The drone is at a viewpoint from this distance on.
-        kept: A viewpoint is given up when it shows less than this share of what it did at first.
+        kept: A viewpoint is given up when it shows less than this share of its first area.
         doubted_s: A map that the views contradict for longer is not flown by.
         margins: Distances that routes keep.
         follow: How routes are followed.
@@ -62,7 +62,7 @@ class MapSearchConfig:
 
 
 class Aim(enum.Enum):
-    """What is flown to."""
+    """The goal of the search."""
 
     MARK = "mark"
     GROUND = "unseen ground"
@@ -90,7 +90,7 @@ class MapSearch:
         return self._facing_s is not None
 
     def pause(self) -> None:
-        """Forget where the drone is flying to; what was searched is remembered."""
+        """Forget the goal of the flight; searched places are remembered."""
         self._viewpoint: Viewpoint | None = None
         self._facing_s: float | None = None
 
@@ -107,8 +107,8 @@ class MapSearch:
         Args:
             site_map: The map with the newest view.
             mark: The landing mark where it may still be; None to search unseen ground.
-            obstacles: What was seen around the drone.
-            corridor: What the safety corridor shows ahead; None without depth.
+            obstacles: Obstacles seen around the drone.
+            corridor: The safety corridor; None without depth.
             in_view: Ground that the camera shows at the pitch of the search.
 
         Returns:
@@ -122,7 +122,7 @@ class MapSearch:
             self._restarts, self._in_vain_m = site_map.restarts, np.empty((0, 2))
             self.pause()
         recent = recent_obstacles(obstacles, site_map, unmapped_s=self.config.follow.unmapped_s)
-        # Where there is no other way, it leads through where something moved.
+        # A narrow route may cross lanes of movers.
         maps = ClearanceMaps(site_map, recent, self.config.margins, crossing=True)
         if mark is not None:
             self.aim = Aim.MARK
@@ -208,7 +208,7 @@ class MapSearch:
         )
 
     def _is_settled(self, view: Viewpoint, clearance: ClearanceMap, in_view: GroundInView) -> bool:
-        """Return whether a view has shown most of what it can, or cannot be reached any more."""
+        """Return whether a view has shown most of its area, or cannot be reached any more."""
         cfg, time_s = self.config, clearance.fastest.time_s
         row, column = clearance.map.cell_of(view.x_m, view.y_m)
         height, width = time_s.shape
@@ -248,7 +248,7 @@ class MapSearch:
     def _cells(
         self, places_m: Floats, site_map: SiteMap, wanted: Flags
     ) -> tuple[NDArray[np.intp], Flags]:
-        """Return the cells of places among what is wanted, and which of them lie there."""
+        """Return the cells of places on the grid of wanted cells, and which of them lie on it."""
         around = self.config.view.around_cells(site_map.cell_m)
         apart_m = places_m - np.array(site_map.corner_m)
         cells = np.rint(apart_m / site_map.cell_m).astype(np.intp) + around

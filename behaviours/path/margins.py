@@ -52,13 +52,15 @@ class Margins:
         start_slack_m: It may lose this much of that clearance: a cell's rounding.
         min_start_m: A drone that is nearer than this only flies away.
         enough_reached: A drone that reaches less than this share of the flyable cells is shut in.
-        yaw_rate_radps: Rate of the turn that a route begins with (`CourseLeaf` turns about so fast).
+        yaw_rate_radps: Rate of the turn that a route begins with (measured in the twin).
         turn_m: The turn is counted over the first metres of a route.
-        saved_s: A narrower passage is flown where it saves this time.
+        saved_s: A tight passage is flown where it saves this time; the tightest only where there is
+            no other.
         direct: A route of up to this multiple of the straight line is not compared with narrower
             passages.
         cross_unknown: Whether a route may cross unseen cells and assumed obstacles.
         unknown_times: Such a cell costs this multiple of its time.
+        pad_m: `touch_m` of the last metres before the pad.
         pad_edge_m: `edge_m` of the last metres before the pad.
         over_m: A landing mark that is flown over counts as seen, free ground to this distance from
             its middle: half of the pad's diagonal, and a cell.
@@ -89,6 +91,7 @@ class Margins:
     direct: float = 1.3
     cross_unknown: bool = False
     unknown_times: float = 3.0
+    pad_m: float = 0.36
     pad_edge_m: float = 0.2
     over_m: float = math.hypot(*PAD_SIZE_M[:2]) / 2 + 0.1
 
@@ -128,7 +131,7 @@ class Margins:
         The camera sees those metres from nearby before they are flown, so assumed obstacles and
         unseen cells cost time there, and do not close the way.
         """
-        return replace(self.tight(), edge_m=self.pad_edge_m, cross_unknown=True)
+        return replace(self, touch_m=self.pad_m, edge_m=self.pad_edge_m, cross_unknown=True)
 
     def speed_mps(self, clear_m: Floats) -> Floats:
         """Return the speed at each clearance."""

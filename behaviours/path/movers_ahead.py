@@ -1,10 +1,11 @@
-"""Where what moves will be, and how near a course comes to it."""
+"""Predicted places of movers, and the gap between them and a course."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +14,32 @@ from uav_bt.types.site_map import MapMover
 
 Floats = NDArray[np.float64]
 
-_RIM = 12  # points around a mover
+_RIM: Final = 12  # points on the circle of a mover
 
 
 @dataclass(frozen=True, kw_only=True)
 class MoversAheadConfig:
-    """How far ahead movers are predicted, and how much room they get."""
+    """How movers are predicted, and the gap to them. Chosen in flights among movers in the twin.
+
+    Attributes:
+        ahead_s: Movers are predicted for this time.
+        step_s: Time between two predicted places.
+        doubted_s: The error of their velocity counts up to this time: they turn and stop.
+        taken_s: No route is planned over where a mover is within this time.
+        body_m: Half of the body's diagonal.
+        spare_m: Gap between body and mover.
+        yields_by: Each speed that is tried is this share of the one before.
+        min_mps: At less than this speed the drone waits.
+    """
 
     ahead_s: float = 3.0
     step_s: float = 0.2
-    # They turn and stop: what their velocity errs by counts for so long only.
     doubted_s: float = 1.5
-    taken_s: float = 1.0  # no leg is planned over where a mover is within so long
-    body_m: float = 0.2  # half of the body's diagonal
-    spare_m: float = 0.2  # beside that, between body and mover
-    yields_by: float = 0.5  # the speeds that are tried: each that share of the one before,
-    min_mps: float = 0.12  # down to this; then the drone waits
+    taken_s: float = 1.0
+    body_m: float = 0.2
+    spare_m: float = 0.2
+    yields_by: float = 0.5
+    min_mps: float = 0.12
 
     @property
     def times_s(self) -> Floats:
@@ -37,7 +48,7 @@ class MoversAheadConfig:
 
 
 def outlines_m(movers: Sequence[MapMover], config: MoversAheadConfig | None = None) -> Floats:
-    """Return points around the ground that movers fill now and soon, (N, 2) in the map's frame."""
+    """Return points on the ground that movers fill now and soon, (N, 2) in the map's frame."""
     config = config or MoversAheadConfig()
     times_s = np.arange(0.0, config.taken_s + config.step_s / 2, config.step_s)
     angles = np.linspace(0.0, 2.0 * math.pi, _RIM, endpoint=False)
@@ -51,12 +62,12 @@ def outlines_m(movers: Sequence[MapMover], config: MoversAheadConfig | None = No
 
 
 def gap_m(movers: Sequence[MapMover], places_m: Floats, config: MoversAheadConfig) -> Floats:
-    """Return how much room is left between the body and the movers, beside what they err by.
+    """Return the gap between the body and the nearest mover, less the movers' uncertainty, metres.
 
     Args:
-        movers: of the map.
-        places_m: (..., T, 2) where the drone is at `config.times_s`, in the map's frame.
-        config: how movers are predicted.
+        movers: The movers of the map.
+        places_m: (..., T, 2) places of the drone at `config.times_s`, in the map's frame.
+        config: How movers are predicted.
 
     Returns:
         (...) the least over the time; infinite without movers.
@@ -74,13 +85,13 @@ def gap_m(movers: Sequence[MapMover], places_m: Floats, config: MoversAheadConfi
 def yielding_mps(
     movers: Sequence[MapMover], path_m: Floats, speed_mps: float, config: MoversAheadConfig
 ) -> float:
-    """Return the speed along a path at which nothing that moves comes too near; 0 waits.
+    """Return the highest speed along a path that keeps the gap to movers; 0 to wait.
 
     Args:
-        movers: of the map.
-        path_m: (N, 2) from the drone on, in the map's frame.
-        speed_mps: at most.
-        config: how much room movers get.
+        movers: The movers of the map.
+        path_m: (N, 2) from the drone on, metres in the map's frame.
+        speed_mps: Highest speed.
+        config: How movers are predicted.
     """
     if not movers or speed_mps <= 0.0:
         return speed_mps

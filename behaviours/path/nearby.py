@@ -1,4 +1,4 @@
-"""What was seen around the drone lately and is not on the site map."""
+"""Obstacles seen around the drone lately that are not on the site map."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def recent_obstacles(
     least: int = 3,
     unmapped_s: float = math.inf,
 ) -> RecentObstacles:
-    """Return what was seen lately around the drone and is not on the map.
+    """Return the obstacles seen lately around the drone that are not on the map.
 
     The map places standing things by many views and corrects the drone's drift. Recent points are
     placed by a few views and have drifted since.

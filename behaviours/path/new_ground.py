@@ -1,9 +1,9 @@
-"""How much new ground every fastest path passes, for all ends at once.
+"""The new ground that every fastest path passes, for all ends at once.
 
-The paths from one place form a tree. What a path passes is what the path to its last but one cell
-passes, and the crescent that the last step adds to it: one number a cell, summed from the root
-along the tree, gives it for all. Ground is counted twice where a path comes back near to itself,
-which fastest paths hardly do, and a little of it where a path turns.
+The paths from one place form a tree. A path passes the ground of the path to its last but one cell,
+and the crescent that the last step adds. One number per cell, summed from the root along the tree,
+gives the ground of all paths. Ground counts twice where a path comes back near to itself, which
+fastest paths hardly do, and a little of it where a path turns.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _STEPS: Final = tuple(product((-1, 0, 1), repeat=2))  # (0, 0): at the start
 
 
 def passed_for_the_first_time(paths: FastestPaths, worth: Floats, radius_cells: float) -> Floats:
-    """Return what the ground around the path to each cell is worth, cells.
+    """Return the worth of the ground around the path to each cell, cells.
 
     Args:
-        paths: from the drone.
-        worth: (rows, columns) of passing each cell.
-        radius_cells: so near to a path ground counts as passed.
+        paths: The paths from the drone.
+        worth: (rows, columns) worth of passing each cell.
+        radius_cells: Ground this near to a path counts as passed.
 
     Returns:
         (rows, columns); 0 where no path leads.

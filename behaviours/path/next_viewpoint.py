@@ -1,14 +1,15 @@
-"""Where to look next: the view that shows the most unseen ground for the time that it takes.
+"""The next viewpoint: the view that shows the most unseen ground for its time.
 
 A next-best-view planner over the site map. From each place that can be flown, rays go out over the
-map until an obstacle or the edge of the ground ends them; what they pass that was not seen to be
-ground may be where the landing mark is.
+map to an obstacle or the edge of the ground. Cells on them that were not seen to be ground may hold
+the landing mark.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,28 +17,43 @@ from numpy.typing import NDArray
 from behaviours.path.clearance import ClearanceMap, Flags, Floats
 from uav_bt.types import CameraModel
 
-_SOLID_CELLS = 1.5  # so near to a point of an obstacle nothing is seen through
+_SOLID_CELLS: Final = 1.5  # a ray ends this near to a point of an obstacle
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewpointConfig:
-    """How views are tried, and what they must show."""
+    """How viewpoints are tried. The numbers were chosen in drawn and simulated halls.
 
-    far_m: float = 3.5  # the map takes in hardly more, and the mark is small there
-    bearings: int = 48  # round each place
-    grid_step: int = 4  # of the places that are tried, cells
-    min_view_m2: float = 0.15  # a view that shows less is not worth it; a pad has 0.25
-    look_s: float = 1.0  # for the view itself
+    Attributes:
+        far_m: Ground further away does not count: the mark is small there.
+        bearings: Number of headings at each place.
+        grid_step: Every this many cells a place is tried.
+        min_view_m2: A view that shows less is not worth it. The pad has 0.25 m2.
+        look_s: Time of the view itself.
+        yaw_rate_radps: Rate of turns.
+    """
+
+    far_m: float = 3.5
+    bearings: int = 48
+    grid_step: int = 4
+    min_view_m2: float = 0.15
+    look_s: float = 1.0
     yaw_rate_radps: float = 0.8
 
     def around_cells(self, cell_m: float) -> int:
-        """Return how many cells beyond the map a view may show."""
+        """Return the number of cells beyond the map that a view may show."""
         return math.ceil(self.far_m / cell_m)
 
 
 @dataclass(frozen=True, kw_only=True)
 class GroundInView:
-    """The ground that the camera shows in level flight: a sector of a ring."""
+    """The ground that the camera shows in level flight: a sector of a ring.
+
+    Attributes:
+        near_m: Inner radius.
+        far_m: Outer radius.
+        half_rad: Half of the sector's angle.
+    """
 
     near_m: float
     far_m: float
@@ -47,13 +63,13 @@ class GroundInView:
     def of(
         cls, camera: CameraModel, pitch_rad: float, height_m: float, far_m: float
     ) -> GroundInView:
-        """Return what a camera shows.
+        """Return the ground in view of a camera.
 
         Args:
-            camera: intrinsics at any size.
-            pitch_rad: of the gimbal, negative down.
-            height_m: above the ground.
-            far_m: at most.
+            camera: Intrinsics at any size.
+            pitch_rad: Pitch of the gimbal, negative down.
+            height_m: Height above the ground.
+            far_m: Largest outer radius.
         """
         low_rad = pitch_rad - math.atan((camera.height_px - camera.cy_px) / camera.fy_px)
         high_rad = pitch_rad + math.atan(camera.cy_px / camera.fy_px)
@@ -68,24 +84,31 @@ class GroundInView:
 
 @dataclass(frozen=True, kw_only=True)
 class Viewpoint:
-    """Where to look from, and where to, in the map's frame."""
+    """A place to look from, and the heading of the look, in the map's frame.
+
+    Attributes:
+        x_m: Of the place.
+        y_m: Of the place.
+        yaw_rad: The heading.
+        shows_m2: Unseen ground that it shows.
+    """
 
     x_m: float
     y_m: float
     yaw_rad: float
-    shows_m2: float  # of what was not seen
+    shows_m2: float
 
 
 def unseen(clearance: ClearanceMap, since_s: float, config: ViewpointConfig) -> Flags:
     """Return the cells that may be ground, or a landing mark on it, and were not seen since.
 
     Args:
-        clearance: of the map.
-        since_s: what was seen to be ground before counts as unseen again; -inf: never.
-        config: how far views reach.
+        clearance: The clearance map.
+        since_s: Ground that was seen before this time counts as unseen again; -inf: never.
+        config: The reach of views.
 
     Returns:
-        The map's cells and `config.around_cells` on each side, which the map does not know.
+        The cells of the map and `config.around_cells` on each side beyond it.
     """
     solid = clearance.obstacle_m < _SOLID_CELLS * clearance.map.cell_m
     seen = clearance.map.ground & (clearance.map.seen_s >= since_s)
@@ -96,13 +119,13 @@ def unseen(clearance: ClearanceMap, since_s: float, config: ViewpointConfig) -> 
 def best_viewpoint(
     clearance: ClearanceMap, wanted: Flags, in_view: GroundInView, config: ViewpointConfig
 ) -> Viewpoint | None:
-    """Return the view that shows the most of what is wanted in a second; None: none does.
+    """Return the view that shows the most wanted cells per second; None when none is worth it.
 
     Args:
-        clearance: of the map, and the paths to the places to look from.
-        wanted: cells to see: the map's, and around it as in `unseen`.
-        in_view: of the camera.
-        config: how views are tried.
+        clearance: The clearance map, with the paths to the places to look from.
+        wanted: Cells to see, as `unseen` returns them.
+        in_view: The ground that the camera shows.
+        config: How views are tried.
     """
     step = config.grid_step
     tried = np.zeros(clearance.map.seen_s.shape, dtype=bool)
@@ -131,7 +154,7 @@ def still_shows_m2(
     in_view: GroundInView,
     config: ViewpointConfig,
 ) -> float:
-    """Return how much of what is wanted a view shows now."""
+    """Return the area of wanted cells that a view shows now, m2."""
     place = np.array([clearance.map.cell_of(view.x_m, view.y_m)])
     return float(_shown_m2(clearance, wanted, place, in_view, config)[0, _bearing(view, config)])
 
@@ -156,7 +179,7 @@ def _shown_m2(
     in_view: GroundInView,
     config: ViewpointConfig,
 ) -> Floats:
-    """Return how much of what is wanted each place shows along each heading, (K, bearings)."""
+    """Return the area of wanted cells in view from each place, m2, (K, bearings)."""
     rows, columns, ranges_m, clear = _rays(clearance, places, in_view, config)
     around = config.around_cells(clearance.map.cell_m)
     hit = clear & _looked_up(wanted, rows + around, columns + around)
@@ -207,7 +230,7 @@ def _looked_up(grid: Flags, rows: NDArray[np.intp], columns: NDArray[np.intp]) -
 
 
 def _times_s(clearance: ClearanceMap, places: NDArray[np.intp], config: ViewpointConfig) -> Floats:
-    """Return how long flying to each place and turning to each bearing takes, (K, bearings)."""
+    """Return the time to fly to each place and turn to each bearing, s, (K, bearings)."""
     start, before = np.array(clearance.start), clearance.fastest.before
     yaw_rad = clearance.map.pose.yaw_rad
     apart = places - start

@@ -1,4 +1,4 @@
-"""Where to fly to cover a place: the leg that passes the most new ground in a second.
+"""The route that covers a place the fastest: it passes the most new ground per second.
 
 A next-best-view planner (Connolly, 1985; Bircher et al., 2016) over the site map. It finds the
 fastest path to every place that is known to be free, at speeds that the clearance allows. On each
@@ -18,22 +18,30 @@ import numpy as np
 from behaviours.path.clearance import ClearanceMap, Floats, Route
 from behaviours.path.new_ground import passed_for_the_first_time
 
-_AHEAD_CELLS: Final = 4  # on a path: where it leads to at first
+_AHEAD_CELLS: Final = 4  # on a path: the first turn points there
 
 
 @dataclass(frozen=True, kw_only=True)
 class SurveyConfig:
-    """What a leg is worth."""
+    """The worth of routes. The numbers were chosen in surveys of the training scenes.
 
-    reach_m: float = 0.5  # ground so near to the path counts as passed
-    unseen_worth: float = 0.5  # of a cell that may be ground, beside one that is
-    yaw_rate_radps: float = 0.8  # of the first turn
-    leg_s: float = 1.0  # lost at the end of each leg
-    min_leg_m2: float = 0.06  # a leg that passes less new ground is not worth it
+    Attributes:
+        reach_m: Ground this near to the path counts as passed, as `mission/coverage.py` has it.
+        unseen_worth: Worth of a cell that may be ground, beside one that is.
+        yaw_rate_radps: Rate of the first turn.
+        leg_s: Time lost at the end of each route.
+        min_leg_m2: A route that passes less new ground is not worth it.
+    """
+
+    reach_m: float = 0.5
+    unseen_worth: float = 0.5
+    yaw_rate_radps: float = 0.8
+    leg_s: float = 1.0
+    min_leg_m2: float = 0.06
 
 
 def new_ground_per_second(new_m2: Floats, time_s: Floats) -> Floats:
-    """Return what legs are worth: the ground that they pass for the first time, in a second."""
+    """Return the worth of routes: the new ground that they pass per second."""
     return new_m2 / time_s
 
 
@@ -42,12 +50,12 @@ def best_route(
     config: SurveyConfig | None = None,
     value: Callable[[Floats, Floats], Floats] = new_ground_per_second,
 ) -> Route | None:
-    """Return the leg of the greatest value; None when none is worth it.
+    """Return the route of the greatest value; None when none is worth it.
 
     Args:
-        clearance: what can be flown.
-        config: what ground is worth.
-        value: of legs, by the new ground that each passes, m2, and the time it takes, s.
+        clearance: The clearance map.
+        config: The worth of ground.
+        value: The value of routes from the new ground of each, m2, and its time, s.
     """
     cfg, cell_m, paths = config or SurveyConfig(), clearance.map.cell_m, clearance.fastest
     passed = passed_for_the_first_time(
@@ -71,7 +79,7 @@ def best_route(
 
 
 def _worth(clearance: ClearanceMap, unseen_worth: float) -> Floats:
-    """Return what it is worth to pass each cell: ground that was not passed, or may be."""
+    """Return the worth of passing each cell: ground that was not passed, or may be ground."""
     import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
     found = clearance.map
@@ -86,7 +94,7 @@ def _worth(clearance: ClearanceMap, unseen_worth: float) -> Floats:
 
 
 def _first_turns_s(clearance: ClearanceMap, yaw_rate_radps: float) -> Floats:
-    """Return how long the drone turns before it can fly along the path to each reached cell."""
+    """Return the time of the first turn on the path to each reached cell, seconds."""
     apart = clearance.fastest.after(_AHEAD_CELLS) - np.array(clearance.start)
     azimuth = np.arctan2(apart[:, 1], apart[:, 0])
     turn_rad = np.abs(np.angle(np.exp(1j * (azimuth - clearance.map.pose.yaw_rad))))

@@ -1,4 +1,4 @@
-"""Give way: where to, when something that moves comes at the drone."""
+"""Ways out of the way of a mover that comes at the drone."""
 
 from __future__ import annotations
 
@@ -13,30 +13,48 @@ from behaviours.path.clearance import ClearanceMap, Flags
 from behaviours.path.movers_ahead import Floats, MoversAheadConfig, gap_m
 from uav_bt.types.site_map import MapMover, SiteMap
 
-_AROUND_M: Final = 0.15  # of a mover's circle: so far off its points may be
+_AROUND_M: Final = 0.15  # beside a mover's circle: the error of its points
 
 
 @dataclass(frozen=True, kw_only=True)
 class WayOutConfig:
-    """How the drone gets out of the way."""
+    """How ways out are tried. The numbers were chosen in flights among movers in the twin.
+
+    Attributes:
+        moving: How movers are predicted.
+        directions: Number of directions that are tried.
+        speeds_mps: Speeds that are tried.
+        reaction_s: Time from a decision until it is flown.
+        furthest_m: Longest way.
+        brake_mps2: Deceleration that the drone can rely on.
+        enough_m: A wider gap than this is not worth a longer way.
+        per_m: Gap gained per metre flown, at least.
+        kept_m: Gap that another direction than the present one gains, at least.
+        stop_s: The present velocity is predicted for this time; then the drone has stopped.
+    """
 
     moving: MoversAheadConfig = field(default_factory=MoversAheadConfig)
     directions: int = 24
     speeds_mps: tuple[float, ...] = (0.3, 0.6)
-    reaction_s: float = 0.4  # from a decision until it flies
+    reaction_s: float = 0.4
     furthest_m: float = 1.2
     brake_mps2: float = 0.8
-    enough_m: float = 0.5  # of room; more is not worth a longer way
-    per_m: float = 0.08  # of clearance that a metre of way has to bring
-    kept_m: float = 0.1  # of clearance that another direction than the present one has to bring
-    stop_s: float = 1.0  # for so long the present velocity is predicted; then the drone has stopped
+    enough_m: float = 0.5
+    per_m: float = 0.08
+    kept_m: float = 0.1
+    stop_s: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class WayOut:
-    """A straight way out, or to stay."""
+    """The velocity of a straight way out, in the map's frame; 0 to stay.
 
-    x_mps: float = 0.0  # in the map's frame
+    Attributes:
+        x_mps: Along the map's x.
+        y_mps: Along the map's y.
+    """
+
+    x_mps: float = 0.0
     y_mps: float = 0.0
 
 
@@ -48,12 +66,12 @@ def is_threatened(site_map: SiteMap, config: WayOutConfig) -> bool:
 
 
 def runs_into(site_map: SiteMap, velocity_mps: Floats, config: WayOutConfig) -> bool:
-    """Return whether a drone that flies on for a moment comes too near to what moves.
+    """Return whether a drone that flies on for a moment comes too near to a mover.
 
     Args:
-        site_map: with what moves.
-        velocity_mps: (2,) of the drone over the ground, in the map's frame.
-        config: how movers are predicted.
+        site_map: The map with its movers.
+        velocity_mps: (2,) velocity of the drone over the ground, in the map's frame.
+        config: How movers are predicted.
     """
     pose, moving = site_map.pose, config.moving
     flown_s = np.minimum(moving.times_s, config.stop_s)[:, None]
@@ -62,15 +80,15 @@ def runs_into(site_map: SiteMap, velocity_mps: Floats, config: WayOutConfig) -> 
 
 
 def standing_alone(site_map: SiteMap) -> SiteMap:
-    """Return a map of what stands, as if nothing moved."""
+    """Return the map without its movers and their lanes."""
     return replace(site_map, movers=(), lanes_m=np.empty((0, 2)))
 
 
 def is_of_movers(movers: Sequence[MapMover], points_m: Floats) -> Flags:
-    """Return which points are where something moves now.
+    """Return which points belong to movers.
 
     Args:
-        movers: of the map.
+        movers: The movers of the map.
         points_m: (N, 2) in the map's frame.
     """
     found = np.zeros(len(points_m), dtype=bool)
@@ -87,16 +105,15 @@ def way_out(
     *,
     before: WayOut | None = None,
 ) -> WayOut:
-    """Return the velocity that leaves the most clearance to what moves; to stay is one, too.
+    """Return the velocity that leaves the widest gap to movers; to stay is one, too.
 
-    Only ground that is known to be free and away from what stands is flown over, and the drone can
-    stop before it ends.
+    The way leads over free ground with clearance, and the drone can stop before that ends.
 
     Args:
-        clearance: what can be flown, of the map of what stands.
-        movers: what moves there.
-        config: how far and how fast.
-        before: the way that is being flown.
+        clearance: The clearance map of the standing obstacles.
+        movers: The movers.
+        config: How ways are tried.
+        before: The way that is being flown.
     """
     pose, times_s = clearance.map.pose, config.moving.times_s
     here_m = np.array([pose.x_m, pose.y_m])
@@ -126,7 +143,7 @@ def way_out(
 
 
 def _open_m(clearance: ClearanceMap, here_m: Floats, headings: Floats, furthest_m: float) -> Floats:
-    """Return how far the ground is free along each heading, (D,)."""
+    """Return the distance to which the ground is open along each heading, (D,)."""
     found = clearance.map
     ranges_m = np.arange(found.cell_m, furthest_m + found.cell_m / 2, found.cell_m)
     places_m = here_m + ranges_m[:, None] * headings[:, None]

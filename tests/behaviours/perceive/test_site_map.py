@@ -161,7 +161,7 @@ def test_a_file_that_names_the_former_leaf_or_key_is_told_the_successors() -> No
         parse_tree(text, NodeRegistry.installed())
     node, key = refused.value.findings
     assert "it was replaced by MapSite and TrackMotion" in node
-    assert "it was replaced by site_map" in key
+    assert "no key 'obstacles'; it was replaced by site_map" in key
 
 
 def test_an_import_of_a_former_name_names_the_successor() -> None:

@@ -191,9 +191,3 @@ def test_a_wrong_type_names_the_leaf(view: BoardView) -> None:
     wrong: Any = 3
     with pytest.raises(BoardAccessError, match=r"leaf 'Mission/look': .*holds str, got int"):
         view.write(NAME, wrong)
-
-
-def test_an_unknown_key_that_another_replaces_is_told_its_name(manual_clock: ManualClock) -> None:
-    speed = Key("speed_mps", float, "how fast", replaces=("velocity",))
-    with pytest.raises(BoardAccessError, match="'speed_mps' replaces it"):
-        Blackboard(manual_clock, (speed,)).key("velocity")
