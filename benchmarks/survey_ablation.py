@@ -26,7 +26,7 @@ import numpy as np
 from mission_text import cover_or_turn, explore_and_come_home
 
 from behaviours.perceive.site_map import MapSite
-from behaviours.policies.coverage import Coverage
+from behaviours.policies.coverage_policy import CoveragePolicy
 from perception.mapping.registration import RegistrationConfig
 from perception.mapping.site_mapper import SiteMapperConfig
 from uav_bt import app
@@ -77,7 +77,7 @@ class Variant:
     def policies(self, seed: int) -> dict[str, LeafPolicy]:
         """Return the policies that are no plug-ins, by name."""
         return {
-            "nearest": Coverage(value=lambda _, time_s: -time_s),
+            "nearest": CoveragePolicy(value=lambda _, time_s: -time_s),
             "random": RandomRule(seed),
         }
 

@@ -213,7 +213,7 @@ class ClearanceMap:
         return np.asarray(apart_m <= self.margins.over_m)
 
     def _unknown_m(self) -> Floats:
-        """Return the distance to unknown patches. A single cell that no ray has met does not count."""
+        """Return the distance to unknown patches; a single cell that no ray has met is left out."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         unknown = (~(self._free | self.map.outside)).astype(np.uint8)

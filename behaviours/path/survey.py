@@ -26,7 +26,7 @@ class SurveyConfig:
     """The worth of routes. The numbers were chosen in surveys of the training scenes.
 
     Attributes:
-        reach_m: Ground this near to the path counts as passed, as `mission/coverage.py` has it.
+        reach_m: Ground this near to the path counts as passed, as for `CoveredGround`.
         unseen_worth: Worth of a cell that may be ground, beside one that is.
         yaw_rate_radps: Rate of the first turn.
         leg_s: Time lost at the end of each route.

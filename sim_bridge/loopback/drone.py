@@ -8,7 +8,7 @@ from functools import partial
 
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.remote_control import RemoteControl
-from sim_bridge.loopback.firmware.telemetry import BatteryOptions
+from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
 from sim_bridge.loopback.handshake import SKYCONTROLLER, Ports
 from sim_bridge.loopback.media import MediaStore
 from sim_bridge.loopback.messages import message_table

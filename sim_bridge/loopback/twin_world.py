@@ -29,7 +29,7 @@ load_mujoco()  # before the modules below do: how it draws is settled at its imp
 
 import mujoco  # noqa: E402  (after load_mujoco)
 
-from sim_bridge.twin.airframe import CONTROL_STEP_S  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.flying_body import CONTROL_STEP_S  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.model import LabModel, build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 

@@ -43,7 +43,7 @@ class TwinReferee:
             time_s=simulation.now_s,
             pose=Pose(x_m=x, y_m=y, z_m=motion.z_m, yaw_rad=motion.yaw_rad),
             contacts=simulation.contacts(),
-            clearance_m=self._clearance_m(simulation.airframe.data),
+            clearance_m=self._clearance_m(simulation.body.data),
             inside_carpet=self._scene.ground_plan.contains(x, y),
             on_helipad=pad.footprint.contains(x, y),
             landing_error_m=math.hypot(x - pad.position_m[0], y - pad.position_m[1]),

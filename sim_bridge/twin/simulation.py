@@ -7,10 +7,10 @@ from collections import deque
 from dataclasses import dataclass
 
 from sim_bridge.anafi import CAMERA_FORWARD_M
-from sim_bridge.twin.airframe import CONTROL_STEP_S, Airframe
 from sim_bridge.twin.autopilot import Autopilot
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.downlink import Downlink, Events
+from sim_bridge.twin.flying_body import CONTROL_STEP_S, FlyingBody
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
@@ -59,9 +59,9 @@ class Simulation:
         self._queue: deque[tuple[float, Command, Pace | None]] = deque()
         self._traffic = Traffic(scene.movers, seed)
         self.movers = self._traffic.at(0.0)
-        self.airframe = Airframe(lab, lag_s=profile.thrust_lag_s)
-        self.airframe.place_movers(self.movers)
-        self.airframe.place(start.x_m, start.y_m, start.z_m, start.yaw_rad)
+        self.body = FlyingBody(lab, lag_s=profile.thrust_lag_s)
+        self.body.place_movers(self.movers)
+        self.body.place(start.x_m, start.y_m, start.z_m, start.yaw_rad)
         self._autopilot = Autopilot(profile)
         self._sensors = Sensors(profile, seed, start_z_m=start.z_m)
         self._downlink = Downlink(profile, seed)
@@ -168,18 +168,18 @@ class Simulation:
             self._estimate, height_m=height, touching=bool(self._touching)
         )
         if demand is None:
-            self.airframe.drop()
+            self.body.drop()
         else:
             (x, y), (gust_x, gust_y, gust_z) = self._breeze, (each.step() for each in self._wind)
             wind = (gust_x + x, gust_y + y, gust_z)
-            self.airframe.fly(
+            self.body.fly(
                 self.motion, demand.acceleration_mps2, demand.yaw_acceleration_radps2, wind
             )
         self._move_gimbal()
         self._steps += 1
         self.movers = self._traffic.at(self.now_s)
-        self.airframe.place_movers(self.movers)
-        self.airframe.advance()
+        self.body.place_movers(self.movers)
+        self.body.advance()
         self._sense()
 
     def _obey(self, command: Command, pace: Pace | None) -> None:
@@ -199,8 +199,8 @@ class Simulation:
 
     def _sense(self) -> None:
         """Take in the world after a step: motion, contacts, telemetry, and a frame when due."""
-        self.motion = motion = self.airframe.motion()
-        self._touching = self.airframe.contacts()
+        self.motion = motion = self.body.motion()
+        self._touching = self.body.contacts()
         if self.motors_on:
             for name in self._touching:
                 self._touched_s[name] = self.now_s

@@ -9,7 +9,7 @@ import signal
 import click
 
 from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
-from sim_bridge.loopback.firmware.telemetry import BatteryOptions
+from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
 from sim_bridge.loopback.handshake import Identity, Ports
 from sim_bridge.loopback.server import ServerOptions
 from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM, REMOTE_MEDIUM

@@ -9,7 +9,7 @@ from typing import Any, Final
 import pytest
 
 from uav_bt.errors import FileError, InputError
-from uav_bt.testing.coverage import FileCoverage, TreeCoverage, percentage
+from uav_bt.testing.branch_coverage import FileCoverage, TreeCoverage, percentage
 from uav_bt.testing.tree_files import is_tree_file
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.shipped import tree_files

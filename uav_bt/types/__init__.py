@@ -24,6 +24,16 @@ from uav_bt.types.commands import (
     TakeOff,
     Velocity,
 )
+from uav_bt.types.drone_state import (
+    Attitude,
+    BodyVelocity,
+    DroneFault,
+    DroneState,
+    FlyingState,
+    MeasurementTimes,
+    MovementState,
+    MovementStatus,
+)
 from uav_bt.types.observation import MoverState, Observation, PastView, RecentViews, Truth
 from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wrap_angle
 from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
@@ -34,16 +44,6 @@ from uav_bt.types.surroundings import (
     HeldTurn,
     HelipadFix,
     NearObstacles,
-)
-from uav_bt.types.telemetry import (
-    Attitude,
-    BodyVelocity,
-    DroneFault,
-    DroneState,
-    FlyingState,
-    MeasurementTimes,
-    MovementState,
-    MovementStatus,
 )
 
 __all__ = [

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.types.telemetry import Attitude
+from uav_bt.types.drone_state import Attitude
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final, Generic, TypeVar
 
+from uav_bt.types.drone_state import BodyVelocity, DroneState
 from uav_bt.types.pose import Pose2D, wrap_angle
-from uav_bt.types.telemetry import BodyVelocity, DroneState
 
 SomePose = TypeVar("SomePose", bound=Pose2D)
 

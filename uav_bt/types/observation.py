@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.camera import Frame
 from uav_bt.types.dead_reckoning import OdometryPose
+from uav_bt.types.drone_state import DroneState
 from uav_bt.types.pose import Pose
-from uav_bt.types.telemetry import DroneState
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from sim_bridge.loopback.firmware.publisher import Handler, Publisher, Sink, Val
 from sim_bridge.loopback.firmware.return_to_home import ReturnToHome
 from sim_bridge.loopback.firmware.settings import Settings
 from sim_bridge.loopback.firmware.storage import Storage
-from sim_bridge.loopback.firmware.telemetry import (
+from sim_bridge.loopback.firmware.telemetry_events import (
     Battery,
     BatteryOptions,
     Telemetry,

@@ -10,7 +10,7 @@ from typing import Any
 from sim_bridge.loopback.codec import Received, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.camera import Shutter
-from sim_bridge.loopback.firmware.telemetry import BatteryOptions
+from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
 from sim_bridge.loopback.media import MediaStore, Photo
 from sim_bridge.loopback.messages import MessageType, message_table
 from sim_bridge.loopback.world import Location, WorldLimits, WorldState

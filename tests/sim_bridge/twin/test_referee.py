@@ -64,7 +64,7 @@ def test_a_touch_between_two_looks_is_not_missed(make_twin: MakeTwin, wall_scene
     for step in range(600):
         drone.send(Command(movement=Velocity(forward_mps=0.8 if step < 320 else -0.8)))
         drone.clock.sleep_until(drone.clock.now() + 0.01)
-        touched |= set(drone.simulation.airframe.contacts())
+        touched |= set(drone.simulation.body.contacts())
         if step % 10 == 0:
             seen |= set(referee_of(drone).truth().contacts)
     assert touched == seen == {"box-1"}

@@ -16,10 +16,10 @@ from perception.networks.named import CONTACT, segmentation_file
 from perception.segmentation import runtime
 from perception.segmentation.mapping import read_mapping
 from sim_bridge.anafi import anafi_camera
+from uav_bt.app.perceive.frame_telemetry import FixedTelemetry, FlightTelemetry, Telemetry
 from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.app.perceive.sources import RecordSource, open_source
 from uav_bt.app.perceive.streams import ImageSource, TimedImage, TimedImages
-from uav_bt.app.perceive.telemetry import FixedTelemetry, FlightTelemetry, Telemetry
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.footage import FLIGHT_SUFFIXES, flight_record

@@ -25,7 +25,7 @@ from uav_bt.campaign.store import FLIGHTS_FILE
 from uav_bt.display.lab_map import LabMap
 from uav_bt.errors import InputError
 from uav_bt.files import write_whole
-from uav_bt.mission.coverage import PASSED_M, SEEN_M
+from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 
 _ABOUT_SCENES: Final = (
     "On the left, where every flight went, from the referee; a dot where it began, a cross where "

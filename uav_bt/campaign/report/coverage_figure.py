@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uav_bt.campaign.report.figures import new_figure, png, set_colours, style
 from uav_bt.campaign.report.sources import FlightSet
-from uav_bt.mission.coverage import CURVE_S
+from uav_bt.mission.covered_ground import CURVE_S
 from uav_bt.mission.flight_report import EXPLORE_S
 
 _PANELS: Final = ("passed", "seen")

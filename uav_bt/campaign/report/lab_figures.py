@@ -12,7 +12,7 @@ from matplotlib.patches import Polygon
 from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, png, style
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.display.lab_map import LabMap, MapItem
-from uav_bt.mission.coverage import PASSED_M, Cells, GroundCells
+from uav_bt.mission.covered_ground import PASSED_M, Cells, GroundCells
 from uav_bt.types.ground import Footprint, Ground, Standing
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from uav_bt.campaign.report.paper import paper_figures, paper_success
 from uav_bt.campaign.report.sources import FlightSet, Sources
 from uav_bt.campaign.report.statistics import summarise
 from uav_bt.campaign.report.table import Cell, Link, Table, Term
-from uav_bt.mission.coverage import PASSED_M, SEEN_M
+from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 from uav_bt.tree.loading.folders import TreeFolders

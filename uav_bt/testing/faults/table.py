@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from uav_bt.testing.faults import images, movements, telemetry
+from uav_bt.testing.faults import images, movements, state_faults
 from uav_bt.testing.faults.images import image
 from uav_bt.testing.faults.kind import FaultKind
 from uav_bt.testing.faults.movements import instead
-from uav_bt.testing.faults.telemetry import both, of_state
+from uav_bt.testing.faults.state_faults import both, of_state
 from uav_bt.types import FlyingState, Hover, Land, MoveBy, Release, TakeOff
 
 _KINDS: Final = (
@@ -83,73 +83,73 @@ _KINDS: Final = (
         observe=lambda _, at: at.before,
         send=movements.unheard,
     ),
-    FaultKind(name="height-nan", what="heights NaN", observe=both(telemetry.height)),
+    FaultKind(name="height-nan", what="heights NaN", observe=both(state_faults.height)),
     FaultKind(
         name="height-absurd",
         what="heights of so many metres",
         level=1.0e4,
-        observe=both(telemetry.height),
+        observe=both(state_faults.height),
     ),
     FaultKind(
         name="height-bias",
         what="heights so many metres too great",
         level=0.3,
-        observe=both(telemetry.raised),
+        observe=both(state_faults.raised),
     ),
-    FaultKind(name="attitude-nan", what="attitude NaN", observe=both(telemetry.tilted)),
+    FaultKind(name="attitude-nan", what="attitude NaN", observe=both(state_faults.tilted)),
     FaultKind(
         name="attitude-absurd",
         what="all angles of so many radians",
         level=100.0,
-        observe=both(telemetry.tilted),
+        observe=both(state_faults.tilted),
     ),
     FaultKind(
         name="yaw-jump",
         what="the heading off by so many radians",
         level=0.8,
-        observe=both(telemetry.turned),
+        observe=both(state_faults.turned),
     ),
     FaultKind(
         name="yaw-drift",
         what="the heading wanders by so many radians a second",
         level=0.035,
-        observe=both(telemetry.turned, lambda at: at.level * at.since_s),
+        observe=both(state_faults.turned, lambda at: at.level * at.since_s),
     ),
-    FaultKind(name="velocity-nan", what="velocity NaN", observe=of_state(telemetry.velocity)),
+    FaultKind(name="velocity-nan", what="velocity NaN", observe=of_state(state_faults.velocity)),
     FaultKind(
         name="velocity-absurd",
         what="so many metres a second",
         level=500.0,
-        observe=of_state(telemetry.velocity),
+        observe=of_state(state_faults.velocity),
     ),
     FaultKind(
         name="velocity-bias",
         what="so many metres a second too fast forward",
         level=-0.2,
-        observe=of_state(lambda state, at: telemetry.faster(state, at.level)),
+        observe=of_state(lambda state, at: state_faults.faster(state, at.level)),
     ),
     FaultKind(
         name="position-jump",
         what="dead reckoning jumps so many metres forward, once",
         level=1.0,
-        observe=of_state(telemetry.jumped),
+        observe=of_state(state_faults.jumped),
     ),
     FaultKind(
         name="time-jump",
         what="all stamps so many seconds later",
         level=5.0,
-        observe=both(telemetry.dated),
+        observe=both(state_faults.dated),
     ),
     FaultKind(
         name="gimbal-nan",
         what="the camera's pitch NaN",
-        observe=both(telemetry.pointed),
+        observe=both(state_faults.pointed),
     ),
     FaultKind(
         name="gimbal-absurd",
         what="a camera's pitch of so many radians",
         level=50.0,
-        observe=both(telemetry.pointed),
+        observe=both(state_faults.pointed),
     ),
     FaultKind(
         name="gimbal-stuck",
@@ -171,7 +171,7 @@ _KINDS: Final = (
         name="battery-drains",
         what="so much charge lost a second",
         level=0.1,
-        observe=of_state(telemetry.drained),
+        observe=of_state(state_faults.drained),
     ),
     FaultKind(name="yaw-ignored", what="the drone does not turn", send=movements.unturned),
     FaultKind(
@@ -192,12 +192,12 @@ _KINDS: Final = (
     FaultKind(
         name="emergency-state",
         what="the drone says that its motors were cut",
-        observe=telemetry.flying(FlyingState.EMERGENCY),
+        observe=state_faults.flying(FlyingState.EMERGENCY),
     ),
     FaultKind(
         name="landed-state",
         what="the drone says that it stands on the ground",
-        observe=telemetry.flying(FlyingState.LANDED),
+        observe=state_faults.flying(FlyingState.LANDED),
     ),
     FaultKind(
         name="pilot",

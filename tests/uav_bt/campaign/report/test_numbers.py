@@ -12,7 +12,7 @@ from uav_bt.campaign.report.lab_figures import ground_of, visited_cells
 from uav_bt.campaign.report.statistics import bandwidth, density, summarise, wilson
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.mission.coverage import GroundCells
+from uav_bt.mission.covered_ground import GroundCells
 from uav_bt.types.ground import Ground
 
 CELLS = GroundCells(Ground(size_m=(5.0, 4.0)))

@@ -35,7 +35,7 @@ class Motion(Pose):
     yaw_rate_radps: float
 
 
-class Airframe:
+class FlyingBody:
     """The drone's body in a lab's physics.
 
     Args:

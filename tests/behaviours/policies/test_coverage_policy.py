@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.policies.coverage import Coverage
+from behaviours.policies.coverage_policy import CoveragePolicy
 from tests.behaviours.path.test_survey import drawn_map, where
 from tests.behaviours.policies.cast_world import cast, view
 from uav_bt.answers import Answer, Blocked, Done, FollowLeg, Rotate
@@ -20,7 +20,7 @@ ALL = np.ones((61, 61), dtype=bool)
 
 
 def decide(site_map: SiteMap | None, **seen: object) -> Answer:
-    return Coverage().decide(view(cast(), site_map=site_map, **seen))
+    return CoveragePolicy().decide(view(cast(), site_map=site_map, **seen))
 
 
 def corridor(free_m: float) -> Corridor:
@@ -134,7 +134,7 @@ def test_while_something_moves_nothing_is_covered_for_good() -> None:
 
 
 def test_the_same_view_gives_the_same_decision() -> None:
-    policy, seen = Coverage(), view(cast(), site_map=drawn_map())
+    policy, seen = CoveragePolicy(), view(cast(), site_map=drawn_map())
     assert policy.decide(seen) == policy.decide(seen)
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from sim_bridge.loopback.firmware.telemetry import BatteryOptions
+from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
 from tests.sim_bridge.loopback.loopback_world import Bench
 from uav_bt.types import FlyingState
 

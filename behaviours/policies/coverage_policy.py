@@ -37,7 +37,7 @@ class CoverageConfig:
     pointing: GimbalConfig = field(default_factory=GimbalConfig)
 
 
-class Coverage:
+class CoveragePolicy:
     """The planner as a leaf policy.
 
     Args:
