@@ -213,7 +213,7 @@ class ClearanceMap:
         return np.asarray(apart_m <= self.margins.over_m)
 
     def _unknown_m(self) -> Floats:
-        """Return the distance to unknown patches. A single cell that no ray has met does not count."""
+        """Return the distance to unknown patches; a single cell that no ray has met does not count."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         unknown = (~(self._free | self.map.outside)).astype(np.uint8)
@@ -309,7 +309,7 @@ class ClearanceMaps:
         }
         if over is not None:
             at_pad = margins.at_pad()
-            margins_of |= {Passage.TIGHT: at_pad, Passage.TIGHTEST: at_pad.tightest()}
+            margins_of |= {Passage.TIGHT: at_pad, Passage.TIGHTEST: at_pad.sure()}
         self._parts = {
             passage: (site_map if passage is Passage.ORDINARY else narrow, each)
             for passage, each in margins_of.items()

@@ -28,8 +28,8 @@ class FollowConfig:
         ahead_m: The drone steers to the place of the path this far ahead.
         cut_m: It cuts a corner if that costs at most this much clearance.
         facing_rad: It flies on below this error of its heading.
-        stop_m: It slows down to stop at this distance from an obstacle in the corridor. The corridor
-            is wider than the way past a box whose place the map knows.
+        stop_m: It slows down to stop at this distance from an obstacle in the corridor. The
+            corridor is wider than the way past a box whose place the map knows.
         creep_mps: It flies at least at this speed until `near_m`.
         near_m: It stops if the corridor is blocked nearer than this.
         past_mps: It goes on at this speed if the map has that obstacle beside the way.
