@@ -309,7 +309,7 @@ class ClearanceMaps:
         }
         if over is not None:
             at_pad = margins.at_pad()
-            margins_of |= {Passage.TIGHT: at_pad, Passage.TIGHTEST: at_pad.tightest()}
+            margins_of |= {Passage.TIGHT: at_pad, Passage.TIGHTEST: at_pad.sure()}
         self._parts = {
             passage: (site_map if passage is Passage.ORDINARY else narrow, each)
             for passage, each in margins_of.items()

@@ -91,7 +91,7 @@ class Margins:
     direct: float = 1.3
     cross_unknown: bool = False
     unknown_times: float = 3.0
-    pad_m: float = 0.36
+    pad_m: float = 0.38
     pad_edge_m: float = 0.2
     over_m: float = math.hypot(*PAD_SIZE_M[:2]) / 2 + 0.1
 
@@ -132,6 +132,14 @@ class Margins:
         unseen cells cost time there, and do not close the way.
         """
         return replace(self, touch_m=self.pad_m, edge_m=self.pad_edge_m, cross_unknown=True)
+
+    def sure(self) -> Margins:
+        """Return the tightest margins of the last metres, whatever the map's residual.
+
+        Nearer than `tight_m` the sides of boxes that were never seen are touched: their place is
+        assumed, and the grid rounds it.
+        """
+        return replace(self, touch_m=self.tight_m, unsure_m=0.0)
 
     def speed_mps(self, clear_m: Floats) -> Floats:
         """Return the speed at each clearance."""
