@@ -23,9 +23,9 @@ from uav_bt.types.site_map import SiteMap
 # Greatest age of a frame, seconds, for leaves and for the arbiter's rule "stale frame". Chosen: the
 # time in which a step of 0.3 m starts.
 _FRAME_MAX_AGE_S = 0.7
-# Greatest age of telemetry, seconds, for leaves and for the arbiter's rule "link lost". Chosen: two
-# lost samples of an ANAFI's 5 Hz.
-_STATE_MAX_AGE_S = 0.5
+# Greatest age of telemetry, seconds, for leaves and for the arbiter's rule "link lost". Chosen: an
+# ANAFI sends 5 samples a second; with a delay of 0.1 s and two lost samples one is 0.7 s old.
+_STATE_MAX_AGE_S = 0.7
 # The tracker carries the pad without a detection for as long as a detour round a box takes. Then an
 # approach ends and the search begins again. Chosen.
 _HELIPAD_MAX_AGE_S = 20.0

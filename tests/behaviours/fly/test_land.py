@@ -60,7 +60,7 @@ def test_a_landing_that_has_begun_goes_on_without_telemetry() -> None:
     bench = bench_with_lens(0.0)
     bench.allow_stale()
     live(bench)
-    assert bench.tick(advance_s=0.6) is Status.RUNNING
+    assert bench.tick(advance_s=0.8) is Status.RUNNING
     assert bench.proposed == LandCommand()
 
 
@@ -68,7 +68,7 @@ def test_before_the_step_is_done_it_waits_for_telemetry_and_then_lands_where_it_
     bench = bench_with_lens(0.15)
     bench.allow_stale()
     live(bench)
-    bench.tick(advance_s=0.6)
+    bench.tick(advance_s=0.8)
     assert bench.proposed is None
     bench.tick(advance_s=1.5)
     assert bench.proposed == LandCommand()

@@ -250,7 +250,7 @@ def landing() -> Arbiter:
 
 
 OLD = pytest.mark.parametrize(
-    "old", [{"frame_age_s": 5.0}, {"state_age_s": 5.0}, {"state_age_s": 0.6}, {"frame_age_s": 0.8}]
+    "old", [{"frame_age_s": 5.0}, {"state_age_s": 5.0}, {"state_age_s": 0.8}, {"frame_age_s": 0.8}]
 )
 
 
