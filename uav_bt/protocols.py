@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Never, Protocol, runtime_checkable
 
 import numpy as np
@@ -13,6 +13,7 @@ from uav_bt.types import (
     Airframe,
     CameraModel,
     ClassMap,
+    Clearances,
     Command,
     Corridor,
     DepthMap,
@@ -180,6 +181,7 @@ class PolicyView:
         turning: a turn under way: +1 clockwise, -1 counter-clockwise, 0 none.
         full_turns: full turns in a row that found no free path: less clearance may do.
         tie_break: a uniform draw from [0, 1), so that policies stay pure.
+        clearances: distances that routes keep in the place.
     """
 
     class_map: ClassMap
@@ -192,6 +194,7 @@ class PolicyView:
     turning: int = 0
     full_turns: int = 0
     tie_break: float = 0.5
+    clearances: Clearances = field(default_factory=Clearances)
 
 
 @dataclass(frozen=True, kw_only=True)

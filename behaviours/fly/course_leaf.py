@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from behaviours.fly.course import Course
-from behaviours.fly.giving_way import GivingWay
+from behaviours.fly.giving_way import GivingWay, GivingWayConfig
 from behaviours.fly.keeping_away import KeepAwayConfig, by_the_map, push_away_mps
 from behaviours.fly.moving_leaf import MovingLeaf
 from behaviours.path.gimbal_pointing import ground_pitch_rad
@@ -57,7 +57,9 @@ class CourseLeaf(MovingLeaf):
         """Begin without a course."""
         super().on_setup(mission)
         self._course = Course()
-        self._giving_way = GivingWay()
+        giving_way = GivingWayConfig()
+        margins = giving_way.margins.within(mission.clearances)
+        self._giving_way = GivingWay(replace(giving_way, margins=margins))
 
     def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
         """Fly ahead at a speed while the heading follows, without a stop between answers.

@@ -64,7 +64,7 @@ class MarkLeaf(CourseLeaf):
             looks_rad = self._looking.pitch_rad(self.obstacles(), self.clock.now())
             if looks_rad is not None:
                 return looks_rad
-        return mark_pitch_rad(fix.range_m, state.height_above_carpet_m, flight_rad)
+        return mark_pitch_rad(fix.range_m, state.height_above_carpet_m - fix.height_m, flight_rad)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +109,7 @@ class GoToMark(MarkLeaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a route."""
         super().on_setup(mission)
+        self._margins = self.config.margins.within(mission.clearances)
         self._planned_s = -math.inf  # capture of the newest map that was planned on
         self._blocked_until_s = self._clear_s = -math.inf
 
@@ -162,7 +163,7 @@ class GoToMark(MarkLeaf):
         cfg = self.config
         to = site_map.pose.to_world(fix.forward_m, fix.right_m)
         recent = recent_obstacles(self.obstacles(), site_map, unmapped_s=cfg.follow.unmapped_s)
-        maps = ClearanceMaps(site_map, recent, cfg.margins, crossing=True, over=to)
+        maps = ClearanceMaps(site_map, recent, self._margins, crossing=True, over=to)
         route = maps.route_to(to, near_m=cfg.near_m, far_m=cfg.far_m)
         if route is None or len(route.path_m) == 1:
             return None

@@ -129,6 +129,7 @@ class EmergencyLand(LandingLeaf):
         """Note how much room the drone's hull takes."""
         super().on_setup(mission)
         self._hull_m = mission.airframe.radius_m
+        self._mark_m = mission.mark.height_m
 
     def initialise(self) -> None:
         """Note the time; no spot has been found."""
@@ -170,5 +171,9 @@ class EmergencyLand(LandingLeaf):
             return None
         height_px, width_px = class_map.ids.shape
         return nearest_landing_spot(
-            class_map, camera.resized(width_px, height_px), frame, radius_m=radius_m
+            class_map,
+            camera.resized(width_px, height_px),
+            frame,
+            radius_m=radius_m,
+            mark_m=self._mark_m,
         )

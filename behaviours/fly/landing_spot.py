@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.classes import GROUP_CARPET, GROUP_HELIPAD, group_of
-from uav_bt.types import MIN_VIEW_HEIGHT_M, PAD_HEIGHT_M, CameraModel, ClassMap, Frame
+from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, ClassMap, Frame
 from uav_bt.types.projection import ground_points, project
 
 
@@ -37,7 +37,7 @@ class LandingSpot:
 
 
 def nearest_landing_spot(
-    class_map: ClassMap, camera: CameraModel, frame: Frame, *, radius_m: float
+    class_map: ClassMap, camera: CameraModel, frame: Frame, *, radius_m: float, mark_m: float
 ) -> LandingSpot | None:
     """Return the nearest disc that lies whole on one surface, None without one in view.
 
@@ -46,11 +46,12 @@ def nearest_landing_spot(
         camera: intrinsics at the class map's size.
         frame: the frame that the class map was made from.
         radius_m: of the disc, metres.
+        mark_m: height of the landing mark's top above the ground, metres.
     """
     groups = group_of(class_map.ids)
     height_m = max(frame.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
     surfaces = [(groups == GROUP_CARPET, height_m)]
-    above_pad_m = height_m - PAD_HEIGHT_M
+    above_pad_m = height_m - mark_m
     if above_pad_m >= MIN_VIEW_HEIGHT_M:
         top = _pad_top(groups == GROUP_HELIPAD, camera, frame, above_pad_m / height_m)
         surfaces.append((top, above_pad_m))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from behaviours.fly.course_leaf import GIMBAL, CourseLeaf
@@ -17,7 +17,7 @@ from behaviours.fly.mark_track import (
 )
 from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
 from behaviours.path.gimbal_pointing import mark_pitch_rad
-from behaviours.path.map_search import Aim, Course, MapSearch
+from behaviours.path.map_search import Aim, Course, MapSearch, MapSearchConfig
 from behaviours.path.next_viewpoint import GroundInView
 from uav_bt.answers import Done
 from uav_bt.board import CAMERA, CORRIDOR, PHASE, SITE_MAP
@@ -59,7 +59,10 @@ class SearchByMap(CourseLeaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Begin a search; where it has looked is remembered for the whole mission."""
         super().on_setup(mission)
-        self._search = MapSearch()
+        config = MapSearchConfig()
+        margins = config.margins.within(mission.clearances)
+        self._search = MapSearch(replace(config, margins=margins))
+        self._mark_m = mission.mark.height_m
         self._planned_s = -math.inf  # capture of the newest map that was planned on
         self._led = False  # that map knew a way
         self._flight_rad = math.radians(self.port_value("gimbal_deg"))
@@ -99,7 +102,8 @@ class SearchByMap(CourseLeaf):
             return self._flight_rad
         if mark is not None and self._search.aim is Aim.MARK:
             range_m = math.hypot(mark.x_m - site_map.pose.x_m, mark.y_m - site_map.pose.y_m)
-            return mark_pitch_rad(range_m, state.height_above_carpet_m, self._flight_rad)
+            above_m = state.height_above_carpet_m - self._mark_m
+            return mark_pitch_rad(range_m, above_m, self._flight_rad)
         # A viewpoint was chosen for its view at the pitch in flight.
         return self._flight_rad if self._search.looks else self.ground_pitch_rad(self._flight_rad)
 

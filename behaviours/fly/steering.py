@@ -71,6 +71,7 @@ class SteeringLeaf(CourseLeaf):
         """
         self._policy: LeafPolicy = mission.policy(self.port_value("policy"))
         self._timer = StageTimer(mission, "policy")
+        self._clearances = mission.clearances
         self._rng: np.random.Generator = mission.rng(self.path)
         super().on_setup(mission)
         self._view_from_s = -math.inf  # frames captured earlier show another view
@@ -277,7 +278,13 @@ class SteeringLeaf(CourseLeaf):
         if view is None:
             self.feedback_message = "waiting for a view"
             return None
-        shown = policy_view(self, *view, held=self.held_turn, tie_break=float(self._rng.random()))
+        shown = policy_view(
+            self,
+            *view,
+            held=self.held_turn,
+            tie_break=float(self._rng.random()),
+            clearances=self._clearances,
+        )
         with self._timer:
             answer = ask(self._policy, shown)
         self.feedback_message = answer.reason

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import MIN_VIEW_HEIGHT_M, PAD_HEIGHT_M, CameraModel, NearObstacles
+from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, NearObstacles
 from uav_bt.types.projection import ground_points
 from uav_bt.types.site_map import SiteMap
 
@@ -104,18 +104,17 @@ def ground_pitch_rad(
 
 
 def mark_pitch_rad(
-    range_m: float, height_m: float, flight_rad: float, config: GimbalConfig | None = None
+    range_m: float, above_m: float, flight_rad: float, config: GimbalConfig | None = None
 ) -> float:
     """Return the camera's pitch that follows the landing mark down.
 
     Args:
         range_m: Horizontal distance of the mark.
-        height_m: Height above the ground.
+        above_m: Height of the drone above the top of the mark.
         flight_rad: Pitch in flight, negative down; the camera does not look further up.
         config: How far down it looks.
     """
-    above_m = max(height_m - PAD_HEIGHT_M, 0.0)
-    mark_rad = -math.atan2(above_m, max(range_m, _MIN_RANGE_M))
+    mark_rad = -math.atan2(max(above_m, 0.0), max(range_m, _MIN_RANGE_M))
     return min(flight_rad, max(mark_rad, (config or GimbalConfig()).mark_rad))
 
 

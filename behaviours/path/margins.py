@@ -7,14 +7,13 @@ Distances are from the body's centre to the nearest point of a thing. Half of th
 from __future__ import annotations
 
 import enum
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import PAD_SIZE_M
+from uav_bt.types import NARROWER_M, Clearances, LandingMark
 
 Floats = NDArray[np.float64]
 
@@ -66,18 +65,18 @@ class Margins:
             its middle: half of the pad's diagonal, and a cell.
     """
 
-    touch_m: float = 0.40
+    touch_m: float = Clearances.obstacle_m
     wide_m: float = 0.75
     tight_m: float = 0.34
-    tightest_m: float = 0.30
+    tightest_m: float = Clearances.obstacle_m - NARROWER_M
     sure_m: float = 0.016
     unsure_times: float = 8.0
     unsure_m: float = 0.12
     doubt_m: float = 0.38
     past_assumed: bool = False
-    unknown_m: float = 0.35
-    lane_m: float = 0.7
-    edge_m: float = 0.30
+    unknown_m: float = Clearances.unknown_m
+    lane_m: float = Clearances.lane_m
+    edge_m: float = Clearances.edge_m
     slow_mps: float = 0.3
     fast_mps: float = 0.6
     away_mps: float = 0.1
@@ -93,7 +92,7 @@ class Margins:
     unknown_times: float = 3.0
     pad_m: float = 0.38
     pad_edge_m: float = 0.2
-    over_m: float = math.hypot(*PAD_SIZE_M[:2]) / 2 + 0.1
+    over_m: float = LandingMark().radius_m + 0.1
 
     def __post_init__(self) -> None:
         speeds_mps = (self.away_mps, self.slow_mps, self.fast_mps)
@@ -101,6 +100,26 @@ class Margins:
         apart = self.min_start_m <= self.touch_m < self.wide_m
         if self.away_mps <= 0.0 or not in_order or not apart:
             raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
+
+    def within(self, place: Clearances) -> Margins:
+        """Return the margins of a place: each distance differs as the place's differs.
+
+        Args:
+            place: Distances that the place asks for.
+        """
+        wider_m = place.obstacle_m - Clearances.obstacle_m
+        return replace(
+            self,
+            touch_m=self.touch_m + wider_m,
+            wide_m=self.wide_m + wider_m,
+            tight_m=self.tight_m + wider_m,
+            tightest_m=self.tightest_m + wider_m,
+            doubt_m=self.doubt_m + wider_m,
+            min_start_m=self.min_start_m + min(wider_m, 0.0),
+            unknown_m=self.unknown_m + place.unknown_m - Clearances.unknown_m,
+            lane_m=self.lane_m + place.lane_m - Clearances.lane_m,
+            edge_m=self.edge_m + place.edge_m - Clearances.edge_m,
+        )
 
     def by(self, residual_m: float) -> Margins:
         """Return the margins for a map whose views are off it.

@@ -32,6 +32,7 @@ class Advise(Leaf):
         """Find the policy; raises UnknownNameError for a name that is not registered."""
         self._policy: LeafPolicy = mission.policy(self.port_value("policy"))
         self._rng: np.random.Generator = mission.rng(self.path)
+        self._clearances = mission.clearances
         self._last_index = -1
 
     def update(self) -> Status:
@@ -46,7 +47,9 @@ class Advise(Leaf):
         held, tie_break = self.read(HELD_TURN).value or HeldTurn(), float(self._rng.random())
 
         def asked(turn: HeldTurn) -> Answer:
-            shown = policy_view(self, *view, held=turn, tie_break=tie_break)
+            shown = policy_view(
+                self, *view, held=turn, tie_break=tie_break, clearances=self._clearances
+            )
             return ask(self._policy, shown)
 
         answer = asked(held)

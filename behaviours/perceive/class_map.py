@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -20,7 +21,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import FileError
 from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import PAD_HEIGHT_M
+from uav_bt.types import LandingMark
 
 
 def _mapping_file(classes: str) -> None:
@@ -86,8 +87,9 @@ class FindHelipad(Leaf):
 
     ports = (
         Port(
-            *("pad_height_m", float),
-            default=PAD_HEIGHT_M,
+            "pad_height_m",
+            float,
+            default=LandingMark.height_m,
             least=0,
             most=2,
             doc="top of the helipad above the carpet, m",
@@ -100,7 +102,9 @@ class FindHelipad(Leaf):
         """Make the finder."""
         from perception.landing.tracker import HelipadFinder  # noqa: PLC0415  (OpenCV is heavy)
 
-        self._finder = HelipadFinder(pad_height_m=self.port_value("pad_height_m"))
+        self._finder = HelipadFinder(
+            replace(mission.mark, height_m=self.port_value("pad_height_m"))
+        )
         self._timer = StageTimer(mission, "helipad")
         self._last_s, self._map_restarts = -1.0, 0
 

@@ -53,7 +53,9 @@ class EstimateDepth(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError, FileError or UnknownNameError when it cannot."""
-        from perception.depth.metric import MetricDepthMaker  # noqa: PLC0415  (OpenCV is heavy)
+        # Late: OpenCV is heavy.
+        from perception.depth.contact.depth import ContactDepthConfig  # noqa: PLC0415
+        from perception.depth.metric import MetricDepthConfig, MetricDepthMaker  # noqa: PLC0415
         from perception.depth.stage import DepthStage  # noqa: PLC0415  (OpenCV is heavy)
 
         model = self.port_value("model")
@@ -62,6 +64,9 @@ class EstimateDepth(Leaf):
             MetricDepthMaker(
                 source=CONTACT if model == CONTACT else self.port_value("source"),
                 generator=mission.rng(self.path),
+                config=MetricDepthConfig(
+                    contact=ContactDepthConfig(pad_height_m=mission.mark.height_m)
+                ),
             ),
         )
         stages = ("relative_depth", "metric_depth")

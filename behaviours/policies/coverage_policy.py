@@ -77,8 +77,9 @@ class CoveragePolicy:
             return replace(turn, reason="the view contradicts the map")
         if site_map.untracked_s > cfg.blind_s and self._sees_little_ground(view, site_map):
             return Rotate(yaw_rad=ground_rad, reason="turns to the ground")
+        margins = cfg.margins.within(view.clearances)
         recent = recent_obstacles(site_map.near, site_map, unmapped_s=cfg.follow.unmapped_s)
-        maps = ClearanceMaps(site_map, recent, cfg.margins, past_assumed=True)
+        maps = ClearanceMaps(site_map, recent, margins, past_assumed=True)
         room = maps[Passage.ORDINARY]
         leg = best_route(room, cfg.survey, self._value)
         if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
@@ -97,7 +98,7 @@ class CoveragePolicy:
             leg,
             site_map,
             view.corridor,
-            margins=cfg.margins,
+            margins=margins,
             config=cfg.follow,
             reason=reason,
         )

@@ -18,7 +18,7 @@ from uav_bt.board.blackboard import Key
 from uav_bt.errors import MissionError, PolicyFailedError
 from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import Leaf
-from uav_bt.types import CameraModel, ClassMap, Frame, HeldTurn
+from uav_bt.types import CameraModel, ClassMap, Clearances, Frame, HeldTurn
 
 VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
     *(FRAME, CLASS_MAP, CAMERA, CORRIDOR, SITE_MAP, RECENT_VIEWS, HELD_TURN),
@@ -68,6 +68,7 @@ def policy_view(
     *,
     held: HeldTurn,
     tie_break: float,
+    clearances: Clearances | None = None,
 ) -> PolicyView:
     """Return what a policy is shown of a frame.
 
@@ -78,6 +79,7 @@ def policy_view(
         camera: at the frame's size.
         held: the turn under way.
         tie_break: a uniform draw from [0, 1).
+        clearances: distances that routes keep in the place; default: those of the lab.
     """
     height_px, width_px = class_map.ids.shape
     recent = leaf.read(RECENT_VIEWS).value
@@ -94,4 +96,5 @@ def policy_view(
         turning=held.direction,
         full_turns=held.full_turns,
         tie_break=tie_break,
+        clearances=clearances or Clearances(),
     )

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
-from uav_bt.types import PAD_SIZE_M, CameraModel, ClassMap
+from uav_bt.types import CameraModel, ClassMap, LandingMark
 from uav_bt.types.projection import ground_points
 
-# The panel with the H, which is the class, fills six tenths of the pad's top.
-_WHOLE_H_M2: Final = 0.6 * PAD_SIZE_M[0] * PAD_SIZE_M[1]
+_H_SHARE: Final = 0.6  # of the mark's top: the panel with the H, which is the class
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,6 +171,7 @@ def visible_share(
     camera: CameraModel,
     gimbal_pitch_rad: float,
     height_above_pad_m: float,
+    mark: LandingMark,
 ) -> float:
     """Return how much of a whole H a detection is, by the area that it covers on the pad's plane.
 
@@ -183,6 +183,7 @@ def visible_share(
         camera: intrinsics at the class map's size.
         gimbal_pitch_rad: when the frame was captured.
         height_above_pad_m: of the camera above the pad's top.
+        mark: the size of the mark.
 
     Returns:
         0 to 1.
@@ -194,4 +195,4 @@ def visible_share(
     )
     across, down = right - left, bottom - top
     pixel_m2 = abs(float(across[0] * down[1] - across[1] * down[0]))
-    return min(1.0, detection.h_area_px * pixel_m2 / _WHOLE_H_M2)
+    return min(1.0, detection.h_area_px * pixel_m2 / (_H_SHARE * mark.area_m2))

@@ -8,7 +8,7 @@ was captured at (video is late), and the fix is read relative to the pose of now
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -22,12 +22,12 @@ from perception.landing.detector import (
 )
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import (
-    PAD_HEIGHT_M,
     CameraModel,
     ClassMap,
     DroneState,
     Frame,
     HelipadFix,
+    LandingMark,
     rotation,
 )
 from uav_bt.types.dead_reckoning import Odometry
@@ -167,11 +167,11 @@ class HelipadFinder:
     """Finds the helipad in class maps and carries it through misses by dead reckoning.
 
     Args:
-        pad_height_m: top of the helipad above the carpet.
+        mark: the size of the landing mark; default: the paper's.
     """
 
-    def __init__(self, *, pad_height_m: float = PAD_HEIGHT_M) -> None:
-        self._pad_height_m = pad_height_m
+    def __init__(self, mark: LandingMark | None = None) -> None:
+        self._mark = mark or LandingMark()
         self._detector, self._tracker = HelipadDetector(), HelipadTracker()
         self._reckons = False  # whether there was any telemetry to carry it by
         self._seen: HelipadFix | None = None  # in the newest class map
@@ -216,12 +216,12 @@ class HelipadFinder:
         view = (
             camera.resized(width_px, height_px),
             frame.gimbal_pitch_rad,
-            frame.height_above_carpet_m - self._pad_height_m,
+            frame.height_above_carpet_m - self._mark.height_m,
         )
         place = locate(detection, *view)
         if place is None:
             return detection
-        share = visible_share(detection, *view)
+        share = visible_share(detection, *view, self._mark)
         if share < _SPECK and math.hypot(*place) > _ABOVE_M:
             return None
         confidence = detection.score * share  # the middle of a part is not that of the whole
@@ -231,6 +231,7 @@ class HelipadFinder:
             right_m=place[1],
             detected=True,
             confidence=confidence,
+            height_m=self._mark.height_m,
         )
         self._accepted = self._tracker.update(
             *place, captured_s=frame.captured_s, confidence=confidence
@@ -239,4 +240,7 @@ class HelipadFinder:
 
     def fix(self) -> HelipadFix | None:
         """Return where the helipad is from the drone now; without telemetry only while seen."""
-        return self._tracker.fix(detected=self._accepted) if self._reckons else self._seen
+        if not self._reckons:
+            return self._seen
+        fix = self._tracker.fix(detected=self._accepted)
+        return None if fix is None else replace(fix, height_m=self._mark.height_m)

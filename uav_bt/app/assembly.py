@@ -39,7 +39,7 @@ from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy, Referee, Segmenter
 from uav_bt.tree import MissionTree, NodeRegistry
-from uav_bt.types import ClassMap, Frame
+from uav_bt.types import NARROWER_M, ClassMap, Frame, LandingMark
 
 DroneT = TypeVar("DroneT", bound=Drone)
 
@@ -107,6 +107,7 @@ class Flight(Generic[DroneT]):
             InputError: exact masks are wanted of a drone without a referee.
         """
         site = site_of(self.options)
+        place = site or Site()
         return MissionContext(
             board=Blackboard(self._clock, MISSION_KEYS),
             clock=self._clock,
@@ -116,6 +117,8 @@ class Flight(Generic[DroneT]):
             segmenter=self._segmenter or self._exact_segmenter(),
             ground=() if site is None else site.ground,
             airframe=self.drone.airframe,
+            mark=place.mark or LandingMark(),
+            clearances=place.clearances,
         )
 
     def _policy(self, name: str) -> LeafPolicy:
@@ -199,7 +202,25 @@ def assemble(
     options = given_options(options)
     mission = load_mission(tree, options, registry)
     check_ceiling(mission, limits_of(options))
-    return Flight(mission, make_drone(options), options)
+    drone = make_drone(options)
+    _check_clearances(site_of(options), drone)
+    return Flight(mission, drone, options)
+
+
+def _check_clearances(site: Site | None, drone: Drone) -> None:
+    """Refuse a place whose narrow passages are narrower than the drone.
+
+    Raises:
+        InputError: obstacles may come nearer than the body reaches.
+    """
+    least_m = drone.airframe.radius_m + NARROWER_M
+    if site is not None and site.clearances.obstacle_m < least_m:
+        where = "the site" if site.file is None else f"site file {site.file}"
+        raise InputError(
+            f"{where}: margins: obstacle_m must be at least {least_m:.2f} m, the radius of the "
+            f"drone's body and {NARROWER_M:g} m that narrow passages take off, got "
+            f"{site.clearances.obstacle_m:g}"
+        )
 
 
 def frame_judge(drone: Drone) -> FrameJudge:

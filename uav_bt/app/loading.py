@@ -10,7 +10,7 @@ from typing import Any, Final, TypeGuard
 
 from uav_bt.app.options import FlightOptions, site_of
 from uav_bt.app.site import Site
-from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
+from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, HELIPAD, Key
 from uav_bt.errors import InputError
 from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
@@ -111,7 +111,9 @@ def _site_values(site: Site | None) -> _ByKey:
         return {}
     height_m = None if site.flight_height_m is None else f"{site.flight_height_m:g}"
     classes = None if site.classes is None else str(site.classes)
+    mark_m = None if site.mark is None else f"{site.mark.height_m:g}"
     wanted: dict[Key[Any], dict[str, str | None]] = {
+        HELIPAD: {"pad_height_m": mark_m},
         CLASS_MAP: {"model": site.model, "classes": classes},
         FLIGHT_HEIGHT: {_HEIGHT_PORT: height_m},
     }

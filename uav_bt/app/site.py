@@ -7,6 +7,8 @@
     network: {model: hall.onnx, classes: hall-classes.yaml}   # for all that segment
     ground: [carpet, background]   # which of the classes it may fly over and scale depth by
     limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2.0}
+    mark: {size_m: [0.5, 0.5], height_m: 0.4}   # top of the landing mark, and its height
+    margins: {obstacle_m: 0.4, edge_m: 0.3, unknown_m: 0.35, lane_m: 0.7}   # that routes keep
     battery: {take_off: 0.4, critical: 0.15}
     link: {take_off: 0.4}
     video: {latency_s: 0.2}
@@ -29,6 +31,7 @@ from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
+from uav_bt.types import Clearances, LandingMark
 from uav_bt.yaml_file import read_yaml
 
 
@@ -44,6 +47,8 @@ class Site:
         classes: file that says what that network's classes mean.
         ground: names of the classes that the drone may fly over and scale depth by.
         limits: what no command may exceed.
+        mark: size of the landing mark; None: the paper's, at the height in the tree.
+        clearances: distances that routes keep.
         preflight: least battery and link of a real drone before it takes off.
         video_latency_s: least time from exposure to arrival of a frame, seconds.
         http_port: of the drone's web interface; None: the drone's usual one.
@@ -59,6 +64,8 @@ class Site:
     classes: Path | None = None
     ground: tuple[str, ...] = ("carpet",)
     limits: Limits = field(default_factory=Limits)
+    mark: LandingMark | None = None
+    clearances: Clearances = field(default_factory=Clearances)
     preflight: PreflightConfig = field(default_factory=PreflightConfig)
     video_latency_s: float = 0.15
     http_port: int | None = None
@@ -96,6 +103,8 @@ def load_site(path: str | Path) -> Site:
             classes=network.get("classes"),
             ground=found.ground,
             limits=Limits(**limits),
+            mark=None if found.mark is None else _mark(found.mark),
+            clearances=Clearances(**(found.margins or {})),
             preflight=PreflightConfig(**preflight),
             video_latency_s=(found.video or {}).get("latency_s", Site.video_latency_s),
             http_port=ports.get("http"),
@@ -105,6 +114,12 @@ def load_site(path: str | Path) -> Site:
         )
     except ValueRangeError as error:
         raise file.error(str(error), "limits") from error
+
+
+def _mark(section: _Mark) -> LandingMark:
+    length_m, width_m = section.get("size_m", (LandingMark.length_m, LandingMark.width_m))
+    height_m = section.get("height_m", LandingMark.height_m)
+    return LandingMark(length_m=length_m, width_m=width_m, height_m=height_m)
 
 
 # --- the form of the file -------------------------------------------------------------------------
@@ -123,6 +138,8 @@ def _network(value: str, info: ValidationInfo) -> str:
 
 
 _Number = Annotated[float, Field(ge=0.0, le=1000.0)]
+_Side = Annotated[float, Field(gt=0.0, le=5.0)]
+_Distance = Annotated[float, Field(ge=0.0, le=5.0)]
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 _Port = Annotated[int, Field(ge=1, le=65_535)]
 _FileBeside = Annotated[Path, AfterValidator(_beside)]
@@ -138,6 +155,18 @@ class _Limits(TypedDict, total=False):
     climb_mps: _Number
     yaw_rate_radps: _Number
     ceiling_m: _Number
+
+
+class _Mark(TypedDict, total=False):
+    size_m: tuple[_Side, _Side]
+    height_m: Annotated[float, Field(ge=0.0, lt=2.0)]
+
+
+class _Margins(TypedDict, total=False):
+    obstacle_m: _Distance
+    edge_m: _Distance
+    unknown_m: _Distance
+    lane_m: _Distance
 
 
 class _Battery(TypedDict, total=False):
@@ -166,6 +195,8 @@ class _SiteFile:
     network: _Network | None = None
     ground: Annotated[tuple[str, ...], Field(min_length=1)] = ("carpet",)
     limits: _Limits | None = None
+    mark: _Mark | None = None
+    margins: _Margins | None = None
     battery: _Battery | None = None
     link: _Link | None = None
     video: _Video | None = None

@@ -14,7 +14,7 @@ from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter
-from uav_bt.types import Airframe, GimbalTo, Movement
+from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement
 
 
 class Proposals:
@@ -101,6 +101,8 @@ class MissionContext:
             it.
         ground: names of the classes that count as ground besides the carpet.
         airframe: size and reaction of the drone's body.
+        mark: size of the landing mark of the place.
+        clearances: distances that routes keep in the place.
         stage_times_s: time that each perception stage took, seconds by stage name.
     """
 
@@ -113,6 +115,8 @@ class MissionContext:
     segmenter: Segmenter | None = None
     ground: tuple[str, ...] = ()
     airframe: Airframe = field(default_factory=Airframe)
+    mark: LandingMark = field(default_factory=LandingMark)
+    clearances: Clearances = field(default_factory=Clearances)
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.types import (
-    PAD_SIZE_M,
     Corridor,
     CutMotors,
     HelipadFix,
     Hover,
     Land,
+    LandingMark,
     MoveBy,
     Movement,
     Release,
@@ -47,7 +47,7 @@ def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> s
 def lands_on_helipad(report: FlightReport) -> bool:
     """Return whether a flight was to land on a helipad, or did: other landings have no error."""
     error_m = report.landing_error_m
-    on_pad = error_m is not None and error_m <= math.hypot(*PAD_SIZE_M[:2]) / 2
+    on_pad = error_m is not None and error_m <= LandingMark().radius_m
     return on_pad or report.time_to_find_helipad_s is not None
 
 

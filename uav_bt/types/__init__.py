@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Never
 from uav_bt.types.airframe import Airframe
 from uav_bt.types.bounds import clamp, limit_length
 from uav_bt.types.camera import CameraModel, ClassMap, Corridor, DepthMap, Frame
+from uav_bt.types.clearances import NARROWER_M, Clearances
 from uav_bt.types.commands import (
     HOVER,
     Command,
@@ -34,13 +35,12 @@ from uav_bt.types.drone_state import (
     MovementState,
     MovementStatus,
 )
+from uav_bt.types.landing_mark import LandingMark
 from uav_bt.types.observation import MoverState, Observation, PastView, RecentViews, Truth
 from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wrap_angle
 from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
 from uav_bt.types.surroundings import (
     MIN_VIEW_HEIGHT_M,
-    PAD_HEIGHT_M,
-    PAD_SIZE_M,
     HeldTurn,
     HelipadFix,
     NearObstacles,
@@ -49,13 +49,13 @@ from uav_bt.types.surroundings import (
 __all__ = [
     "HOVER",
     "MIN_VIEW_HEIGHT_M",
-    "PAD_HEIGHT_M",
-    "PAD_SIZE_M",
+    "NARROWER_M",
     "Airframe",
     "Attitude",
     "BodyVelocity",
     "CameraModel",
     "ClassMap",
+    "Clearances",
     "Command",
     "Corridor",
     "CutMotors",
@@ -69,6 +69,7 @@ __all__ = [
     "HelipadFix",
     "Hover",
     "Land",
+    "LandingMark",
     "MapMark",
     "MapMover",
     "MapObject",
@@ -102,9 +103,13 @@ __all__ = [
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Never:
-        if name == "ObstaclePoints":
+        successor = {
+            "ObstaclePoints": "NearObstacles",
+            "PAD_SIZE_M": "LandingMark.size_m",
+            "PAD_HEIGHT_M": "LandingMark.height_m",
+            "BODY_SIZE_M": "Airframe.body_size_m",
+        }.get(name)
+        if successor is not None:
             # An AttributeError's text would be lost in `from uav_bt.types import ObstaclePoints`.
-            raise ImportError(
-                "uav_bt.types has no ObstaclePoints any more: it is NearObstacles now"
-            )
+            raise ImportError(f"uav_bt.types has no {name} any more: it is {successor} now")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

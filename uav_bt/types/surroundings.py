@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError
+from uav_bt.types.landing_mark import LandingMark
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +24,7 @@ class HelipadFix:
     detected: bool  # True: seen in this frame; False: carried by the tracker
     confidence: float = 1.0  # 0 to 1, of the last detection
     std_m: float = 0.0  # one standard deviation of the position
+    height_m: float = LandingMark.height_m  # of its top above the ground
 
     @property
     def range_m(self) -> float:
@@ -137,11 +139,6 @@ class HeldTurn:
         """The number of full turns that found no free path, and of those that count as such."""
         return self.relief_turns + int(self.turned_rad / (2.0 * math.pi))
 
-
-PAD_SIZE_M: Final = (0.5, 0.5, 0.4)
-"""The landing box, whose top carries the H: along its own x and y, and upwards."""
-
-PAD_HEIGHT_M: Final = PAD_SIZE_M[2]
 
 MIN_VIEW_HEIGHT_M: Final = 0.05
 """Least height of a camera above a surface, metres; projections raise lower ones to it.

@@ -30,7 +30,7 @@ from perception.depth.contact.lines import fit_base
 from perception.depth.contact.panorama import Panorama
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, is_above_ground
 from uav_bt.errors import ShapeError
-from uav_bt.types import PAD_HEIGHT_M
+from uav_bt.types import LandingMark
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -40,7 +40,7 @@ Indices = NDArray[np.intp]
 class ContactDepthConfig:
     """What is known of the lab, and what is believed of a class map."""
 
-    pad_height_m: float = PAD_HEIGHT_M  # top of the helipad above the carpet
+    pad_height_m: float = LandingMark.height_m  # top of the helipad above the carpet
     max_depth_m: float = 8.0  # across the carpet and its corners; beyond is a speck of the mask
     max_roof_m: float = 1.0  # no roof reaches further back from its front edge
     min_edge: int = 3  # columns in which a roof must meet its side before its height is believed

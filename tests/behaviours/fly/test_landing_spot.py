@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from behaviours.fly.landing_spot import nearest_landing_spot
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
 from uav_bt.testing import pinhole
-from uav_bt.types import ClassMap, Frame
+from uav_bt.types import ClassMap, Frame, LandingMark
 from uav_bt.types.projection import ground_points
 
 HEIGHT_M = 1.5
@@ -29,10 +29,11 @@ def from_above() -> Frame:
     )
 
 
-def spot(ids: NDArray[np.uint8], radius_m: float = 0.25) -> tuple[float, float] | None:
-    found = nearest_landing_spot(
-        ClassMap(ids=ids, captured_s=0.0), CAMERA_DOWN, from_above(), radius_m=radius_m
-    )
+def spot(
+    ids: NDArray[np.uint8], radius_m: float = 0.25, mark_m: float = LandingMark.height_m
+) -> tuple[float, float] | None:
+    view = ClassMap(ids=ids, captured_s=0.0)
+    found = nearest_landing_spot(view, CAMERA_DOWN, from_above(), radius_m=radius_m, mark_m=mark_m)
     return (found.forward_m, found.right_m) if found else None
 
 
@@ -158,4 +159,17 @@ def test_from_below_the_top_only_the_ground_counts() -> None:
     ids = np.full((91, 161), HELIPAD_BOX, dtype=np.uint8)
     view = ClassMap(ids=ids, captured_s=0.0)
 
-    assert nearest_landing_spot(view, CAMERA_DOWN, low, radius_m=0.05) is None
+    assert nearest_landing_spot(view, CAMERA_DOWN, low, radius_m=0.05, mark_m=0.4) is None
+
+
+def test_the_height_of_the_mark_decides_how_large_its_top_is() -> None:
+    """From 1.5 m the same pixels are 0.5 m across on a box of 0.4 m and 0.66 m on a mat."""
+    ids = np.full((91, 161), BOXES[0], dtype=np.uint8)
+    half_px = round(0.25 * CAMERA_DOWN.fx_px / (HEIGHT_M - 0.4))
+    middle = round(CAMERA_DOWN.cx_px)
+    row = round(CAMERA_DOWN.cy_px)
+    ids[row - half_px : row + half_px + 1, middle - half_px : middle + half_px + 1] = HELIPAD_H
+    wide_m = 0.25 * HEIGHT_M / (HEIGHT_M - 0.4)
+
+    assert spot(ids, radius_m=0.9 * wide_m, mark_m=0.05) is not None
+    assert spot(ids, radius_m=0.9 * wide_m, mark_m=0.4) is None

@@ -34,7 +34,7 @@ def known(**bearings_deg: list[float]) -> NearObstacles:
     [(3.0, FLIGHT_RAD), (1.5, -math.atan2(1.1, 1.5)), (0.2, LOWEST_RAD)],
 )
 def test_the_camera_follows_the_mark_down(range_m: float, expected_rad: float) -> None:
-    assert mark_pitch_rad(range_m, 1.5, FLIGHT_RAD) == pytest.approx(expected_rad)
+    assert mark_pitch_rad(range_m, 1.1, FLIGHT_RAD) == pytest.approx(expected_rad)
 
 
 @pytest.mark.parametrize("what", ["unplaced", "unplaced_edges"])

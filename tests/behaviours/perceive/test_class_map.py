@@ -129,6 +129,20 @@ def test_a_pad_in_view_gets_a_fix() -> None:
     assert fix.right_m == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_mat_is_found_at_its_own_height() -> None:
+    """The same pixels lie further away on a mat of 0.05 m than on a box of 0.4 m: 1.45 to 1.1."""
+    bench = LeafBench(FindHelipad, pad_height_m=0.05)
+    bench.camera = pinhole(640, 360)
+    live(bench, ids=pad_map())
+    mat, box_bench = bench.board[HELIPAD], finding()
+    live(box_bench, ids=pad_map())
+    box, offset_m = box_bench.board[HELIPAD], bench.camera.forward_offset_m
+
+    assert (mat.height_m, box.height_m) == (0.05, 0.4)
+    ratio = (mat.forward_m - offset_m) / (box.forward_m - offset_m)
+    assert ratio == pytest.approx((1.5 - 0.05) / (1.5 - 0.4))
+
+
 def test_a_pad_that_leaves_the_view_is_carried() -> None:
     """The fix stays, moves with the drone, and says that it is not seen now and since when."""
     bench = finding()

@@ -13,7 +13,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
 from uav_bt.classes import CARPET, HELIPAD_BOX, HELIPAD_H
-from uav_bt.types import PAD_HEIGHT_M, ClassMap, Frame, HelipadFix
+from uav_bt.types import ClassMap, Frame, HelipadFix, LandingMark
 
 SIZE_PX = (224, 112)
 CAMERA = anafi_camera(640, 360)
@@ -57,7 +57,7 @@ def test_a_whole_h_is_trusted(range_m: float, pitch_deg: float) -> None:
 @pytest.mark.parametrize("above_m", [0.05, 0.15])
 def test_from_just_above_the_pad_it_is_near_but_hardly_trusted(above_m: float) -> None:
     """The camera looks past its middle: what is in view is ahead of it."""
-    fix = view(-CAMERA_FORWARD_M, -42.0, PAD_HEIGHT_M + above_m)
+    fix = view(-CAMERA_FORWARD_M, -42.0, LandingMark.height_m + above_m)
 
     assert fix is not None
     assert 0.1 < fix.range_m < 0.4

@@ -11,13 +11,13 @@ from tests.uav_bt.record.record_world import tree_file
 from uav_bt import app
 from uav_bt.app.loading import load_mission
 from uav_bt.app.site import Site, load_site
-from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT
+from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, HELIPAD
 from uav_bt.errors import FileError, InputError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status
-from uav_bt.types import MissionPhase
+from uav_bt.types import Clearances, LandingMark, MissionPhase
 
 FULL = """
 flight_height_m: 1.2
@@ -26,6 +26,8 @@ camera: camera.yaml
 network: {model: hall.onnx, classes: classes.yaml}
 ground: [carpet, background]
 limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2}
+mark: {size_m: [0.6, 0.4], height_m: 0.05}
+margins: {obstacle_m: 0.5, edge_m: 0.4, unknown_m: 0.3, lane_m: 0.8}
 battery: {take_off: 0.4, critical: 0.15}
 link: {take_off: 0.6}
 video: {latency_s: 0.2}
@@ -57,6 +59,8 @@ def test_everything_that_can_be_said(tmp_path: Path) -> None:
         limits=Limits(
             speed_mps=0.6, climb_mps=0.5, yaw_rate_radps=1.2, ceiling_m=2.0, critical_battery=0.15
         ),
+        mark=LandingMark(length_m=0.6, width_m=0.4, height_m=0.05),
+        clearances=Clearances(obstacle_m=0.5, edge_m=0.4, unknown_m=0.3, lane_m=0.8),
         preflight=PreflightConfig(battery=0.4, link=0.6),
         video_latency_s=0.2,
         http_port=8080,
@@ -74,6 +78,10 @@ def test_a_shipped_network_is_called_by_its_name(tmp_path: Path) -> None:
     [
         ("hight: 1", r"site.yaml:1: hight: unknown key \(known: flight_height_m,"),
         ("limits: {sped_mps: 1}", r"limits.sped_mps: unknown key; did you mean 'speed_mps'"),
+        ("mark: {size_m: [0.5]}", "site.yaml:1: mark.size_m"),
+        ("mark: {height_m: -1}", "mark.height_m: expected a number greater than or equal to 0"),
+        ("margins: {obstacle: 1}", "margins.obstacle: unknown key; did you mean 'obstacle_m'"),
+        ("margins: {edge_m: wide}", "margins.edge_m: expected a number, got 'wide'"),
         ("limits: 3", "limits: expected a mapping with speed_mps, .*, got '3'"),
         ("limits: {speed_mps: fast}", r"limits.speed_mps: expected a number, got 'fast'"),
         ("camera: \nlimits: {speed_mps: 0}", "site.yaml:2: limits: .* must be positive"),
@@ -234,3 +242,20 @@ def test_a_setting_that_no_leaf_asks_for_is_logged(
     loaded(tmp_path, "<Land/>", Site(flight_height_m=0.9))
     assert len(caplog.messages) == 1
     assert "the site's height_m='0.9' has no effect: no leaf of tree" in caplog.text
+
+
+def test_the_mark_and_the_clearances_of_a_site_reach_the_leaves() -> None:
+    site = Site(mark=LandingMark(height_m=0.05), clearances=Clearances(obstacle_m=0.5))
+    flight = app.assemble("land_only", app.FlightOptions(scene="val-a", site=site))
+    finder = next(leaf for leaf in flight.mission.leaves() if HELIPAD in leaf.writes)
+
+    assert finder.initial_value(finder.ports[0]) == 0.05
+    assert flight.context.mark.height_m == 0.05
+    assert flight.context.clearances.obstacle_m == 0.5
+
+
+def test_a_place_that_is_narrower_than_the_drone_is_refused() -> None:
+    """The body reaches 0.2 m, and narrow passages take off 0.1 m."""
+    site = Site(clearances=Clearances(obstacle_m=0.25))
+    with pytest.raises(InputError, match=r"obstacle_m must be at least 0\.30 m.*got 0\.25"):
+        app.assemble("land_only", app.FlightOptions(scene="val-a", site=site))

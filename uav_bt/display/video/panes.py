@@ -29,7 +29,7 @@ from uav_bt.display.canvas import (
 from uav_bt.display.phrases import describe_fix, describe_movement
 from uav_bt.display.video.depth_panes import empty_pane
 from uav_bt.mission.tick import TickRecord
-from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame, HelipadFix
+from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix
 from uav_bt.types.projection import camera_axes
 
 _PAD_RADIUS_M: Final = 0.3
@@ -63,7 +63,7 @@ def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[flo
         Metres right, down and forward along the optical axis; the gimbal keeps the horizon level.
     """
     forward_m = fix.forward_m - camera.forward_offset_m
-    below_m = frame.height_above_carpet_m - PAD_HEIGHT_M
+    below_m = frame.height_above_carpet_m - fix.height_m
     level_m = np.array([forward_m, fix.right_m, below_m])
     right_m, down_m, depth_m = (level_m @ camera_axes(frame.gimbal_pitch_rad)).tolist()
     return right_m, down_m, depth_m
@@ -118,7 +118,7 @@ def resize_image(image: Image, size_px: tuple[int, int]) -> Image:
 
 def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
     """Ring the helipad on a frame's image, or point to where it is beyond the border."""
-    if frame.height_above_carpet_m < PAD_HEIGHT_M + _NEAR_M:
+    if frame.height_above_carpet_m < fix.height_m + _NEAR_M:
         return  # on the pad or about to be: it fills the view
     height_px, width_px = image.shape[:2]
     colour = ACCENT if fix.detected else INK

@@ -1,0 +1,41 @@
+"""The distances that a drone keeps in a place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from uav_bt.errors import ValueRangeError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearances:
+    """Distances from the body's centre that routes keep in a place.
+
+    The defaults were chosen in flights on the training scenes.
+
+    Attributes:
+        obstacle_m: Distance from obstacles, metres: 0.2 m of hull, the map's drift and the drone's
+            sway. Narrow passages keep up to `NARROWER_M` less.
+        edge_m: Distance from the edge of the ground, metres.
+        unknown_m: Distance from cells that were never seen, metres: they may be the hidden side of
+            an obstacle.
+        lane_m: Distance from where something moved that may come back unseen, metres.
+
+    Raises:
+        ValueRangeError: a distance is negative or not finite.
+    """
+
+    obstacle_m: float = 0.40
+    edge_m: float = 0.30
+    unknown_m: float = 0.35
+    lane_m: float = 0.7
+
+    def __post_init__(self) -> None:
+        values = (self.obstacle_m, self.edge_m, self.unknown_m, self.lane_m)
+        if not all(0.0 <= value < math.inf for value in values):
+            raise ValueRangeError(f"clearances must be zero or positive metres, got {self}")
+
+
+NARROWER_M = 0.10
+"""The tightest passage keeps this much less from obstacles than `obstacle_m`, metres. Chosen."""
