@@ -27,6 +27,7 @@ class KeepAwayConfig:
         keep_away_per_s: Speed of the push per metre of intrusion.
         keep_away_mps: Highest speed of the push.
         alike_m: Points this near to each other show one thing.
+        outline_m: Distance between the points on the sides of an object.
         min_range_m: Nearer points count as this far away, because their range is divided by.
     """
 
@@ -38,6 +39,7 @@ class KeepAwayConfig:
     keep_away_per_s: float = 1.5
     keep_away_mps: float = 0.2
     alike_m: float = 0.25
+    outline_m: float = 0.1
     min_range_m: float = 0.05
 
 
@@ -58,10 +60,12 @@ def by_the_map(
     if obstacles is None or site_map is None or site_map.contradicted_s > 0.0:
         return obstacles
 
+    # Of most objects one side or two were seen: without the others the drone is pushed into them.
+    outlines = [each.outline_m(config.outline_m) for each in site_map.objects]
     seen = obstacles.within(config.keep_away_m + config.alike_m)
     lately, to_body = recent_obstacles(seen, site_map), site_map.pose.points_to_body
     found = NearObstacles(
-        points_m=to_body(np.vstack([site_map.obstacles_m, lately.seen_m])),
+        points_m=to_body(np.vstack([site_map.obstacles_m, *outlines, lately.seen_m])),
         edges_m=to_body(np.vstack([site_map.edges_m, lately.edges_m])),
         captured_s=obstacles.captured_s,
     )

@@ -52,7 +52,10 @@ class SearchByMap(CourseLeaf):
     the view. FAILURE without a map, and if the map knows no way.
     """
 
-    ports = (GIMBAL,)
+    ports = (
+        GIMBAL,
+        Port("to_mark", bool, default=True, doc="whether the place of the mark is flown to first"),
+    )
     reads = (*CourseLeaf.reads, *TRACK_KEYS, CAMERA, CORRIDOR)
     writes = (*CourseLeaf.writes, MARK_GONE)
 
@@ -66,12 +69,13 @@ class SearchByMap(CourseLeaf):
         self._planned_s = -math.inf  # capture of the newest map that was planned on
         self._led = False  # that map knew a way
         self._flight_rad = math.radians(self.port_value("gimbal_deg"))
+        self._to_mark: bool = self.port_value("to_mark")
 
     def initialise(self) -> None:
         """Choose afresh where to fly."""
         self._search.pause()
         self.drop_course()
-        self.write(PHASE, MissionPhase.SEARCH)
+        self.write(PHASE, MissionPhase.SEARCH if self._to_mark else MissionPhase.APPROACH)
 
     def work(self, state: DroneState) -> Status:
         """Plan on each new map, and fly on between two."""
@@ -114,7 +118,8 @@ class SearchByMap(CourseLeaf):
         far_m = self._search.config.view.far_m
         in_view = GroundInView.of(camera, self._flight_rad, state.height_above_carpet_m, far_m)
         corridor = self.read(CORRIDOR).value
-        return self._search.decide(site_map, mark_of(self), self.obstacles(), corridor, in_view)
+        mark = mark_of(self) if self._to_mark else None
+        return self._search.decide(site_map, mark, self.obstacles(), corridor, in_view)
 
 
 class SearchUnderPolicy(SteeringLeaf):

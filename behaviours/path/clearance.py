@@ -81,12 +81,13 @@ class ClearanceMap:
         *,
         over: Place | None = None,
     ) -> None:
-        margins = (margins or Margins()).by(site_map.residual_m)
-        self.map, self.margins = site_map, margins
-        self._free = site_map.free | self._around(over)
+        self.margins = margins = (margins or Margins()).by(site_map.residual_m)
+        self.map = site_map
+        self._free = site_map.free | self._around(over, margins.over_m)
         self._doubted = np.zeros_like(self._free)
         if margins.cross_unknown:
-            unseen = ~(self._free | site_map.outside)
+            beside = self._around(over, margins.cross_m) if over is not None else True
+            unseen = ~(self._free | site_map.outside) & beside
             self._doubted |= unseen | (self._distance_m(recent.assumed_m) < margins.doubt_m)
             self._free = self._free | unseen
         points_m = np.vstack([site_map.obstacles_m, outlines_m(site_map.movers), recent.seen_m])
@@ -205,12 +206,12 @@ class ClearanceMap:
         lines = np.rint(cells[0] + shares * (cells - cells[0])[:, None]).astype(int)
         return np.asarray(self.clear_m[tuple(np.moveaxis(lines, -1, 0))].min(axis=-1))
 
-    def _around(self, place: Place | None) -> Flags:
-        """Return the cells to `margins.over_m` from a place."""
+    def _around(self, place: Place | None, reach_m: float) -> Flags:
+        """Return the cells around a place."""
         if place is None:
             return np.zeros(self.map.free.shape, dtype=bool)
         apart_m = np.linalg.norm(self.map.places_m() - place, axis=-1)
-        return np.asarray(apart_m <= self.margins.over_m)
+        return np.asarray(apart_m <= reach_m)
 
     def _unknown_m(self) -> Floats:
         """Return the distance to unknown patches; a single cell that no ray has met is left out."""

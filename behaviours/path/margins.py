@@ -57,7 +57,8 @@ class Margins:
             no other.
         direct: A route of up to this multiple of the straight line is not compared with narrower
             passages.
-        cross_unknown: Whether a route may cross unseen cells and assumed obstacles.
+        cross_unknown: Whether a route may cross assumed obstacles, and unseen cells near the mark.
+        cross_m: Unseen cells to this distance from the mark.
         unknown_times: Such a cell costs this multiple of its time.
         pad_m: `touch_m` of the last metres before the pad.
         pad_edge_m: `edge_m` of the last metres before the pad.
@@ -89,6 +90,7 @@ class Margins:
     saved_s: float = 6.0
     direct: float = 1.3
     cross_unknown: bool = False
+    cross_m: float = 1.2
     unknown_times: float = 3.0
     pad_m: float = 0.38
     pad_edge_m: float = 0.2

@@ -120,7 +120,7 @@ HELD_TURN: Final = Key(
     "held_turn",
     HeldTurn,
     "the turn held since the last advance",
-    writer="Explore, Avoid, ReturnToBase",
+    writer="Explore, Avoid, leaves of ReturnToBase",
 )
 
 RECENT_VIEWS: Final = Key(

@@ -38,6 +38,18 @@ class MapObject:
         middle = Pose2D(x_m=self.x_m, y_m=self.y_m, yaw_rad=self.yaw_rad)
         return np.array(middle.rectangle(self.size_m / 2 + margin_m, self.width_m / 2 + margin_m))
 
+    def outline_m(self, step_m: float) -> Floats:
+        """Return points on the sides of its base, (N, 2) in the map's frame.
+
+        Args:
+            step_m: Largest distance between two points.
+        """
+        corners_m = self.corners_m()
+        count = max(1, math.ceil(max(self.size_m, self.width_m) / step_m))
+        shares = np.arange(count)[:, None] / count
+        sides = zip(corners_m, np.roll(corners_m, -1, axis=0), strict=True)
+        return np.vstack([begin + shares * (end - begin) for begin, end in sides])
+
 
 @dataclass(frozen=True, kw_only=True)
 class MapMark:

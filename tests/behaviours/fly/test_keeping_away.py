@@ -86,3 +86,14 @@ def test_a_map_that_views_contradict_is_not_used() -> None:
     assert by_the_map(seen, replace(site_map, contradicted_s=0.5), CONFIG) is seen
     assert by_the_map(seen, None, CONFIG) is seen
     assert by_the_map(None, site_map, CONFIG) is None
+
+
+def test_the_sides_of_an_object_that_were_never_seen_push_too() -> None:
+    """A box of 0.4 m whose far side was seen, and a wall as near on the other hand."""
+    box = MapObject(class_id=4, x_m=0.0, y_m=0.5, size_m=0.4, width_m=0.4, std_m=0.1, seen_s=1.0)
+    far_side = np.array([(x_m, 0.7) for x_m in np.arange(-0.2, 0.25, 0.1)])
+    wall = np.array([(x_m, -0.4) for x_m in np.arange(-0.2, 0.25, 0.1)])
+    known = replace(drawn_map(obstacles=np.vstack([far_side, wall])), objects=(box,))
+    near = by_the_map(NearObstacles(points_m=np.empty((0, 2)), captured_s=1.0), known, CONFIG)
+    _, right_mps = push_away_mps(near, CONFIG)
+    assert right_mps < -0.05  # away from the box's near side, 0.3 m to the right
