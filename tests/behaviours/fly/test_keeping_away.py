@@ -15,7 +15,7 @@ from behaviours.fly.keeping_away import (
     step_away_m,
 )
 from tests.behaviours.path.test_survey import drawn_map
-from uav_bt.types import NearObstacles
+from uav_bt.types import MapObject, NearObstacles
 
 CONFIG = KeepAwayConfig()
 
