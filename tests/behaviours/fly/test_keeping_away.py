@@ -16,6 +16,7 @@ from behaviours.fly.keeping_away import (
 )
 from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.types import NearObstacles
+from uav_bt.types.site_map import MapObject
 
 CONFIG = KeepAwayConfig()
 
