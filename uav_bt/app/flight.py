@@ -22,7 +22,7 @@ from uav_bt.board import SITE_MAP
 from uav_bt.errors import FileError, InputError, UavBtError
 from uav_bt.files import check_output
 from uav_bt.inputs import refuse_inputs, same_file
-from uav_bt.mission.coverage import Coverage
+from uav_bt.mission.coverage import CoverageMeter
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport, write_report
 from uav_bt.mission.flown_tree import NextTree
@@ -238,10 +238,10 @@ def _run(
     return finish(verdict)
 
 
-def _coverage(drone: Drone) -> Coverage | None:
+def _coverage(drone: Drone) -> CoverageMeter | None:
     """Return what measures a flight's coverage; None where nobody knows the ground."""
     ground = None if drone.referee is None else drone.referee.ground()
-    return None if ground is None else Coverage(ground, drone.camera)
+    return None if ground is None else CoverageMeter(ground, drone.camera)
 
 
 def _map_check(flight: Flight[Drone]) -> MapCheck | None:

@@ -87,7 +87,7 @@ class CoveragePoint:
     seen: float
 
 
-class Coverage:
+class CoverageMeter:
     """Follows a flight and knows how much of the ground it has covered.
 
     Args:

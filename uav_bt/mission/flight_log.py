@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from uav_bt.mission.coverage import Coverage
+from uav_bt.mission.coverage import CoverageMeter
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Verdict
 from uav_bt.mission.map_check import MapCheck
@@ -33,7 +33,9 @@ class FlightLog:
         map_check: compares the mission's map with the truth; None where the ground is not known.
     """
 
-    def __init__(self, coverage: Coverage | None = None, map_check: MapCheck | None = None) -> None:
+    def __init__(
+        self, coverage: CoverageMeter | None = None, map_check: MapCheck | None = None
+    ) -> None:
         self._coverage = coverage
         self._map_check = map_check
         self._marks = _Marks()

@@ -1,4 +1,4 @@
-"""Coverage: passed and seen shares of the free ground, against areas and rendered images."""
+"""CoverageMeter: passed and seen shares of the free ground, against areas and rendered images."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views
 from uav_bt.classes import CARPET
-from uav_bt.mission.coverage import Cells, Coverage, GroundCells
+from uav_bt.mission.coverage import Cells, CoverageMeter, GroundCells
 from uav_bt.types import Pose, Truth, projection
 from uav_bt.types.ground import Footprint, Ground, Standing
 
@@ -51,17 +51,17 @@ def test_ground_under_what_stands_on_it_is_not_free() -> None:
 
 
 def test_hovering_passes_a_disc_and_a_straight_way_a_band() -> None:
-    hovering = Coverage(BARE, CAMERA)
+    hovering = CoverageMeter(BARE, CAMERA)
     hovering.add(0.0, truth(0.0, 0.0))
     assert hovering.now(0.0).passed == pytest.approx(math.pi * 0.25 / 20.0, rel=0.02)
-    along = Coverage(BARE, CAMERA)
+    along = CoverageMeter(BARE, CAMERA)
     for step in range(51):
         along.add(step / 10, truth(-2.5 + step / 10, 0.0))
     assert along.now(5.0).passed == pytest.approx(0.25, abs=0.002)
 
 
 def test_near_a_corner_only_the_ground_counts() -> None:
-    corner = Coverage(BARE, CAMERA)
+    corner = CoverageMeter(BARE, CAMERA)
     corner.add(0.0, truth(2.5, 2.0))
     assert corner.now(0.0).passed == pytest.approx(math.pi * 0.25 / 4 / 20.0, rel=0.03)
     corner.add(0.1, truth(4.0, 9.0))  # outside, where nothing is
@@ -113,7 +113,7 @@ def test_the_seen_ground_is_what_an_image_shows_of_the_carpet(
     )
     (view,) = render_views(scene, [pose])
     shows, sure = _seen_by_rendering(pose, view.ids)
-    coverage = Coverage(scene.ground_plan, CAMERA)
+    coverage = CoverageMeter(scene.ground_plan, CAMERA)
     coverage.add(0.0, body)
     assert shows.sum() > 100
     disagree = (coverage.seen != shows) & sure
@@ -123,16 +123,16 @@ def test_the_seen_ground_is_what_an_image_shows_of_the_carpet(
 
 def test_what_is_far_or_behind_is_not_seen() -> None:
     """A level camera at 1.5 m sees no ground within 3 m ahead that its lower edge leaves out."""
-    level = Coverage(BARE, CAMERA)
+    level = CoverageMeter(BARE, CAMERA)
     level.add(0.0, truth(-2.0, 0.0, pitch_rad=0.0))
     assert level.now(0.0).seen == 0.0
-    away = Coverage(BARE, CAMERA)
+    away = CoverageMeter(BARE, CAMERA)
     away.add(0.0, truth(2.5, 0.0, pitch_rad=-0.5))  # looks off the ground
     assert away.now(0.0).seen == 0.0
 
 
 def test_looks_are_taken_five_times_a_second() -> None:
-    coverage = Coverage(BARE, CAMERA)
+    coverage = CoverageMeter(BARE, CAMERA)
     coverage.add(0.0, truth(-2.0, 0.0))
     first = coverage.now(0.0).seen
     coverage.add(0.1, truth(-2.0, 0.0, math.pi / 4))
@@ -142,14 +142,14 @@ def test_looks_are_taken_five_times_a_second() -> None:
 
 
 def test_a_truth_without_a_camera_sees_nothing() -> None:
-    coverage = Coverage(BARE, CAMERA)
+    coverage = CoverageMeter(BARE, CAMERA)
     coverage.add(0.0, truth(-2.0, 0.0, pitch_rad=None))
     assert coverage.now(0.0).seen == 0.0
     assert coverage.now(0.0).passed > 0.0
 
 
 def test_the_curve_has_a_point_every_ten_seconds() -> None:
-    coverage = Coverage(BARE, CAMERA)
+    coverage = CoverageMeter(BARE, CAMERA)
     for step in range(251):
         coverage.add(step / 10, truth(-2.5 + step / 100, 0.0))
     assert [point.time_s for point in coverage.curve] == [10.0, 20.0]

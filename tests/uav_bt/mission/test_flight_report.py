@@ -12,7 +12,7 @@ import pytest
 
 from sim_bridge.anafi import anafi_camera
 from uav_bt.errors import FileError
-from uav_bt.mission.coverage import Coverage
+from uav_bt.mission.coverage import CoverageMeter
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport, Percentiles, write_report
 from uav_bt.mission.judge import Outcome, Verdict
@@ -41,7 +41,7 @@ class Tale:
     tick_s = 0.5
 
     def __init__(
-        self, start_s: float = 2.0, *, referee: bool = True, coverage: Coverage | None = None
+        self, start_s: float = 2.0, *, referee: bool = True, coverage: CoverageMeter | None = None
     ) -> None:
         self.log = FlightLog(coverage)
         self.referee = referee
@@ -314,7 +314,7 @@ def test_no_durations_have_no_summary() -> None:
 
 
 def test_coverage_counts_from_the_take_off_command_and_at_90_s() -> None:
-    tale = Tale(coverage=Coverage(Ground(size_m=(5.0, 4.0)), anafi_camera(640, 360)))
+    tale = Tale(coverage=CoverageMeter(Ground(size_m=(5.0, 4.0)), anafi_camera(640, 360)))
     tale.x_m = -2.0
     for _ in range(40):
         tale.tick(dy_m=0.05, motors_on=False)  # carried across before the command
@@ -335,7 +335,7 @@ def test_coverage_counts_from_the_take_off_command_and_at_90_s() -> None:
 
 
 def test_a_flight_of_less_than_90_s_has_no_coverage_of_then() -> None:
-    tale = Tale(coverage=Coverage(Ground(size_m=(5.0, 4.0)), anafi_camera(640, 360)))
+    tale = Tale(coverage=CoverageMeter(Ground(size_m=(5.0, 4.0)), anafi_camera(640, 360)))
     tale.take_off()
     tale.tick("explore")
     report = tale.report()
