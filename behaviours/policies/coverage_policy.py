@@ -1,4 +1,4 @@
-"""Cover the place: fly to where the most new ground lies for the least time, over the site map."""
+"""Cover the place: fly the route over the site map that passes the most new ground per second."""
 
 from __future__ import annotations
 
@@ -22,17 +22,28 @@ from uav_bt.types.site_map import SiteMap
 
 @dataclass(frozen=True, kw_only=True)
 class CoverageConfig:
-    """How legs are flown."""
+    """How routes are chosen and flown. The numbers were chosen in surveys of the training scenes.
+
+    Attributes:
+        margins: Distances that routes keep.
+        survey: The worth of routes.
+        little_m2ps: Where ordinary routes bring less new ground per second, tight ones are tried.
+        turn_rad: The turn to look further round when no way is known.
+        doubted_s: A map that the views contradict for longer is not flown by.
+        blind_s: Without ground in view for longer the drone turns back to it: it drifts unnoticed.
+            A turn over the outside takes less.
+        around_m: Ground to this distance from the drone is turned to.
+        follow: How routes are followed.
+        pointing: The ground that counts as in view.
+    """
 
     margins: Margins = field(default_factory=Margins)
     survey: SurveyConfig = field(default_factory=SurveyConfig)
-    # When legs with all that room bring less new ground than this, narrower ones are tried.
     little_m2ps: float = 0.03
-    turn_rad: float = math.radians(30)  # when no way is known: look further round
-    doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
-    # Looking beyond the edge for longer it drifts unnoticed: a turn over the outside takes less.
+    turn_rad: float = math.radians(30)
+    doubted_s: float = 1.0
     blind_s: float = 2.0
-    around_m: float = 2.0  # of the drone: ground to turn to
+    around_m: float = 2.0
     follow: FollowConfig = field(default_factory=FollowConfig)
     pointing: GimbalConfig = field(default_factory=GimbalConfig)
 
@@ -41,8 +52,8 @@ class CoveragePolicy:
     """The planner as a leaf policy.
 
     Args:
-        config: how legs are flown.
-        value: of legs, by the new ground that each passes, m2, and the time it takes, s.
+        config: How routes are chosen and flown.
+        value: The value of routes from the new ground of each, m2, and its time, s.
     """
 
     def __init__(
@@ -80,29 +91,29 @@ class CoveragePolicy:
         margins = cfg.margins.within(view.clearances)
         recent = recent_obstacles(site_map.near, site_map, unmapped_s=cfg.follow.unmapped_s)
         maps = ClearanceMaps(site_map, recent, margins, past_assumed=True)
-        room = maps[Passage.ORDINARY]
-        leg = best_route(room, cfg.survey, self._value)
-        if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
-            room = maps[Passage.TIGHT]
-            leg = best_route(room, cfg.survey, self._value) or leg
-        if leg is None and (room.shut_in or room.too_narrow):
-            room = maps[Passage.TIGHTEST]
-            leg = best_route(room, cfg.survey, self._value)
-        if leg is None:
+        clearance = maps[Passage.ORDINARY]
+        route = best_route(clearance, cfg.survey, self._value)
+        if route is None or route.new_m2 < cfg.little_m2ps * route.time_s:
+            clearance = maps[Passage.TIGHT]
+            route = best_route(clearance, cfg.survey, self._value) or route
+        if route is None and (clearance.shut_in or clearance.too_narrow):
+            clearance = maps[Passage.TIGHTEST]
+            route = best_route(clearance, cfg.survey, self._value)
+        if route is None:
             # What moves is in the way of ground for a while only.
             still = not site_map.movers and not len(site_map.lanes_m)
-            covered = view.full_turns > 0 and not room.shut_in and still
+            covered = view.full_turns > 0 and not clearance.shut_in and still
             return Done(reason="covered") if covered else turn
-        reason = f"{leg.new_m2:.1f} m2 in {leg.time_s:.0f} s"
-        way = follow(
-            leg,
+        reason = f"{route.new_m2:.1f} m2 in {route.time_s:.0f} s"
+        answer = follow(
+            route,
             site_map,
             view.corridor,
             margins=margins,
             config=cfg.follow,
             reason=reason,
         )
-        return way or turn
+        return answer or turn
 
     def _sees_little_ground(self, view: PolicyView, site_map: SiteMap) -> bool:
         cfg, pitch_rad = self.config, view.gimbal_pitch_rad

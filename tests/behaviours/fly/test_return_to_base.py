@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from behaviours.fly.return_to_base import ReturnToBase
+from behaviours.path.clearance import ClearanceMaps
+from behaviours.path.margins import Margins
+from behaviours.path.nearby import RecentObstacles
 from tests.behaviours.leaf_world import (
     ADVANCE,
     TURN_LEFT,
@@ -667,3 +670,33 @@ def test_a_pad_beyond_the_grounds_edge_is_not_flown_to() -> None:
     assert bench.board[PHASE] == "search"
     fly(bench, pad=(1.5, 0.0), site_map=drawn_map())
     assert bench.board[PHASE] == "approach"
+
+
+def test_where_no_way_is_known_unseen_ground_is_looked_at_before_a_detour() -> None:
+    """The policy is not asked; the drone turns to the half that was not seen."""
+    wall = np.column_stack([np.full(41, 0.8), np.linspace(-2.0, 2.0, 41)])
+    shut = replace(marked(1.8, 0.0), obstacles_m=wall)
+    shut = replace(
+        shut,
+        free=shut.free & ~where("left"),
+        seen_s=np.where(where("left"), -math.inf, shut.seen_s).astype(np.float32),
+    )
+    policy = Says(TURN_RIGHT)
+    bench = searching(policy)
+    for _ in range(3):
+        fly(bench, (1.8, 0.0), site_map=shut)
+    assert policy.views == []
+    assert velocity(bench).yaw_rate_radps < -0.2
+    assert bench.board[PHASE] == "approach"
+
+
+def test_unseen_ground_is_crossed_beside_the_pad_only() -> None:
+    """Far from it the cells may be the hidden side of a box."""
+    for hidden_m, crosses in ((0.8, True), (1.9, False)):
+        site_map = boxed((5.0, 5.0))
+        strip = np.abs(site_map.places_m()[..., 0] - (1.0 - hidden_m)) < 0.25
+        free, seen_s = site_map.free & ~strip, np.where(strip, -math.inf, site_map.seen_s)
+        site_map = replace(site_map, free=free, seen_s=seen_s.astype(np.float32))
+        maps = ClearanceMaps(site_map, RecentObstacles(), Margins(), over=(1.0, 0.0))
+        route = maps.route_to((1.0, 0.0), near_m=0.15, far_m=0.15)
+        assert (route is not None) == crosses

@@ -1,4 +1,4 @@
-"""Coverage: passed and seen shares of the free ground, against areas and rendered images."""
+"""CoverageMeter: passed and seen shares of the free ground, against areas and rendered images."""
 
 from __future__ import annotations
 
