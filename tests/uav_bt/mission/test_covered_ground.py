@@ -1,4 +1,4 @@
-"""CoverageMeter: passed and seen shares of the free ground, against areas and rendered images."""
+"""Coverage: passed and seen shares of the free ground, against areas and rendered images."""
 
 from __future__ import annotations
 
