@@ -33,7 +33,7 @@ class Route:
         straight_m: (N,) least clearance on the straight line from the drone to each place.
         time_s: Time to fly it.
         margins: The margins that it keeps.
-        new_m2: Ground that it passes for the first time; 0 where nobody asked for it.
+        new_m2: New ground along it; 0 where nobody asked for it.
     """
 
     path_m: Floats
