@@ -33,8 +33,10 @@ def test_shipped_missions_and_scenes_are_named_so_that_every_machine_finds_them(
     plan = make_plan(["land_only"], scenes=["val-*,train-a", "val-a"], flights=1)
     assert [(file.name, file.path) for file in plan.trees] == [("land_only.xml", "land_only")]
     assert [file.path for file in plan.scenes] == ["val-a", "val-b", "train-a"]
-    text = (shipped_trees() / "land_only.xml").read_bytes()
-    assert plan.trees[0].sha256 == hashlib.sha256(text).hexdigest()
+    # The trees of the library that the mission uses count, too.
+    parts = ("land_only.xml", "lib/return_to_base.xml")
+    texts = [(shipped_trees() / name).read_bytes() for name in parts]
+    assert plan.trees[0].sha256 == hashlib.sha256(b"\0".join(texts)).hexdigest()
 
 
 def test_weights_that_the_tree_flies_with_are_in_the_plan(tmp_path: Path) -> None:

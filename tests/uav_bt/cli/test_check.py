@@ -277,7 +277,8 @@ def test_networks_that_are_not_there_are_found(
     (tmp_path / "text.onnx").write_text("no network")
     (tmp_path / "net.safetensors").write_bytes(b"\x02\0\0\0\0\0\0\0{}")
     tree = tree_file(tmp_path, f"<Sequence>\n<{leaf}/>\n</Sequence>")
-    assert_refused(run("check", tree), f"{tree}:4:1: ", *words)
+    column = len(f"<{leaf.split(maxsplit=1)[0]} ") + 1  # of the attribute
+    assert_refused(run("check", tree), f"{tree}:4:{column}: ", *words)
     assert run("tree", "render", tree).exit_code == 0  # which loads nothing
 
 
@@ -342,7 +343,7 @@ def test_a_height_above_the_ceiling_is_a_warning(tmp_path: Path) -> None:
     path = tree_file(tmp_path, '<Sequence>\n<TakeOff height_m="15"/>\n<Land/>\n</Sequence>')
     result = run("check", path)
     assert (result.exit_code, result.stdout) == (0, f"{path}: good\n")
-    assert result.stderr.startswith(f"{path}:4:1: warning: Main/Sequence/TakeOff: ")
+    assert result.stderr.startswith(f"{path}:4:10: warning: Main/Sequence/TakeOff: ")
     assert "attribute 'height_m': 15 m lies above the ceiling of 2.4 m" in result.stderr
     report = json.loads(run("check", path, "--format", "json").stdout)
     assert (report["ok"], report["findings"][0]["rule"]) == (True, "limit")

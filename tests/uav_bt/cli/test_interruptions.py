@@ -75,13 +75,13 @@ CASES = {
         kept=("old.safetensors",),
     ),
     "fly, before take-off": Case(
-        f"fly hover.xml --drone slow --report old.json {SMALL}",
+        "fly hover.xml --drone slow --report old.json",
         "creating",
         "stopped by Ctrl-C before take-off: nothing flew",
         kept=("old.json",),
     ),
     "fly, before take-off, SIGTERM": Case(
-        f"fly hover.xml --drone slow --video old.mp4 {SMALL}",
+        "fly hover.xml --drone slow --video old.mp4",
         "creating",
         "stopped by SIGTERM before take-off",
         by=(TERM,),
