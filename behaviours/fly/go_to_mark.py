@@ -17,11 +17,11 @@ from behaviours.fly.mark_track import (
     straight_to,
 )
 from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
-from behaviours.path.clearance import ClearanceMaps
 from behaviours.path.following import FollowConfig, follow
 from behaviours.path.gimbal_pointing import LookingDown, mark_pitch_rad, shows_unplaced
-from behaviours.path.margins import Margins
+from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
+from behaviours.path.passages import ClearanceMaps
 from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.board import CORRIDOR, PHASE, SITE_MAP
 from uav_bt.board.context import MissionContext
@@ -76,6 +76,7 @@ class GoToMarkConfig:
         follow: How it is followed.
         near_m: The route may end this near to the mark.
         far_m: If no route does, it may end this near.
+        nearer_m: Where no known ground leads there, the route ends at least this much nearer to it.
         doubted_s: A map that the views contradict for longer is not flown by.
         unplaced_rad: An obstacle of unknown range this near to ahead stops the drone.
         blocked_s: Stopped by one for this time, even with the camera down, the way is blocked.
@@ -88,6 +89,7 @@ class GoToMarkConfig:
     follow: FollowConfig = field(default_factory=FollowConfig)
     near_m: float = 0.15
     far_m: float = 0.9
+    nearer_m: float = 0.5
     doubted_s: float = 1.0
     unplaced_rad: float = math.radians(30)
     blocked_s: float = 2.0
@@ -99,8 +101,8 @@ class GoToMarkConfig:
 class GoToMark(MarkLeaf):
     """Fly to the tracked landing mark over the map; SUCCESS where its last metre is clear.
 
-    Without a map, or by one that the views contradict, it flies straight to the mark while nothing
-    that was seen is near that way. FAILURE when no way is known, and when the track is lost.
+    Without a map, or by one that the views contradict, it flies straight to the mark while no
+    obstacle is near that way. FAILURE when no way is known, and when the track is lost.
     """
 
     config: ClassVar[GoToMarkConfig] = GoToMarkConfig()
@@ -165,6 +167,9 @@ class GoToMark(MarkLeaf):
         recent = recent_obstacles(self.obstacles(), site_map, unmapped_s=cfg.follow.unmapped_s)
         maps = ClearanceMaps(site_map, recent, self._margins, crossing=True, over=to)
         route = maps.route_to(to, near_m=cfg.near_m, far_m=cfg.far_m)
+        if route is None:  # as near as the known ground leads: from there more is seen
+            nearer_m = fix.range_m - cfg.nearer_m
+            route = maps[Passage.ORDINARY].route_to(to, near_m=cfg.near_m, far_m=nearer_m)
         if route is None or len(route.path_m) == 1:
             return None
         return follow(

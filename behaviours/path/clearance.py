@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
-from behaviours.path.margins import Margins, Passage
+from behaviours.path.margins import Margins
 from behaviours.path.movers_ahead import outlines_m
 from behaviours.path.nearby import RecentObstacles
 from uav_bt.types.site_map import SiteMap
@@ -274,74 +274,3 @@ class ClearanceMap:
             return np.full(marked.shape, math.inf)
         free = (~marked).astype(np.uint8)
         return self.map.cell_m * cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64)
-
-
-class ClearanceMaps:
-    """The clearance maps of each passage, made when they are asked for.
-
-    Attributes:
-        map: The site map.
-
-    Args:
-        site_map: The newest map.
-        recent: Obstacles that are not on the map.
-        margins: Margins of the ordinary passage.
-        crossing: Whether narrower passages lead through where something moved.
-        past_assumed: Whether the tightest passage leads over open ground with assumed obstacles.
-        over: Landing mark that is flown over; narrower passages have the margins of the last metres
-            before it then.
-    """
-
-    def __init__(
-        self,
-        site_map: SiteMap,
-        recent: RecentObstacles,
-        margins: Margins,
-        *,
-        crossing: bool = False,
-        past_assumed: bool = False,
-        over: Place | None = None,
-    ) -> None:
-        narrow = replace(site_map, lanes_m=np.empty((0, 2))) if crossing else site_map
-        margins_of = {
-            Passage.ORDINARY: margins,
-            Passage.TIGHT: margins.tight(),
-            Passage.TIGHTEST: replace(margins.tightest(), past_assumed=past_assumed),
-        }
-        if over is not None:
-            at_pad = margins.at_pad()
-            margins_of |= {Passage.TIGHT: at_pad, Passage.TIGHTEST: at_pad.sure()}
-        self._parts = {
-            passage: (site_map if passage is Passage.ORDINARY else narrow, each)
-            for passage, each in margins_of.items()
-        }
-        self.map, self._recent, self._over = site_map, recent, over
-        self._made: dict[Passage, ClearanceMap] = {}
-
-    def __getitem__(self, passage: Passage) -> ClearanceMap:
-        if passage not in self._made:
-            site_map, margins = self._parts[passage]
-            self._made[passage] = ClearanceMap(site_map, self._recent, margins, over=self._over)
-        return self._made[passage]
-
-    def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
-        """Return the route to a place; None without one.
-
-        It leads through the widest passage, unless a narrower one saves `Margins.saved_s`.
-
-        Args:
-            to: Place in the map's frame, metres.
-            near_m: As in `ClearanceMap.route_to`.
-            far_m: The same.
-        """
-        best: Route | None = None
-        for passage in Passage:
-            margins = self._parts[passage][1]
-            if best is not None and best.length_m <= margins.direct * best.apart_m:
-                break
-            found = self[passage].route_to(to, near_m=near_m, far_m=far_m)
-            if found is not None and (best is None or found.time_s < best.time_s - margins.saved_s):
-                best = found
-            if best is not None and passage is Passage.TIGHT:
-                break
-        return best

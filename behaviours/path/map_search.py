@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.clearance import ClearanceMap, ClearanceMaps, Route
+from behaviours.path.clearance import ClearanceMap, Route
 from behaviours.path.following import FollowConfig, follow
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
@@ -22,6 +22,7 @@ from behaviours.path.next_viewpoint import (
     still_shows_m2,
     unseen,
 )
+from behaviours.path.passages import ClearanceMaps
 from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Corridor, NearObstacles
 from uav_bt.types.site_map import MapMark, SiteMap

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from behaviours.path.clearance import ClearanceMaps, Floats
+from behaviours.path.clearance import Floats
 from behaviours.path.following import FollowConfig, follow
 from behaviours.path.gimbal_pointing import GimbalConfig, ground_share
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
+from behaviours.path.passages import ClearanceMaps
 from behaviours.path.survey import SurveyConfig, best_route, new_ground_per_second
 from uav_bt.answers import Answer, Blocked, Done, Rotate
 from uav_bt.errors import MissionError

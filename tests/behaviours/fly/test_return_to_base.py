@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from behaviours.fly.return_to_base import ReturnToBase
-from behaviours.path.clearance import ClearanceMaps
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles
+from behaviours.path.passages import ClearanceMaps
 from tests.behaviours.leaf_world import (
     ADVANCE,
     TURN_LEFT,
@@ -674,7 +674,7 @@ def test_a_pad_beyond_the_grounds_edge_is_not_flown_to() -> None:
 
 def test_where_no_way_is_known_unseen_ground_is_looked_at_before_a_detour() -> None:
     """The policy is not asked; the drone turns to the half that was not seen."""
-    wall = np.column_stack([np.full(41, 0.8), np.linspace(-2.0, 2.0, 41)])
+    wall = np.column_stack([np.full(41, 0.6), np.linspace(-2.0, 2.0, 41)])
     shut = replace(marked(1.8, 0.0), obstacles_m=wall)
     shut = replace(
         shut,
@@ -700,3 +700,15 @@ def test_unseen_ground_is_crossed_beside_the_pad_only() -> None:
         maps = ClearanceMaps(site_map, RecentObstacles(), Margins(), over=(1.0, 0.0))
         route = maps.route_to((1.0, 0.0), near_m=0.15, far_m=0.15)
         assert (route is not None) == crosses
+
+
+def test_to_a_mark_far_beyond_the_known_ground_it_flies_to_where_that_ends() -> None:
+    """A metre of it ahead; from there more is seen, and the policy is not asked."""
+    known = boxed((9.0, 9.0))
+    ahead = known.places_m()[..., 0] < -0.5  # the drone is at -1.5
+    seen_s = np.where(ahead, known.seen_s, -math.inf).astype(np.float32)
+    policy = Says(TURN_RIGHT)
+    bench = searching(policy)
+    fly(bench, (4.0, 0.0), site_map=replace(known, free=known.free & ahead, seen_s=seen_s))
+    assert velocity(bench).forward_mps > 0.2
+    assert policy.views == []
