@@ -81,7 +81,7 @@ class GoToMarkConfig:
         unplaced_rad: An obstacle of unknown range this near to ahead stops the drone.
         blocked_s: Stopped by one for this time, even with the camera down, the way is blocked.
         detour_s: A blocked way is asked for again after this time.
-        straight_m: Without a map the straight way keeps this distance from obstacles,
+        straight_more_m: Without a map the straight way keeps this and `touch_m` from obstacles,
         before_m: as far as this before the mark.
     """
 
@@ -94,7 +94,7 @@ class GoToMarkConfig:
     unplaced_rad: float = math.radians(30)
     blocked_s: float = 2.0
     detour_s: float = 1.0
-    straight_m: float = 0.52
+    straight_more_m: float = 0.12
     before_m: float = 0.35
 
 
@@ -111,7 +111,7 @@ class GoToMark(MarkLeaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a route."""
         super().on_setup(mission)
-        self._margins = self.config.margins.within(mission.clearances)
+        self._margins = self.config.margins.within(mission.clearances, mission.mark)
         self._planned_s = -math.inf  # capture of the newest map that was planned on
         self._blocked_until_s = self._clear_s = -math.inf
 
@@ -188,7 +188,8 @@ class GoToMark(MarkLeaf):
             return straight_to(fix) if math.isinf(reading.age_s) else None
         share = max(fix.range_m - cfg.before_m, 0.0) / max(fix.range_m, cfg.before_m)
         to = share * fix.forward_m, share * fix.right_m
-        return straight_to(fix) if reading.value.near.allows(*to, margin_m=cfg.straight_m) else None
+        margin_m = self._margins.touch_m + cfg.straight_more_m
+        return straight_to(fix) if reading.value.near.allows(*to, margin_m=margin_m) else None
 
 
 class StopAboveMark(MarkLeaf):

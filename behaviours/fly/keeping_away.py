@@ -20,7 +20,6 @@ class KeepAwayConfig:
     Attributes:
         intrusion_m: The drone steps away from an obstacle nearer than this.
         room_step_m: Length of that step.
-        edge_m: That step does not lead nearer to the edge of the ground.
         keep_away_m: While it turns or flies on, the drone is pushed away from obstacles nearer than
             this. The push grows as the distance shrinks.
         edge_nearer_m: The edge of the ground may be closer by this.
@@ -33,7 +32,6 @@ class KeepAwayConfig:
 
     intrusion_m: float = 0.38
     room_step_m: float = 0.15
-    edge_m: float = 0.3
     keep_away_m: float = 0.45
     edge_nearer_m: float = 0.15
     keep_away_per_s: float = 1.5
@@ -73,13 +71,14 @@ def by_the_map(
 
 
 def step_away_m(
-    obstacles: NearObstacles | None, config: KeepAwayConfig
+    obstacles: NearObstacles | None, config: KeepAwayConfig, edge_m: float
 ) -> tuple[float, float] | None:
     """Return a step away from an obstacle that is too near, forward and right.
 
     Args:
         obstacles: around the drone, in its frame; None while they are not known.
         config: Distances.
+        edge_m: The step does not lead nearer to the edge of the ground, metres.
 
     Returns:
         None when nothing is too near, or when the step would lead nearer to something else.
@@ -92,7 +91,7 @@ def step_away_m(
     forward_m, right_m = float(away * forward_m), float(away * right_m)
     if not obstacles.allows(forward_m, right_m, margin_m=config.intrusion_m):
         return None
-    if (np.linalg.norm(obstacles.edges_m - (forward_m, right_m), axis=1) < config.edge_m).any():
+    if (np.linalg.norm(obstacles.edges_m - (forward_m, right_m), axis=1) < edge_m).any():
         return None
     return forward_m, right_m
 

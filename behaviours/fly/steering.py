@@ -169,7 +169,8 @@ class SteeringLeaf(CourseLeaf):
         Returns:
             False when none is, or when the step would lead nearer to another.
         """
-        step_m = step_away_m(self.obstacles(), self.course.keep_away)
+        keep_away, edge_m = self.course.keep_away, self._clearances.edge_m
+        step_m = step_away_m(self.obstacles(), keep_away, edge_m)
         if step_m is None:
             return False
         self._advancing = False

@@ -103,12 +103,14 @@ class Margins:
         if self.away_mps <= 0.0 or not in_order or not apart:
             raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
 
-    def within(self, place: Clearances) -> Margins:
+    def within(self, place: Clearances, mark: LandingMark | None = None) -> Margins:
         """Return the margins of a place: each distance differs as the place's differs.
 
         Args:
             place: Distances that the place asks for.
+            mark: Landing mark of the place; default: `LandingMark()`.
         """
+        usual, mark = LandingMark(), mark or LandingMark()
         wider_m = place.obstacle_m - Clearances.obstacle_m
         return replace(
             self,
@@ -118,9 +120,11 @@ class Margins:
             tightest_m=self.tightest_m + wider_m,
             doubt_m=self.doubt_m + wider_m,
             min_start_m=self.min_start_m + min(wider_m, 0.0),
-            unknown_m=self.unknown_m + place.unknown_m - Clearances.unknown_m,
-            lane_m=self.lane_m + place.lane_m - Clearances.lane_m,
-            edge_m=self.edge_m + place.edge_m - Clearances.edge_m,
+            pad_m=self.pad_m + wider_m,
+            unknown_m=self.unknown_m + (place.unknown_m - Clearances.unknown_m),
+            lane_m=self.lane_m + (place.lane_m - Clearances.lane_m),
+            edge_m=self.edge_m + (place.edge_m - Clearances.edge_m),
+            over_m=self.over_m + (mark.radius_m - usual.radius_m),
         )
 
     def by(self, residual_m: float) -> Margins:

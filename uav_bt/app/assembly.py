@@ -20,12 +20,13 @@ from uav_bt.app.options import (
     given_options,
     is_drone_config,
     limits_of,
+    mark_of,
     refuse_incomplete,
     refuse_unusable,
     site_of,
 )
 from uav_bt.app.rehearsed_drone import RehearsedDrone
-from uav_bt.app.site import Site
+from uav_bt.app.site import Site, check_clearances
 from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
@@ -39,7 +40,7 @@ from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy, Referee, Segmenter
 from uav_bt.tree import MissionTree, NodeRegistry
-from uav_bt.types import NARROWER_M, ClassMap, Frame, LandingMark
+from uav_bt.types import ClassMap, Frame
 
 DroneT = TypeVar("DroneT", bound=Drone)
 
@@ -107,7 +108,6 @@ class Flight(Generic[DroneT]):
             InputError: exact masks are wanted of a drone without a referee.
         """
         site = site_of(self.options)
-        place = site or Site()
         return MissionContext(
             board=Blackboard(self._clock, MISSION_KEYS),
             clock=self._clock,
@@ -117,8 +117,8 @@ class Flight(Generic[DroneT]):
             segmenter=self._segmenter or self._exact_segmenter(),
             ground=() if site is None else site.ground,
             airframe=self.drone.airframe,
-            mark=place.mark or LandingMark(),
-            clearances=place.clearances,
+            mark=mark_of(self.options),
+            clearances=(site or Site()).clearances,
         )
 
     def _policy(self, name: str) -> LeafPolicy:
@@ -203,24 +203,8 @@ def assemble(
     mission = load_mission(tree, options, registry)
     check_ceiling(mission, limits_of(options))
     drone = make_drone(options)
-    _check_clearances(site_of(options), drone)
+    check_clearances(site_of(options) or Site(), drone.airframe)
     return Flight(mission, drone, options)
-
-
-def _check_clearances(site: Site | None, drone: Drone) -> None:
-    """Refuse a place whose narrow passages are narrower than the drone.
-
-    Raises:
-        InputError: obstacles may come nearer than the body reaches.
-    """
-    least_m = drone.airframe.radius_m + NARROWER_M
-    if site is not None and site.clearances.obstacle_m < least_m:
-        where = "the site" if site.file is None else f"site file {site.file}"
-        raise InputError(
-            f"{where}: margins: obstacle_m must be at least {least_m:.2f} m, the radius of the "
-            f"drone's body and {NARROWER_M:g} m that narrow passages take off, got "
-            f"{site.clearances.obstacle_m:g}"
-        )
 
 
 def frame_judge(drone: Drone) -> FrameJudge:

@@ -45,7 +45,7 @@ from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, LandingMark
 
 
 def map_of_scene(scene: Scene) -> LabMap:
@@ -110,10 +110,11 @@ class VideoListeners:
     def __init__(self, video: FlightVideo, title: str = "") -> None:
         self._video = video
         self._title = title
+        self._mark = LandingMark()  # of a flight that has not begun
 
     def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin the video of a connected drone's flight."""
-        drone = flight.drone
+        drone, self._mark = flight.drone, flight.context.mark
         self._video.begin(
             panes_of(
                 flight.context.board,
@@ -131,7 +132,7 @@ class VideoListeners:
         lines = [report.reason]
         if report.duration_s is not None:
             lines.append(f"{report.duration_s:.0f} s, {report.total_distance_m or 0.0:.1f} m flown")
-        if report.landing_error_m is not None and lands_on_helipad(report):
+        if report.landing_error_m is not None and lands_on_helipad(report, self._mark):
             lines.append(f"{100 * report.landing_error_m:.0f} cm from the helipad's centre")
         good = report.outcome == Outcome.SUCCESS.value
         self._video.conclude(report.outcome.replace("_", " "), lines, good=good)

@@ -134,6 +134,8 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey) -> None:
         writers = [leaf for leaf in mission.leaves() if key in leaf.writes]
         for name, value in attributes.items():
             if not writers:
+                if key is HELIPAD:
+                    continue  # other leaves take the mark from the mission's context
                 _log.warning(
                     "Warning: the site's %s='%s' has no effect: no leaf of tree '%s' writes '%s'",
                     *(name, value, mission.name, key.name),

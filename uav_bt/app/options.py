@@ -20,6 +20,7 @@ from uav_bt.mission.runner import RunnerConfig
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.channels import Quality
 from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.types import LandingMark
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,6 +197,12 @@ def limits_of(options: FlightOptions) -> Limits:
     """Return what no command may exceed: the site's limits, where there is one."""
     site = site_of(options)
     return options.limits if site is None else site.limits
+
+
+def mark_of(options: FlightOptions) -> LandingMark:
+    """Return the size of the landing mark: the site's, where there is one."""
+    site = site_of(options)
+    return LandingMark() if site is None or site.mark is None else site.mark
 
 
 def is_drone_config(drone: object) -> bool:

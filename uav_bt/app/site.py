@@ -28,10 +28,10 @@ from pydantic import AfterValidator, Field, ValidationInfo
 from typing_extensions import TypedDict
 
 from uav_bt.brief import brief_repr
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
-from uav_bt.types import Clearances, LandingMark
+from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark
 from uav_bt.yaml_file import read_yaml
 
 
@@ -114,6 +114,30 @@ def load_site(path: str | Path) -> Site:
         )
     except ValueRangeError as error:
         raise file.error(str(error), "limits") from error
+
+
+def check_clearances(site: Site, airframe: Airframe) -> None:
+    """Refuse distances that the drone's hull does not fit in.
+
+    Args:
+        site: With the distances.
+        airframe: Size of the drone's body.
+
+    Raises:
+        InputError: A distance is too small. As a FileError it names the site file and the line.
+    """
+    reach_m = airframe.radius_m
+    for name, least_m in site.clearances.below(reach_m).items():
+        narrower = (
+            f", and narrow passages take off {NARROWER_M:g} m" if name == "obstacle_m" else ""
+        )
+        message = (
+            f"must be at least {least_m:.2f} m, because the drone reaches {reach_m:.2f} m "
+            f"from its centre{narrower}, got {getattr(site.clearances, name):g}"
+        )
+        if site.file is not None:
+            raise read_yaml(site.file, _SiteFile, "site file").error(message, "margins", name)
+        raise InputError(f"margins.{name}: {message}; a site file sets it")
 
 
 def _mark(section: _Mark) -> LandingMark:

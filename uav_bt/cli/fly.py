@@ -14,6 +14,7 @@ from rich.console import Console
 
 from uav_bt import app
 from uav_bt.app import film
+from uav_bt.app.options import mark_of
 from uav_bt.app.site import load_site
 from uav_bt.app.view.live import ViewListeners, live_view
 from uav_bt.cli.command import Command
@@ -237,7 +238,7 @@ def fly(
         except KeyboardInterrupt as stop:
             when = "again while it landed" if flights else "before take-off: nothing flew"
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
-        Console().print(summary(flown))
+        Console().print(summary(flown, mark_of(options)))
         lost = {**flown.lost_outputs, **_closed(stack)}
     _name_files({"report": report, "record": record, "video": video, "btlog": btlog}, lost)
     if viewed is not None and view == "web":

@@ -44,10 +44,15 @@ def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> s
     return f"{mission} with {drone}" if scene is None else f"{mission} in {scene}, seed {seed}"
 
 
-def lands_on_helipad(report: FlightReport) -> bool:
-    """Return whether a flight was to land on a helipad, or did: other landings have no error."""
+def lands_on_helipad(report: FlightReport, mark: LandingMark) -> bool:
+    """Return whether a flight was to land on a helipad, or did: other landings have no error.
+
+    Args:
+        report: Of the flight.
+        mark: Landing mark of the place.
+    """
     error_m = report.landing_error_m
-    on_pad = error_m is not None and error_m <= LandingMark().radius_m
+    on_pad = error_m is not None and error_m <= mark.radius_m
     return on_pad or report.time_to_find_helipad_s is not None
 
 

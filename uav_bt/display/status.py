@@ -27,7 +27,7 @@ from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
-from uav_bt.types import DroneState
+from uav_bt.types import DroneState, LandingMark
 
 _REDRAW_S: Final = 0.2  # wall time between redraws: faster cannot be read
 _DESCENT_LINE_EVERY_S: Final = 5.0  # wall time: a person who must act now has no ten
@@ -177,8 +177,13 @@ _SENTENCES: Final = {
 }
 
 
-def summary(report: FlightReport) -> Table:
-    """Return a flight's report as a table for people."""
+def summary(report: FlightReport, mark: LandingMark) -> Table:
+    """Return a flight's report as a table for people.
+
+    Args:
+        report: Of the flight.
+        mark: Landing mark of the place.
+    """
     good = report.outcome == Outcome.SUCCESS.value
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     table.add_column(style="dim")
@@ -190,7 +195,7 @@ def summary(report: FlightReport) -> Table:
     table.add_row("outcome", outcome)
     flight = describe_flight(report.tree, scene=report.scene, drone=report.drone, seed=report.seed)
     table.add_row("mission", Text(flight))
-    for name, value, unit, digits in _numbers(report):
+    for name, value, unit, digits in _numbers(report, mark):
         if value is not None:
             table.add_row(name, f"{value:.{digits}f} {unit}")
     for name, describe in _SENTENCES.items():
@@ -202,7 +207,9 @@ def summary(report: FlightReport) -> Table:
     return table
 
 
-def _numbers(report: FlightReport) -> Iterator[tuple[str, float | None, str, int]]:
+def _numbers(
+    report: FlightReport, mark: LandingMark
+) -> Iterator[tuple[str, float | None, str, int]]:
     """Yield name, value, unit and decimal places of what the mission came to."""
     yield "duration", report.duration_s, "s", 1
     if (report.duration_s or 0.0) > EXPLORE_S:  # else it is the total distance
@@ -210,7 +217,7 @@ def _numbers(report: FlightReport) -> Iterator[tuple[str, float | None, str, int
     yield "total distance", report.total_distance_m, "m", 2
     yield "search", report.time_to_find_helipad_s, "s until the helipad was found", 1
     yield "landing", report.time_to_land_s, "s from there", 1
-    if lands_on_helipad(report):
+    if lands_on_helipad(report, mark):
         yield "landing error", report.landing_error_m, "m from the helipad's centre", 3
     yield "least clearance", report.min_clearance_m, "m to an obstacle", 2
 

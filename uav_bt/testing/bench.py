@@ -16,9 +16,11 @@ from uav_bt.tree import Leaf, MissionTree, Status, Variables
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
+    Clearances,
     DroneState,
     FlyingState,
     GimbalTo,
+    LandingMark,
     MoveBy,
     Movement,
     MovementState,
@@ -38,6 +40,7 @@ class BenchWorld:
         self.tree = tree
         self.policies: dict[str, LeafPolicy] = {}  # ahead of the installed ones
         self.segmenter: Segmenter | None = None
+        self.mark, self.clearances = LandingMark(), Clearances()
         self.seed = 0
         self.camera = pinhole()
         self.strict_board = StrictBlackboard(self.clock, MISSION_KEYS)
@@ -158,6 +161,8 @@ class BenchWorld:
             policy=self._policy,
             seed=self.seed,
             segmenter=self.segmenter,
+            mark=self.mark,
+            clearances=self.clearances,
         )
         self.tree.setup(context)
         self._ready = True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from uav_bt.errors import ValueRangeError
 
@@ -35,6 +35,16 @@ class Clearances:
         values = (self.obstacle_m, self.edge_m, self.unknown_m, self.lane_m)
         if not all(0.0 <= value < math.inf for value in values):
             raise ValueRangeError(f"clearances must be zero or positive metres, got {self}")
+
+    def below(self, radius_m: float) -> dict[str, float]:
+        """Return the distances that a hull does not fit in: the least value of each, by its name.
+
+        Args:
+            radius_m: Radius of the hull, metres.
+        """
+        least_m = {each.name: radius_m for each in fields(self)}
+        least_m["obstacle_m"] = round(radius_m + NARROWER_M, 6)  # 0.2 and 0.1 are 0.3
+        return {name: least for name, least in least_m.items() if getattr(self, name) < least}
 
 
 NARROWER_M = 0.10

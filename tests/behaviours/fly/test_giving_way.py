@@ -17,7 +17,7 @@ from tests.behaviours.path.test_ways_out import mover
 from uav_bt.board import ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, MoveBy, Velocity
+from uav_bt.types import BodyVelocity, Clearances, MoveBy, Velocity
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMover
 
@@ -128,3 +128,24 @@ def test_a_way_is_not_flown_on_without_a_new_view() -> None:
         bench.tick()
     assert isinstance(bench.proposed, Velocity)
     assert (bench.proposed.forward_mps, bench.proposed.right_mps) == (0.0, 0.0)
+
+
+def velocity_in(place: Clearances) -> Velocity:
+    bench = steering_bench(Explore, Says(ADVANCE), gives_way=True)
+    bench.clearances = place
+    for step in range(5):
+        show(bench)
+        bench.board[SITE_MAP] = replace(
+            drawn_map(), captured_s=bench.clock.now(), movers=(COMES,) if step == 4 else ()
+        )
+        move(bench)
+        bench.tick()
+    assert isinstance(bench.proposed, Velocity)
+    return bench.proposed
+
+
+def test_it_does_not_leave_the_distance_from_the_edge_that_the_place_asks_for() -> None:
+    """On ground of 4 m a side no place lies 2.5 m from the edge: it stays where it is."""
+    usual, far = (velocity_in(Clearances(edge_m=edge_m)) for edge_m in (0.3, 2.5))
+    assert math.hypot(usual.forward_mps, usual.right_mps) > 0.1
+    assert math.hypot(far.forward_mps, far.right_mps) == pytest.approx(0.0)

@@ -18,6 +18,7 @@ from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.types import MapObject, NearObstacles
 
 CONFIG = KeepAwayConfig()
+EDGE_M = 0.3
 
 
 def around(
@@ -31,23 +32,25 @@ def around(
 
 
 def test_the_step_leads_away_from_the_nearest_obstacle() -> None:
-    step_m = step_away_m(around((0.0, 0.3), (2.0, 0.0)), CONFIG)
+    step_m = step_away_m(around((0.0, 0.3), (2.0, 0.0)), CONFIG, EDGE_M)
     assert step_m == pytest.approx((0.0, -CONFIG.room_step_m))
 
 
 @pytest.mark.parametrize("obstacles", [None, around(), around((0.5, 0.0))])
 def test_nothing_near_needs_no_step(obstacles: NearObstacles | None) -> None:
-    assert step_away_m(obstacles, CONFIG) is None
+    assert step_away_m(obstacles, CONFIG, EDGE_M) is None
 
 
 def test_the_step_does_not_lead_to_another_obstacle() -> None:
-    assert step_away_m(around((0.0, 0.3), (0.0, -0.4)), CONFIG) is None
+    assert step_away_m(around((0.0, 0.3), (0.0, -0.4)), CONFIG, EDGE_M) is None
 
 
 def test_the_step_does_not_lead_to_the_edge() -> None:
     """Between a box and the edge the drone stays rather than leave the ground."""
-    assert step_away_m(around((0.0, 0.3), edges=[(0.0, -0.4)]), CONFIG) is None
-    assert step_away_m(around((0.0, 0.3), edges=[(0.0, -0.6)]), CONFIG) is not None
+    assert step_away_m(around((0.0, 0.3), edges=[(0.0, -0.4)]), CONFIG, EDGE_M) is None
+    assert step_away_m(around((0.0, 0.3), edges=[(0.0, -0.6)]), CONFIG, EDGE_M) is not None
+    # The step is 0.15 m long and ends 0.45 m before that edge.
+    assert step_away_m(around((0.0, 0.3), edges=[(0.0, -0.6)]), CONFIG, 0.5) is None
 
 
 def test_between_an_obstacle_and_the_edge_the_push_is_from_the_nearer() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from behaviours.fly.land import EmergencyLand, Land
+from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
 from tests.behaviours.leaf_world import carpet, halted_proposals, live, show
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
 from uav_bt.classes import BACKGROUND, BOXES, CARPET
@@ -18,6 +19,7 @@ from uav_bt.types import (
     BodyVelocity,
     FlyingState,
     GimbalTo,
+    LandingMark,
     MoveBy,
     MovementState,
     MovementStatus,
@@ -124,6 +126,20 @@ def test_where_a_person_flew_it_there_it_lands() -> None:
     live(bench, seconds=10.0, movement=MovementStatus(id=1, state=MovementState.INTERRUPTED))
 
     assert bench.proposed == LandCommand()
+
+
+def test_an_emergency_landing_takes_a_mat_for_what_it_is() -> None:
+    """A mat of 0.05 m and 0.6 m a side, the only surface: its middle holds hull and margin."""
+    bench = LeafBench(EmergencyLand)
+    bench.camera, bench.mark = CAMERA_DOWN, LandingMark(length_m=0.6, width_m=0.6, height_m=0.05)
+    mat = view_of_box((-0.1, 0.5), (0.3, 0.9), around=BACKGROUND, top_m=0.05)
+    live(bench, ids=mat, gimbal_deg=-90.0)
+
+    step = bench.proposed
+    assert isinstance(step, MoveBy)
+    hull_m = bench.leaf.mission.airframe.radius_m + EmergencyLand.config.margin_m
+    assert 0.3 + hull_m - 0.03 <= step.right_m <= 0.9 - hull_m + 0.03
+    assert -0.1 + hull_m - 0.03 <= step.forward_m <= 0.5 - hull_m + 0.03
 
 
 @pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])

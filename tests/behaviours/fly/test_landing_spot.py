@@ -85,7 +85,10 @@ LENS_M = CAMERA_DOWN.forward_offset_m
 
 
 def view_of_box(
-    forward_m: tuple[float, float], right_m: tuple[float, float], around: int = CARPET
+    forward_m: tuple[float, float],
+    right_m: tuple[float, float],
+    around: int = CARPET,
+    top_m: float = TOP_M,
 ) -> NDArray[np.uint8]:
     """Return the class map of a box as the camera sees it: its top, and the sides that face it.
 
@@ -93,10 +96,11 @@ def view_of_box(
         forward_m: where it begins and ends, from the body's centre.
         right_m: the same to the right.
         around: class of everything else.
+        top_m: height of the top above the ground.
     """
     pixels = np.stack(np.meshgrid(np.arange(161), np.arange(91)), axis=-1)
     ids = np.full((91, 161), around, dtype=np.uint8)
-    for level_m in np.linspace(0.0, TOP_M, 60):
+    for level_m in np.linspace(0.0, top_m, 60):
         ahead, right = np.moveaxis(
             ground_points(pixels, CAMERA_DOWN, -math.pi / 2, HEIGHT_M - level_m), -1, 0
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,
+    Clearances,
     GimbalTo,
     HelipadFix,
     MoveBy,
@@ -712,3 +714,74 @@ def test_to_a_mark_far_beyond_the_known_ground_it_flies_to_where_that_ends() -> 
     fly(bench, (4.0, 0.0), site_map=replace(known, free=known.free & ahead, seen_s=seen_s))
     assert velocity(bench).forward_mps > 0.2
     assert policy.views == []
+
+
+# --- the place ------------------------------------------------------------------------------------
+
+
+def passage() -> SiteMap:
+    """Return ground between two walls, 0.3 m to the left and to the right of the way ahead."""
+    x_m = np.arange(-2.0, 2.01, 0.05)
+    walls = np.vstack([np.column_stack([x_m, np.full(len(x_m), side)]) for side in (-0.3, 0.3)])
+    x, y = np.indices((61, 61)) * 0.1 - 3.0
+    between = (np.abs(y) <= 0.31) & (np.abs(x) <= 2.01)
+    drawn = drawn_map(obstacles=walls, known=between, pose=(-1.5, 0.0, 0.0))
+    return replace(drawn, outside=~between)
+
+
+def flies_ahead(clearances: Clearances, **seen: Any) -> bool:
+    """Return whether the leaf flies on in a place that asks for these distances."""
+    bench = steering_bench(ReturnToBase, Says(TURN_LEFT), gimbal_deg=-30.0)
+    bench.clearances = clearances
+    for _ in range(5):
+        fly(bench, **seen)
+    return isinstance(bench.proposed, Velocity) and bench.proposed.forward_mps > 0.0
+
+
+@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.5, False)])
+def test_the_way_to_the_mark_keeps_the_distance_that_the_place_asks_for(
+    obstacle_m: float, *, flown: bool
+) -> None:
+    """Between drone and mark a wall has a gap that leaves 0.4 m to either side.
+
+    The narrowest passage before the mark keeps 0.34 m by default, and 0.44 m in the second place.
+    """
+    y_m = np.arange(-2.0, 2.01, 0.05)
+    y_m = y_m[np.abs(y_m) > 0.38]
+    wall = np.column_stack([np.zeros(len(y_m)), y_m])
+    before = drawn_map(obstacles=wall, pose=(-0.8, 0.0, 0.0))
+    place = Clearances(obstacle_m=obstacle_m)
+    assert flies_ahead(place, pad=(1.8, 0.0), site_map=before) == flown
+
+
+@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.5, False)])
+def test_the_way_to_where_the_mark_was_seen_keeps_it_as_well(
+    obstacle_m: float, *, flown: bool
+) -> None:
+    mark = MapMark(x_m=1.5, y_m=0.0, std_m=0.1, seen_s=0.1)
+    place = Clearances(obstacle_m=obstacle_m)
+    assert flies_ahead(place, site_map=replace(passage(), mark=mark)) == flown
+
+
+@pytest.mark.parametrize(("obstacle_m", "flown"), [(0.4, True), (0.55, False)])
+def test_without_a_map_the_straight_way_keeps_it_as_well(obstacle_m: float, *, flown: bool) -> None:
+    """An obstacle lies 0.6 m beside the way; 0.12 m more than the distance are kept."""
+    place = Clearances(obstacle_m=obstacle_m)
+    assert flies_ahead(place, pad=(2.5, 0.0), obstacles=[(1.0, 0.6)]) == flown
+
+
+def test_the_camera_follows_a_mat_further_down_than_a_box() -> None:
+    """1.45 m ahead and as far below, a mat lies 45 degrees below the horizon."""
+    bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0)
+    for _ in range(2):
+        show(bench)
+        bench.board[HELIPAD] = HelipadFix(
+            captured_s=bench.clock.now(),
+            forward_m=1.45,
+            right_m=0.0,
+            detected=True,
+            height_m=0.05,
+        )
+        bench.tick()
+    assert bench.pointed is not None
+    assert bench.pointed.pitch_rad == pytest.approx(math.radians(-45.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from behaviours.path.margins import Margins
-from uav_bt.types import Clearances
+from uav_bt.types import Clearances, LandingMark
 
 
 def test_the_margins_of_the_default_place_are_the_defaults() -> None:
@@ -26,3 +26,22 @@ def test_a_place_that_asks_for_less_keeps_the_order_of_the_distances() -> None:
     margins = Margins().within(Clearances(obstacle_m=0.35))
     assert margins.min_start_m <= margins.touch_m < margins.wide_m
     assert margins.tightest_m == pytest.approx(0.25)
+
+
+def test_margins_that_differ_from_the_default_keep_their_difference() -> None:
+    """Exactly where the place is the default."""
+    further = Margins(touch_m=0.38, edge_m=0.4)
+    assert further.within(Clearances()) == further
+    assert further.within(Clearances(edge_m=0.5)).edge_m == pytest.approx(0.6)
+
+
+def test_the_last_metres_before_the_mark_keep_more_room_as_well() -> None:
+    margins = Margins().within(Clearances(obstacle_m=0.6))
+    assert margins.at_pad().touch_m == pytest.approx(Margins().at_pad().touch_m + 0.2)
+    assert margins.sure().touch_m <= margins.at_pad().touch_m
+
+
+def test_a_mark_that_is_flown_over_is_free_to_its_corners() -> None:
+    """Half of the diagonal of 0.6 x 0.8 m is 0.5 m, and a cell is 0.1 m."""
+    mark = LandingMark(length_m=0.6, width_m=0.8, height_m=0.05)
+    assert Margins().within(Clearances(), mark).over_m == pytest.approx(0.6)

@@ -12,7 +12,7 @@ from perception.camera.ground_plane import CameraView, ground_depth
 from uav_bt import classes
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
-from uav_bt.classes import BACKGROUND, BOXES, CARPET
+from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_H
 from uav_bt.errors import NodeFailedError, UnknownNameError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.testing import LeafBench, pinhole
@@ -24,6 +24,7 @@ from uav_bt.types import (
     DroneState,
     FlyingState,
     Frame,
+    LandingMark,
 )
 
 SIZE = (224, 112)
@@ -139,6 +140,20 @@ def test_contact_flies_without_a_network() -> None:
     assert np.isfinite(metric.depth[40, 110])
     assert np.isnan(metric.depth[5, 5])
     assert RELATIVE_DEPTH not in bench.board
+
+
+@pytest.mark.parametrize("height_m", [0.05, 0.4])
+def test_contact_knows_the_height_of_the_mark(height_m: float) -> None:
+    """Of the depth at which a ray meets the ground, it is the share (1.5 m - height) / 1.5 m."""
+    bench = LeafBench(EstimateDepth, model="contact")
+    bench.mark = LandingMark(height_m=height_m)
+    ids = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
+    ids[70:85, 100:125] = HELIPAD_H
+    fly(bench, ids=ids)
+    view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=PITCH_RAD, height_m=1.5)
+    share = (1.5 - height_m) / 1.5
+    expected_m = share * ground_depth(view)[75, 110]
+    assert bench.board[METRIC_DEPTH].depth[75, 110] == pytest.approx(expected_m)
 
 
 def test_a_refused_frame_writes_none_and_says_why(estimating: LeafBench) -> None:

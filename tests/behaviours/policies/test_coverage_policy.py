@@ -13,7 +13,7 @@ from tests.behaviours.path.test_survey import drawn_map, where
 from tests.behaviours.policies.cast_world import cast, view
 from uav_bt.answers import Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import MissionError
-from uav_bt.types import Corridor
+from uav_bt.types import Clearances, Corridor
 from uav_bt.types.site_map import SiteMap
 
 ALL = np.ones((61, 61), dtype=bool)
@@ -148,4 +148,7 @@ def test_where_nowhere_is_room_enough_it_flies_the_narrow_way() -> None:
     passage = replace(passage, outside=~between)
     decision = decide(passage, full_turns=1)
     assert isinstance(decision, FollowLeg | Rotate)
+    # A place that asks for 0.5 m from obstacles has its narrowest passage at 0.4 m.
+    further = decide(passage, full_turns=1, clearances=Clearances(obstacle_m=0.5))
+    assert isinstance(further, Blocked | Done)
     assert isinstance(decide(replace(passage, passed=ALL), full_turns=1), Done)

@@ -20,7 +20,9 @@ CAMERA = anafi_camera(640, 360)
 SCENE = Scene(name="pad", helipad=Helipad(position_m=(0.0, 0.0), yaw_deg=20), boxes=())
 
 
-def found(ids: np.ndarray, pitch_deg: float, height_m: float) -> HelipadFix | None:
+def found(
+    ids: np.ndarray, pitch_deg: float, height_m: float, mark: LandingMark | None = None
+) -> HelipadFix | None:
     """Return what one class map shows, the camera so high above the carpet."""
     frame = Frame(
         image=np.zeros((4, 8, 3), np.uint8),
@@ -29,7 +31,7 @@ def found(ids: np.ndarray, pitch_deg: float, height_m: float) -> HelipadFix | No
         gimbal_pitch_rad=math.radians(pitch_deg),
         height_above_carpet_m=height_m,
     )
-    finder = HelipadFinder()
+    finder = HelipadFinder(mark)
     finder.see(ClassMap(ids=ids, captured_s=0.0), frame, CAMERA)
     return finder.fix()
 
@@ -71,3 +73,18 @@ def test_a_speck_on_a_box_close_by_is_no_pad() -> None:
     ids[65:75, 108:120] = HELIPAD_BOX
 
     assert found(ids, -42.0, 1.5) is None
+
+
+def test_of_a_larger_mark_the_same_h_is_a_smaller_part() -> None:
+    """Twice as long and as wide, a whole H has four times the area."""
+    ids = np.full(SIZE_PX[::-1], CARPET, dtype=np.uint8)
+    ids[50:62, 99:125] = HELIPAD_H
+    ids[62:76, 99:125] = HELIPAD_BOX
+    usual, large = (
+        found(ids, -90.0, 0.4 + 1.0, LandingMark(length_m=side_m, width_m=side_m))
+        for side_m in (0.5, 1.0)
+    )
+    assert usual is not None
+    assert large is not None
+    assert usual.confidence < 0.9
+    assert large.confidence == pytest.approx(usual.confidence / 4.0)

@@ -14,6 +14,7 @@ from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, fly_noisy, tree
 from uav_bt import app
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
+from uav_bt.app.site import Site
 from uav_bt.errors import FileError, MissingDependencyError, NodeFailedError
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
@@ -21,7 +22,7 @@ from uav_bt.record import channels, record_file
 from uav_bt.record.channels import Channel
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
-from uav_bt.types import Airframe, Command, TakeOff
+from uav_bt.types import Airframe, Clearances, Command, LandingMark, TakeOff
 
 
 class Notes:
@@ -269,6 +270,15 @@ def test_nobody_listens_to_the_log_afterwards(
 def test_the_take_off_is_where_it_was(noted: tuple[Path, Notes]) -> None:
     first = next(RecordReader(noted[0]).moments())
     assert isinstance(first.commands.sent.movement, TakeOff)
+
+
+def test_a_replay_has_the_mark_and_the_clearances_of_the_record(tmp_path: Path) -> None:
+    record = tmp_path / "flight.mcap"
+    mat, place = LandingMark(height_m=0.05), Clearances(obstacle_m=0.5, edge_m=0.4)
+    site = Site(mark=mat, clearances=place)
+    app.fly(tree_file(tmp_path), app.FlightOptions(drone=NoisyDrone(), site=site, record=record))
+    replayed, _ = assemble_recorded(RecordReader(record), ReplayOptions())
+    assert (replayed.context.mark, replayed.context.clearances) == (mat, place)
 
 
 def test_a_replay_flies_the_airframe_of_the_record(tmp_path: Path) -> None:

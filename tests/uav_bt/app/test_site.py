@@ -16,8 +16,9 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.mission.tick import TickRecord
+from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status
-from uav_bt.types import Clearances, LandingMark, MissionPhase
+from uav_bt.types import Airframe, Clearances, LandingMark, MissionPhase
 
 FULL = """
 flight_height_m: 1.2
@@ -257,5 +258,72 @@ def test_the_mark_and_the_clearances_of_a_site_reach_the_leaves() -> None:
 def test_a_place_that_is_narrower_than_the_drone_is_refused() -> None:
     """The body reaches 0.2 m, and narrow passages take off 0.1 m."""
     site = Site(clearances=Clearances(obstacle_m=0.25))
-    with pytest.raises(InputError, match=r"obstacle_m must be at least 0\.30 m.*got 0\.25"):
+    with pytest.raises(InputError, match=r"obstacle_m: must be at least 0\.30 m.*got 0\.25"):
         app.assemble("land_only", app.FlightOptions(scene="val-a", site=site))
+
+
+def test_a_place_that_is_too_narrow_is_refused_with_its_line(tmp_path: Path) -> None:
+    file = site_file(tmp_path, "margins:\n  edge_m: 0.15\n  obstacle_m: 0.4\n")
+    with pytest.raises(FileError, match=r"site.yaml:2: margins.edge_m: must be at least 0\.20 m"):
+        app.assemble("land_only", app.FlightOptions(site=file))
+
+
+def test_the_least_that_the_drone_needs_is_enough() -> None:
+    place = Clearances(obstacle_m=0.3, edge_m=0.2, unknown_m=0.2, lane_m=0.2)
+    options = app.FlightOptions(site=Site(clearances=place))
+    assert app.assemble("land_only", options).context.clearances == place
+
+
+def test_a_large_drone_needs_more_than_the_default(tmp_path: Path) -> None:
+    """Its hull reaches 0.5 m from its centre."""
+    drone = ScriptedDrone()
+    drone.airframe = Airframe(body_size_m=(0.6, 0.8, 0.1))
+    with pytest.raises(
+        InputError, match=r"margins.obstacle_m: must be at least 0\.60 m.*site file"
+    ):
+        app.assemble("land_only", app.FlightOptions(drone=drone))
+    text = "margins: {obstacle_m: 0.6, edge_m: 0.5, unknown_m: 0.5, lane_m: 0.7}"
+    options = app.FlightOptions(drone=drone, site=site_file(tmp_path, text))
+    assert app.assemble("land_only", options).context.clearances.obstacle_m == 0.6
+
+
+def test_half_a_mark_keeps_the_other_half(tmp_path: Path) -> None:
+    flat = load_site(site_file(tmp_path, "mark: {height_m: 0.05}"))
+    assert flat.mark == LandingMark(height_m=0.05)
+    large = load_site(site_file(tmp_path, "mark: {size_m: [1, 1.5]}"))
+    assert large.mark == LandingMark(length_m=1.0, width_m=1.5)
+
+
+def test_the_leaf_that_finds_the_mark_gets_the_sites_height(tmp_path: Path) -> None:
+    body, mat = '<FindHelipad pad_height_m="0.3"/>', Site(mark=LandingMark(height_m=0.05))
+    assert loaded(tmp_path, body, mat) == {"FindHelipad.pad_height_m": 0.05}
+    assert loaded(tmp_path, body, Site()) == {"FindHelipad.pad_height_m": 0.3}
+
+
+def test_a_mark_that_no_leaf_looks_for_is_no_mistake(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """An emergency landing needs its height as well."""
+    loaded(tmp_path, "<EmergencyLand/>", Site(mark=LandingMark()))
+    assert caplog.messages == []
+
+
+MAT_SCENE = """
+helipad: {position_m: [1.6, 1.1], yaw_deg: 15, size_m: [0.6, 0.6, 0.05]}
+take_off: {from: helipad, yaw_deg: -125}
+"""
+
+
+def test_it_lands_on_a_mat_that_the_site_describes(tmp_path: Path) -> None:
+    scene = tmp_path / "mat.yaml"
+    scene.write_text(MAT_SCENE, encoding="utf-8")
+    site = site_file(tmp_path, "mark: {size_m: [0.6, 0.6], height_m: 0.05}")
+    report = app.fly(
+        "land_only",
+        app.FlightOptions(
+            scene=scene, site=site, exact_masks=True, image_size_px=(320, 180), seed=1
+        ),
+    )
+    assert report.outcome == "success"
+    assert report.landing_error_m is not None
+    assert report.landing_error_m < 0.15

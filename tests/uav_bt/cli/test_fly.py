@@ -167,6 +167,23 @@ def test_a_mistake_is_told_and_nothing_is_flown(
 
 
 @pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        ("margins: {obstacle_m: 0.25}", "margins.obstacle_m: must be at least 0.30 m"),
+        ("margins: {obstacles_m: 0.5}", "did you mean 'obstacle_m'"),
+        ("margins: {lane_m: -1}", "margins.lane_m: expected a number greater than or equal to 0"),
+        ("mark: {height_m: -0.1}", "mark.height_m: expected a number greater than or equal to 0"),
+    ],
+)
+def test_a_place_that_cannot_be_is_refused_with_its_line(
+    section: str, words: str, tmp_path: Path
+) -> None:
+    site = tmp_path / "site.yaml"
+    site.write_text(f"flight_height_m: 1.2\n{section}\n", encoding="utf-8")
+    assert_refused(run("fly", "land_only", "--site", site), f"{site}:2: ", words)
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         ("boxes: [", ["not valid YAML"]),

@@ -20,6 +20,7 @@ from uav_bt.types import (
     HelipadFix,
     Hover,
     Land,
+    LandingMark,
     MoveBy,
     Movement,
     Release,
@@ -44,7 +45,14 @@ def test_a_landing_is_held_against_the_helipad_where_the_mission_is_about_it(
     searched_s: float | None, error_m: float | None, *, on_it: bool
 ) -> None:
     report = replace(flight_report(), time_to_find_helipad_s=searched_s, landing_error_m=error_m)
-    assert lands_on_helipad(report) == on_it
+    assert lands_on_helipad(report, LandingMark()) == on_it
+
+
+def test_a_larger_mark_is_landed_on_further_from_its_middle() -> None:
+    """Half of the diagonal of 1.2 x 1.6 m is 1 m."""
+    report = replace(flight_report(), time_to_find_helipad_s=None, landing_error_m=0.9)
+    assert lands_on_helipad(report, LandingMark(length_m=1.2, width_m=1.6))
+    assert not lands_on_helipad(report, LandingMark())
 
 
 @pytest.mark.parametrize(

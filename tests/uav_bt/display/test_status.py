@@ -19,7 +19,7 @@ from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone
 from uav_bt.testing.faults import Fault, FaultyDrone
 from uav_bt.tree import parse_tree
-from uav_bt.types import CutMotors, FlyingState, Pose
+from uav_bt.types import CutMotors, FlyingState, LandingMark, Pose
 
 
 class Wall:
@@ -201,7 +201,7 @@ def _fail_after(status: LiveStatus, world: World) -> None:
 
 def shown(report: FlightReport, width: int = 200) -> str:
     out = io.StringIO()
-    Console(file=out, width=width, color_system=None).print(summary(report))
+    Console(file=out, width=width, color_system=None).print(summary(report, LandingMark()))
     return out.getvalue()
 
 

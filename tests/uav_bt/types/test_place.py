@@ -34,3 +34,10 @@ def test_the_import_of_a_former_constant_names_its_successor(name: str) -> None:
 
     with pytest.raises(ImportError, match=r"it is (LandingMark|Airframe)\."):
         getattr(uav_bt.types, name)
+
+
+def test_a_hull_must_fit_into_the_narrowest_passage() -> None:
+    """A hull of 0.35 m needs 0.45 m from obstacles, and its radius from everything else."""
+    place = Clearances(obstacle_m=0.44, edge_m=0.34, unknown_m=0.35, lane_m=0.7)
+    assert place.below(0.35) == pytest.approx({"obstacle_m": 0.45, "edge_m": 0.35})
+    assert Clearances(obstacle_m=0.3, edge_m=0.2).below(0.2) == {}
