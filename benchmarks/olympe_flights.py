@@ -48,7 +48,9 @@ def fly(args: argparse.Namespace, number: int) -> tuple[TimedDrone, TimedQueue, 
     drone, queue = timed_drone(partial(OlympeDrone, config))
     options = app.FlightOptions(drone=drone, site=Site(take_off_surface_m=0.4))
     with served(
-        *(address, "--profile", args.profile),
+        address,
+        "--profile",
+        args.profile,
         scene=args.scene,
         seed=number,
         rate_hz=args.rate,

@@ -26,7 +26,7 @@ async def served(
 ) -> AsyncIterator[Process]:
     """Run a loopback ANAFI."""
     server = await asyncio.create_subprocess_exec(
-        *(python, "-m", "uav_bt.cli", "serve-anafi", "--address", address, *options), stdout=PIPE
+        python, "-m", "uav_bt.cli", "serve-anafi", "--address", address, *options, stdout=PIPE
     )
     try:
         if server.stdout is None or not (await server.stdout.readline()).startswith(b"'ANAFI"):
@@ -52,7 +52,8 @@ class Script:
         """Start it against the drone at an address; its folder is its working directory."""
         errors = tempfile.TemporaryFile()  # noqa: SIM115  (open as long as the script runs)
         process = await asyncio.create_subprocess_exec(
-            *(python, str(path)),
+            python,
+            str(path),
             env=os.environ | {"DRONE_IP": address} | env,
             cwd=path.parent,
             stdin=PIPE,

@@ -49,7 +49,13 @@ class CourseLeaf(MovingLeaf):
     """Base of the leaves that fly at a speed, and keep away from obstacles meanwhile."""
 
     course: ClassVar[CourseConfig] = CourseConfig()
-    reads: ClassVar[tuple[Key[Any], ...]] = (*(STATE, FLIGHT_HEIGHT, CAMERA, ODOMETRY, SITE_MAP),)
+    reads: ClassVar[tuple[Key[Any], ...]] = (
+        STATE,
+        FLIGHT_HEIGHT,
+        CAMERA,
+        ODOMETRY,
+        SITE_MAP,
+    )
     writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, HELD_TURN)
     resumes = False  # an interrupted movement is decided anew, on the view of that time
 

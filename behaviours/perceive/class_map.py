@@ -34,13 +34,15 @@ class Segment(Leaf):
 
     ports = (
         Port(
-            *("model", str),
+            "model",
+            str,
             default="unet",
             doc="'unet', 'unet-fp32', 'teacher', or an ONNX file",
             look_up=segmentation_file,
         ),
         Port(
-            *("classes", str),
+            "classes",
+            str,
             default="",
             doc="class-mapping file of a foreign ONNX network",
             look_up=_mapping_file,

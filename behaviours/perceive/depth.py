@@ -36,7 +36,8 @@ class EstimateDepth(Leaf):
 
     ports = (
         Port(
-            *("model", str),
+            "model",
+            str,
             default="depth",
             doc="'depth', 'depth-fp32', an ONNX file, or 'contact' (no network)",
             look_up=depth_file,

@@ -21,7 +21,13 @@ from uav_bt.tree import Leaf
 from uav_bt.types import CameraModel, ClassMap, Clearances, Frame, HeldTurn
 
 VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
-    *(FRAME, CLASS_MAP, CAMERA, CORRIDOR, SITE_MAP, RECENT_VIEWS, HELD_TURN),
+    FRAME,
+    CLASS_MAP,
+    CAMERA,
+    CORRIDOR,
+    SITE_MAP,
+    RECENT_VIEWS,
+    HELD_TURN,
 )
 """What a leaf must declare that it reads, to show views to policies."""
 

@@ -109,7 +109,8 @@ class OlympeLink:
                 _LOG.warning(
                     "the SDK has not disconnected from %s within %g s: the last commands may not "
                     "have reached the drone, and its settings may not be restored",
-                    *(config.where, limit_s),
+                    config.where,
+                    limit_s,
                 )
         finally:
             # It takes half a minute for drones that are gone, and with 7.7.5 ten seconds for any.

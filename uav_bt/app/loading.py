@@ -138,7 +138,10 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey) -> None:
                     continue  # other leaves take the mark from the mission's context
                 _log.warning(
                     "Warning: the site's %s='%s' has no effect: no leaf of tree '%s' writes '%s'",
-                    *(name, value, mission.name, key.name),
+                    name,
+                    value,
+                    mission.name,
+                    key.name,
                 )
             elif not any(name in leaf.values_taken({key: attributes}) for leaf in writers):
                 raise InputError(

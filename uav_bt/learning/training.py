@@ -34,7 +34,12 @@ UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
 # What a run's diary draws.
 DEPTH_CURVES: Final = ("loss", "abs_rel", "obstacle_error_m", "carpet_error_m")
 STUDENT_CURVES: Final = (
-    *("loss", "missed", "stopped", "wrong_side", "step_error_m", "free_error_m"),
+    "loss",
+    "missed",
+    "stopped",
+    "wrong_side",
+    "step_error_m",
+    "free_error_m",
 )
 
 

@@ -179,7 +179,13 @@ def summarise_errors(
 
 
 _FIGURES = (
-    *("mean_m", "median_m", "rmse_m", "std_m", "p95_m", "max_m", "bias_m"),
+    "mean_m",
+    "median_m",
+    "rmse_m",
+    "std_m",
+    "p95_m",
+    "max_m",
+    "bias_m",
     "correlation",
 )
 

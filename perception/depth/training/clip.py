@@ -83,7 +83,10 @@ def _turned_maps(
     rows = np.asarray(fy * before[1] / nearer + cy, dtype=np.float32)
     result = [
         cv2.remap(
-            *(each, columns, rows, cv2.INTER_NEAREST),
+            each,
+            columns,
+            rows,
+            cv2.INTER_NEAREST,
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=(beyond,),
         )

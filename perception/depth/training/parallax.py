@@ -92,14 +92,20 @@ class Parallax:
         landed = self._pixels + there
         returned = np.asarray(
             cv2.remap(
-                *(back, landed[..., 0], landed[..., 1], cv2.INTER_LINEAR),
+                back,
+                landed[..., 0],
+                landed[..., 1],
+                cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_CONSTANT,
                 borderValue=(_OUTSIDE, _OUTSIDE),
             )
         )
         loop = np.hypot(*np.moveaxis(there + returned, 2, 0))
         inside = cv2.remap(
-            *(seen, landed[..., 0], landed[..., 1], cv2.INTER_NEAREST),
+            seen,
+            landed[..., 0],
+            landed[..., 1],
+            cv2.INTER_NEAREST,
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=(0,),
         )

@@ -31,8 +31,16 @@ def test_the_ways_without_a_network_are_measured_beside_the_paper(tmp_path: Path
 
 def test_only_the_tables_asked_for_are_made() -> None:
     result = run(
-        *("net", "evaluate", "depth", "--model", "contact", "--masks", "exact", *ONE_SCENE),
-        *("--tables", "distance"),
+        "net",
+        "evaluate",
+        "depth",
+        "--model",
+        "contact",
+        "--masks",
+        "exact",
+        *ONE_SCENE,
+        "--tables",
+        "distance",
     )
     assert result.exit_code == 0, result.output
     assert "along the ray" in result.stdout

@@ -35,8 +35,17 @@ SCENE = PAD + "boxes:\n  - {pattern: 1, position_m: [1.0, 1.0], size_m: [0.4, 0.
 def test_a_mission_that_succeeds_leaves_report_and_video(tmp_path: Path) -> None:
     report, video = tmp_path / "report.json", tmp_path / "flight.mp4"
     result = run(
-        *("fly", tree_file(tmp_path, HOP), "--scene", "val-a", "--seed", 3, *SMALL),
-        *("--report", report, "--video", video),
+        "fly",
+        tree_file(tmp_path, HOP),
+        "--scene",
+        "val-a",
+        "--seed",
+        3,
+        *SMALL,
+        "--report",
+        report,
+        "--video",
+        video,
     )
     assert result.exit_code == 0, result.output
     assert "success" in result.stdout
@@ -101,9 +110,25 @@ def test_options_reach_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(app, "fly", refuse)
     result = run(
-        *("fly", "land_only", "--scene", "val-b", "--seed", 7, "--drone", "twin:here"),
-        *("--profile", "harsh", "--policy", "A/B=x", "--policy", "C=y", "--realtime"),
-        *("--image-size", "320x180", "--threads", 2),
+        "fly",
+        "land_only",
+        "--scene",
+        "val-b",
+        "--seed",
+        7,
+        "--drone",
+        "twin:here",
+        "--profile",
+        "harsh",
+        "--policy",
+        "A/B=x",
+        "--policy",
+        "C=y",
+        "--realtime",
+        "--image-size",
+        "320x180",
+        "--threads",
+        2,
     )
     assert_refused(result, "enough")
     assert asked == [

@@ -20,8 +20,15 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("flown")
     path = folder / "flight.mcap"
     result = run(
-        *("fly", tree_file(folder, HOP), "--scene", "val-a", "--seed", 3, *SMALL),
-        *("--record", path),
+        "fly",
+        tree_file(folder, HOP),
+        "--scene",
+        "val-a",
+        "--seed",
+        3,
+        *SMALL,
+        "--record",
+        path,
     )
     assert result.exit_code == 0, result.output
     assert f"record: {path}" in result.stdout

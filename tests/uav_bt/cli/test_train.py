@@ -59,8 +59,17 @@ def test_picks_drawn_from_the_twin_train_a_teacher(tmp_path: Path) -> None:
     assert f"teacher of {len(known)} classes: {teacher}" in trained.stdout
 
     score = run(
-        *("net", "evaluate", "segmentation", "--model", teacher),
-        *("--scene", "train-a", "--views", 1, "--out", tmp_path / "score.json"),
+        "net",
+        "evaluate",
+        "segmentation",
+        "--model",
+        teacher,
+        "--scene",
+        "train-a",
+        "--views",
+        1,
+        "--out",
+        tmp_path / "score.json",
     )
     assert score.exit_code == 0, score.output
     told = json.loads((tmp_path / "score.json").read_text())
@@ -152,8 +161,19 @@ def test_masks_of_another_plan_are_not_taken_for_these(
 ) -> None:
     for number, views in enumerate((2, 3)):
         result = run(
-            *("net", "train", "segmentation", "--scene", "train-a", "--views", views, "--steps", 1),
-            *("--run", tmp_path / "run", "--out", tmp_path / f"net{number}.safetensors"),
+            "net",
+            "train",
+            "segmentation",
+            "--scene",
+            "train-a",
+            "--views",
+            views,
+            "--steps",
+            1,
+            "--run",
+            tmp_path / "run",
+            "--out",
+            tmp_path / f"net{number}.safetensors",
         )
         assert result.exit_code == 0, result.output
     assert masks[0][2] != masks[1][2]

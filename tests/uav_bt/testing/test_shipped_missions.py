@@ -26,7 +26,7 @@ def test_landing_follows_finding_the_pad() -> None:
     bench = land_only()
     ticks = bench.tick_until(Status.SUCCESS, max_ticks=20)
     bench.log.assert_order(
-        *("TakeOff succeeded", "ReturnToBase succeeded", "HelipadCenter succeeded", "Land started")
+        "TakeOff succeeded", "ReturnToBase succeeded", "HelipadCenter succeeded", "Land started"
     )
     bench.log.assert_started("Segment", times=ticks)
     bench.log.assert_not_started("EmergencyLand")
@@ -80,7 +80,13 @@ def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     )
     assert home.time_s - start.time_s == pytest.approx(90.0)
     bench.log.assert_order(
-        *("Explore failed", "Avoid started", "Avoid succeeded", "Explore started"),
-        *("step_or_turn halted", "Timeout failed", "explore_for succeeded", "Land started"),
+        "Explore failed",
+        "Avoid started",
+        "Avoid succeeded",
+        "Explore started",
+        "step_or_turn halted",
+        "Timeout failed",
+        "explore_for succeeded",
+        "Land started",
     )
     bench.log.assert_not_started("EmergencyLand")

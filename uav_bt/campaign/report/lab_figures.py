@@ -123,7 +123,9 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
         pad = lab.helipad
         axes.add_patch(Polygon(pad.corners(), facecolor="none", edgecolor=_INK_PAD, linewidth=1.4))
         axes.text(
-            *(pad.x_m, pad.y_m, "H"),
+            pad.x_m,
+            pad.y_m,
+            "H",
             ha="center",
             va="center",
             weight="bold",
@@ -133,7 +135,9 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
         face = tuple(channel / 255 for channel in box.colour)
         axes.add_patch(Polygon(box.corners(), facecolor=face, edgecolor="#343a40", linewidth=0.8))
         axes.text(
-            *(box.x_m, box.y_m, f"{box.size_m[2]:.1f}"),
+            box.x_m,
+            box.y_m,
+            f"{box.size_m[2]:.1f}",
             ha="center",
             va="center",
             fontsize=7,
