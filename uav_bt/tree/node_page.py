@@ -39,7 +39,7 @@ def _section(node: type[Node], registry: NodeRegistry) -> Iterator[str]:
     yield f"## {info.node_id}"
     # The attributes of a class have a table here.
     yield inspect.cleandoc(node.__doc__ or "").partition("\nArgs:")[0].strip()
-    yield f"```xml\n{example(info)}\n```"
+    yield f"Example: `{example(info)}`"
     if info.ports:
         rows = [f"| `{p.name}` | {p.type} | {_value(p)} | {_doc(p)} |" for p in info.ports]
         yield "\n".join(["| port | type | default | meaning |", "|---|---|---|---|", *rows])
