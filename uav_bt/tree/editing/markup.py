@@ -1,7 +1,7 @@
-"""A tree file's text as markup with every offset, also while it is being typed.
+"""Reader of a tree file's markup for editing: offsets, comments and blanks, unfinished tags too.
 
-The loader's own reader (`loading/source.py`) gives elements and refuses what is not well-formed.
-This one keeps comments and blanks, and makes the best of tags and quotes that are still open.
+The loader's reader (`loading/source.py`) cannot serve here: it refuses text that is not well-formed,
+which is most text while one types, and it drops the comments and quotes that the formatter keeps.
 """
 
 from __future__ import annotations

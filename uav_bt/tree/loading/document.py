@@ -42,7 +42,6 @@ class Document:
 
     path: Path
     registry: NodeRegistry  # the nodes that may occur
-    roots: list[Element] = field(default_factory=list)  # of the file and of what it includes
     main: str = ""  # "": the file leaves it open
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
@@ -126,7 +125,6 @@ def outline(
     while waiting:
         element = waiting.pop(0)
         if _check_root(element, findings):
-            document.roots.append(element)
             for child in element.children:
                 if child.tag == "include":
                     waiting += included.read(child, findings)
@@ -156,7 +154,7 @@ def _check_root(root: Element, findings: Findings) -> bool:
         findings.warn(root, f"{expected} nothing", rule=Rule.ROOT)
     elif version != "4":
         where = root.at("BTCPP_format")
-        cure = ": 'uav-bt tree migrate' makes a file of version 4 of it" if version == "3" else ""
+        cure = ": convert it with convert_v3_to_v4.py of BehaviorTree.CPP" if version == "3" else ""
         findings.add(path, where, f"{expected} '{version}'{cure}", "root", rule=Rule.ROOT)
     return True
 

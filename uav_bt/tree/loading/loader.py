@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,6 @@ from uav_bt.tree.loading.findings import (
 )
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.plans import GivenValue
-from uav_bt.tree.loading.releases import check_releases
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.variable_uses import VariableUses
@@ -196,7 +195,6 @@ def check_file(
     *,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
-    engines: Iterable[str] = (),
 ) -> tuple[Finding, ...]:
     """Return all that is wrong or odd in a tree file; nothing for a good one. See `check_text`.
 
@@ -205,13 +203,12 @@ def check_file(
         registry: the nodes that may occur; default: all installed.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
-        engines: releases of BehaviorTree.CPP that are to take the file, too (`releases.RELEASES`).
     """
     try:
         source = read_source(path)
     except InputError as error:
         return findings_of(error, path)
-    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup, engines=engines)
+    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup)
 
 
 def check_text(
@@ -221,7 +218,6 @@ def check_text(
     path: Path,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
-    engines: Iterable[str] = (),
 ) -> tuple[Finding, ...]:
     """Return all that is wrong or odd in a tree file's text; nothing for a good one.
 
@@ -233,7 +229,6 @@ def check_text(
         path: the file.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
-        engines: releases of BehaviorTree.CPP that are to take the file, too (`releases.RELEASES`).
     """
     data = source.encode() if isinstance(source, str) else source
     registry = registry or NodeRegistry.installed()
@@ -247,7 +242,6 @@ def check_text(
         if not errors_of(findings):
             for read.document.main in roots:
                 remarks += read.remarks()
-        check_releases(read.document, registry, findings, engines, roots)
     except InputError as error:
         return findings_of(error, path)
     return (*findings, *remarks)

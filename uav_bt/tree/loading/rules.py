@@ -23,7 +23,6 @@ class Rule(Enum):
     NO_MEANING = "no-meaning", "Something in the file means nothing to the engine."
     NOT_INSTALLED = "not-installed", "Policies, networks and files that leaves name are there."
     LIMIT = "limit", "A value lies beyond what a mission is allowed unless its site says so."
-    ENGINE = "engine", "The releases of BehaviorTree.CPP that were asked for take the file."
     OTHER = "tree-file", "A tree file loads."
 
     def __init__(self, id_: str, text: str) -> None:

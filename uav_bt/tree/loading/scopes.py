@@ -13,7 +13,6 @@ from uav_bt.board.blackboard import Key
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.nodes.base import entry_value
 from uav_bt.tree.port import Port
-from uav_bt.tree.script.expressions import Name
 
 _MAX_SOURCES: Final = 100  # of one variable
 
@@ -56,7 +55,6 @@ class Read:
     use: Use
     port: Port[Any] | None  # None: a script
     needed: bool  # without a value the reader fails
-    part: Name | None = None  # of the script
 
 
 @dataclass(eq=False)

@@ -221,7 +221,7 @@ class VariableUses:
         if isinstance(slot, Key):
             self.on_board.append(BoardUse(slot, name.name, use))
         elif slot is not None:
-            slot.reads.append(Read(use, None, needed, name))
+            slot.reads.append(Read(use, None, needed))
 
     def _changed(self, script: Script, scope: Scope, use: Use) -> None:
         for statement in script.statements:
