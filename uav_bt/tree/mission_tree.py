@@ -15,8 +15,7 @@ from uav_bt.errors import InputError, MissionError, NodeFailedError, did_you_mea
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.loading.lookup import Inclusion
-from uav_bt.tree.node import Node
-from uav_bt.tree.placing import place_tree
+from uav_bt.tree.node import Node, place_tree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 

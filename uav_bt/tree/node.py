@@ -11,7 +11,8 @@ status; `node_status` is ours.
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from py_trees import common
@@ -19,10 +20,10 @@ from py_trees import common
 from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
+from uav_bt.tree.node_ports import NodePorts
 from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import Port, check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
-from uav_bt.tree.surroundings import Surroundings
 from uav_bt.tree.variables import Variables
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ class NodeKind(enum.Enum):
     SUBTREE = "SubTree"
 
 
-class Node(Surroundings, Behaviour):
+class Node(NodePorts, Behaviour):
     """Base of every node.
 
     Args:
@@ -315,3 +316,34 @@ class Node(Surroundings, Behaviour):
             self.reset()
         else:
             self.set_status(Status[new_status.name])
+
+
+def child_paths(parent: str, names: Sequence[str]) -> list[str]:
+    """Return the paths of a node's children; the second of one name gets `#2`.
+
+    Args:
+        parent: the parent's path.
+        names: of its children, in order.
+    """
+    seen: Counter[str] = Counter()
+    paths: list[str] = []
+    for name in names:
+        seen[name] += 1
+        number = f"#{seen[name]}" if seen[name] > 1 else ""
+        paths.append(f"{parent}/{name}{number}")
+    return paths
+
+
+def place_tree(root: Node, path: str, variables: Variables) -> None:
+    """Place a node and all nodes below it.
+
+    Args:
+        root: the uppermost node.
+        path: of the root.
+        variables: of the tree that the root stands in; every subtree below gets a scope in them.
+    """
+    root.place(path, variables)
+    inner = root.open_scope(variables)
+    paths = child_paths(path, [child.name for child in root.children])
+    for child, child_path in zip(root.children, paths, strict=True):
+        place_tree(child, child_path, inner)

@@ -1,8 +1,7 @@
 """Reader of a tree file's markup for editing: offsets, comments and blanks, unfinished tags too.
 
-The loader's reader (`loading/source.py`) cannot serve here. It refuses text that is not
-well-formed, as most text is while one types, and it drops the comments and quotes that the formatter
-keeps.
+The loader's reader (`loading/source.py`) cannot serve here: it refuses unfinished text, which a
+person types most of the time, and drops the comments and quotes that the formatter keeps.
 """
 
 from __future__ import annotations

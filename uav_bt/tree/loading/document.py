@@ -17,10 +17,9 @@ from uav_bt.tree.loading.elements import (
     expanded_class,
     node_attributes,
 )
-from uav_bt.tree.loading.findings import WARNING, Findings
+from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
 from uav_bt.tree.loading.models import read_enumerations, read_models
-from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -128,7 +127,7 @@ def outline(
             for child in element.children:
                 if child.tag == "include":
                     waiting += included.read(child, findings)
-            _read_parts(element, document, registry, findings)
+            _read_parts(element, document, findings)
     document.own = tuple(document.trees)
     included.note_circles(findings)
     document.included, document.inclusions = included.sources, included.found
@@ -159,9 +158,7 @@ def _check_root(root: Element, findings: Findings) -> bool:
     return True
 
 
-def _read_parts(
-    root: Element, document: Document, registry: NodeRegistry, findings: Findings
-) -> None:
+def _read_parts(root: Element, document: Document, findings: Findings) -> None:
     parts: dict[str, list[Element]] = {tag: [] for tag in (*_ROOT_CHILDREN, _METADATA)}
     for child in root.children:
         if child.tag in parts:
@@ -171,18 +168,17 @@ def _read_parts(
             findings.warn(child, f"<{child.tag}> means nothing in <root>{hint}")
     trees = parts["BehaviorTree"]
     for tree in trees:
-        _read_tree(tree, document, registry, findings, alone=len(trees) == 1)
+        _read_tree(tree, document, findings, alone=len(trees) == 1)
     for number, models in enumerate(parts["TreeNodesModel"]):
         if number:
             message = "a file has one <TreeNodesModel>: move its content to the first"
             findings.note(models, message, rule=Rule.NODE_MODEL)
-        _read_models(models, document, registry, findings)
+        _read_models(models, document, findings)
 
 
 def _read_tree(
     element: Element,
     document: Document,
-    registry: NodeRegistry,
     findings: Findings,
     *,
     alone: bool,
@@ -205,7 +201,7 @@ def _read_tree(
         message = f"this ID is taken by the tree at {first.path}:{first.position}"
         findings.note(element, message, "ID", rule=Rule.TREE_ID)
         return
-    _check_id(element, tree_id, registry, findings)
+    _check_id(element, tree_id, document.registry, findings)
     document.trees[tree_id] = element
 
 
@@ -240,11 +236,11 @@ def _fetch(document: Document, lookup: Lookup, findings: Findings) -> None:
             message = f"tree '{tree_id}' stands in several files: {places}; rename one"
             findings.note(node, message, "ID", rule=Rule.UNKNOWN_TREE)
         tree, file = found[0]
-        _read_tree(tree, document, registry, findings, alone=False)
+        _read_tree(tree, document, findings, alone=False)
         document.included[tree.path] = file.source
         for models in file.root.children:
             if models.tag == "TreeNodesModel":
-                _read_models(models, document, registry, findings)
+                _read_models(models, document, findings)
         waiting += doors(tree, registry)
 
 
@@ -281,23 +277,21 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
     findings.add(document.path, where, reason, "root", rule=Rule.ROOT)
 
 
-def _read_models(
-    models: Element, document: Document, registry: NodeRegistry, findings: Findings
-) -> None:
+def _read_models(models: Element, document: Document, findings: Findings) -> None:
     read_enumerations(models, document.enum_members, findings)
     for model in read_models(models, findings):
         if model.kind is NodeKind.SUBTREE:
             document.subtree_ports[model.node_id] = {
                 name: port.attributes.get("default") or None for name, port in model.ports.items()
             }
-        elif model.node_id in registry:
-            _compare_model(model.element, model.ports, registry[model.node_id], findings)
+        elif model.node_id in document.registry:
+            node = document.registry[model.node_id]
+            _compare_model(model.element, model.ports, node, findings)
 
 
 def _compare_model(
     model: Element, ports: dict[str, Element], node: type[Node], findings: Findings
 ) -> None:
-    path = model.path
     if node.kind.value != model.tag:
         message = f"described as {model.tag}, but the node is of kind {node.kind.value}"
         findings.warn(model, message, rule=Rule.NODE_MODEL)
@@ -305,5 +299,5 @@ def _compare_model(
     for name, element in ports.items():
         if name not in known:
             hint = did_you_mean(name, known)
-            where, message = element.at("name"), f"the node has no port '{name}'{hint}"
-            findings.add(path, where, message, model.label, severity=WARNING, rule=Rule.NODE_MODEL)
+            message = f"the node has no port '{name}'{hint}"
+            findings.warn(element, message, "name", rule=Rule.NODE_MODEL, label=model.label)

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from uav_bt import plugins
 from uav_bt.board import Key
@@ -20,11 +20,11 @@ from uav_bt.tree.loading.findings import (
     Finding,
     Findings,
     Position,
+    Rule,
     errors_of,
 )
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.plans import GivenValue
-from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.variable_uses import VariableUses
 from uav_bt.tree.mission_tree import MissionTree
@@ -35,45 +35,30 @@ from uav_bt.tree.registry import NodeRegistry
 _log = logging.getLogger(__name__)
 
 
+class TreeOptions(TypedDict, total=False):
+    """Keyword arguments of `load_tree`; `parse_tree` describes them."""
+
+    tree_id: str | None
+    overrides: Mapping[str, Mapping[str, str]] | None
+    by_key: Mapping[Key[Any], Mapping[str, str]] | None
+    mocks: Mapping[str, str] | None
+    lookup: Lookup | None
+
+
 def load_tree(
-    path: Path | str,
-    registry: NodeRegistry | None = None,
-    *,
-    tree_id: str | None = None,
-    overrides: Mapping[str, Mapping[str, str]] | None = None,
-    by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
-    mocks: Mapping[str, str] | None = None,
-    lookup: Lookup | None = None,
+    path: Path | str, registry: NodeRegistry | None = None, **options: Unpack[TreeOptions]
 ) -> MissionTree:
-    """Load a tree file. What is odd in it, but no reason to refuse it, is logged.
+    """Load a tree file.
 
     Args:
         path: the file.
         registry: the nodes that may occur; default: all installed.
-        tree_id: which of the file's trees; default: the one that it names, or the only one that no
-            other uses.
-        overrides: attribute values that replace the file's, by a node's name or path.
-        by_key: attribute values that replace the file's in all leaves that write a board key,
-            beneath the overrides. A leaf without the port is left as it is.
-        mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
-            path, name or node id; of several that fit a leaf, in this order the first counts. Name,
-            path, kind, ports and conditions stay as the file has them.
-        lookup: where to look for trees and included files; default: the file's folder.
+        options: `tree_id`, `overrides`, `by_key`, `mocks` and `lookup`; see `parse_tree`.
 
     Raises:
-        TreeError: the file was refused; all that is wrong with it, each with its place.
+        TreeError: the file was refused. The error lists all findings with their places.
     """
-    path = Path(path)
-    return parse_tree(
-        read_source(path),
-        registry,
-        path=path,
-        tree_id=tree_id,
-        overrides=overrides,
-        by_key=by_key,
-        mocks=mocks,
-        lookup=lookup,
-    )
+    return parse_tree(read_source(Path(path)), registry, path=path, **options)
 
 
 def parse_tree(
@@ -87,27 +72,31 @@ def parse_tree(
     mocks: Mapping[str, str] | None = None,
     lookup: Lookup | None = None,
 ) -> MissionTree:
-    """Load a tree from a tree file's text.
+    """Load a tree from a tree file's text. Warnings are logged.
 
     Args:
         source: the text.
         registry: the nodes that may occur; default: all installed.
         path: what messages call the file.
-        tree_id: which of the file's trees; see `load_tree`.
+        tree_id: which of the file's trees; default: the one that it names, or the only one that no
+            other uses.
         overrides: attribute values that replace the file's, by a node's name or path.
-        by_key: attribute values for all leaves that write a board key; see `load_tree`.
-        mocks: scripts of leaves; see `load_tree`.
-        lookup: where to look for trees and included files; see `load_tree`.
+        by_key: attribute values that replace the file's in all leaves that write a board key,
+            beneath the overrides. A leaf without the port is left unchanged.
+        mocks: scripts of leaves that scripted ones replace (`uav_bt.tree.scripted`), by path, name
+            or node id. If several fit a leaf, the first in this order counts. Name, path, kind,
+            ports and conditions stay those of the file.
+        lookup: where to look for trees and included files; default: the file's folder.
 
     Raises:
-        TreeError: the text was refused; all that is wrong with it, each with its place.
+        TreeError: the text was refused. The error lists all findings with their places.
     """
     data = source.encode() if isinstance(source, str) else source
     registry = NodeRegistry.installed() if registry is None else registry
     findings = Findings()
     read = _Read(data, Path(path), registry, findings, lookup)
     find_main(read.document, read.root, findings, tree_id)
-    Checker(read.document, registry, findings).check(read.roots)
+    Checker(read.document, findings).check(read.roots)
     findings.raise_any(path)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
@@ -145,7 +134,6 @@ class _Read:
         self.root = parse_source(data, path)
         self.document = outline(self.root, registry, findings, lookup)
         self._data = data
-        self._registry = registry
         self._findings = findings
 
     @property
@@ -166,7 +154,7 @@ class _Read:
             TreeError: it grows too large, or what is to be replaced does not fit.
         """
         document = self.document
-        builder = Builder(document, self._registry, self._findings)
+        builder = Builder(document, self._findings)
         root = builder.build(overrides, by_key=by_key, mocks=mocks)
         self._given = builder.given
         return MissionTree(
@@ -238,7 +226,7 @@ def check_text(
         read = _Read(data, path, registry, findings, lookup)
         _find_main_to_check(read, findings, tree_id)
         roots = read.roots
-        Checker(read.document, registry, findings).check(roots)
+        Checker(read.document, findings).check(roots)
         if not errors_of(findings):
             for read.document.main in roots:
                 remarks += read.remarks()
@@ -279,7 +267,7 @@ def unset_variables(
     find_main(read.document, read.root, findings, tree_id)
     return tuple(
         slot.name
-        for scope in VariableUses(read.document, registry).find(read.roots)
+        for scope in VariableUses(read.document).find(read.roots)
         if scope.door is None
         for slot in scope.slots()
         if not slot.created and any(use.needed for use in slot.reads)

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import FileError, TreeError
-from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import MAX_BYTES, Element, parse_source, read_source
+from uav_bt.tree.loading.findings import Findings, Rule
+from uav_bt.tree.loading.source import MAX_BYTES, Element, circles, parse_source, read_source
 
 MAX_INCLUDES: Final = 50
 MAX_LIBRARY_FILES: Final = 5_000
@@ -264,28 +263,13 @@ class Includes:
         Args:
             findings: where each include is added that closes a circle.
         """
-        after: dict[Path, list[Inclusion]] = {}
-        for inclusion in self.found:
-            after.setdefault(inclusion.path, []).append(inclusion)
-        done: set[Path] = set()
-        # Depth first, with a stack of its own, as for trees that use each other.
-        chain = {self._main: iter(after.get(self._main, ()))}
-        while chain:
-            path = next(reversed(chain))
-            closing = next(chain[path], None)
-            if closing is None:
-                del chain[path]
-                done.add(path)
-                continue
-            target = self.found[closing]
-            if target in chain:
-                files = [*chain]
-                circle = [each.name for each in (*files[files.index(target) :], target)]
-                message = (
-                    f"the files include each other in a circle, {' > '.join(circle)}: take one of "
-                    "these includes out"
-                )
-                include = self._elements[closing]
-                findings.note(include, message, "path", rule=Rule.INCLUDE)
-            elif target not in done:
-                chain[target] = iter(after.get(target, ()))
+        after: dict[Path, list[tuple[Element, Path]]] = {}
+        for inclusion, target in self.found.items():
+            uses = after.setdefault(inclusion.path, [])
+            uses.append((self._elements[inclusion], target))
+        for include, files in circles([self._main], lambda path: after.get(path, ())):
+            message = (
+                f"the files include each other in a circle, {' > '.join(p.name for p in files)}: "
+                "take one of these includes out"
+            )
+            findings.note(include, message, "path", rule=Rule.INCLUDE)

@@ -11,8 +11,7 @@ from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.elements import check_attributes
-from uav_bt.tree.loading.findings import ERROR, WARNING, Findings
-from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.findings import ERROR, WARNING, Findings, Rule
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
 
@@ -129,11 +128,10 @@ def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
 
 
 def _warn(model: Element, part: Element, message: str, findings: Findings) -> None:
-    where, label = part.at("name"), model.label
-    findings.add(model.path, where, message, label, severity=WARNING, rule=Rule.NODE_MODEL)
+    findings.warn(part, message, "name", rule=Rule.NODE_MODEL, label=model.label)
 
 
 def _note(model: Element, part: Element, message: str, findings: Findings) -> None:
     severity = ERROR if model.tag == NodeKind.SUBTREE.value else WARNING
-    where, label = part.position, model.label
-    findings.add(model.path, where, message, label, severity=severity, rule=Rule.NODE_MODEL)
+    label, rule = model.label, Rule.NODE_MODEL
+    findings.note(part, message, rule=rule, label=label, severity=severity)

@@ -10,8 +10,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 import uav_bt
-from uav_bt.tree.loading.findings import Finding
-from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.findings import Finding, Rule
 
 _SCHEMA: Final = (
     "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"

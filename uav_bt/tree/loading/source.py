@@ -10,18 +10,19 @@ from __future__ import annotations
 import codecs
 import contextlib
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 from xml.parsers import expat
 
 from uav_bt.errors import TreeError
 from uav_bt.files import read_bounded
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
-from uav_bt.tree.loading.raw_text import Escaped, escape_raw
-from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position, Rule
+
+_T = TypeVar("_T", bound=Hashable)
+_E = TypeVar("_E")
 
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
 _SMALLER: Final = "SubTrees can stand in other files"
@@ -178,7 +179,7 @@ def parse_source(data: bytes, path: Path) -> Element:
     try:
         return _parsed(data, path)
     except expat.ExpatError as error:
-        escaped = escape_raw(data)
+        escaped = _escape_raw(data)
         if escaped is not None:
             with contextlib.suppress(expat.ExpatError):
                 return _placed_back(_parsed(escaped.data, path), escaped)
@@ -202,15 +203,6 @@ def _parsed(data: bytes, path: Path) -> Element:
     return builder.root
 
 
-def _placed_back(root: Element, escaped: Escaped) -> Element:
-    for element in (root, *walk(root)):
-        element.position = escaped.position(element.position)
-        for name, position in element.attribute_positions.items():
-            element.attribute_positions[name] = escaped.position(position)
-    root.raw = escaped.raw
-    return root
-
-
 def _check_utf8(data: bytes, path: Path) -> None:
     """Refuse what is no UTF-8: expat guesses UTF-16, where no position of ours would be right."""
     try:
@@ -228,6 +220,35 @@ def _refused(path: Path, message: str, position: Position = WHOLE_FILE) -> TreeE
     return TreeError(path, [Finding(str(path), position, message, rule=Rule.FILE)])
 
 
+def circles(
+    starts: Iterable[_T], after: Callable[[_T], Iterable[tuple[_E, _T]]]
+) -> Iterator[tuple[_E, list[_T]]]:
+    """Yield each use that closes a circle, with the circle from its first member to itself.
+
+    Depth first, with a stack of its own: a chain can be longer than Python's.
+
+    Args:
+        starts: trees or files to begin with.
+        after: returns what a tree or file uses: the element that uses it, and the used one.
+    """
+    done: set[_T] = set()
+    for start in starts:
+        chain = {} if start in done else {start: iter(after(start))}
+        while chain:
+            current = next(reversed(chain))
+            use = next(chain[current], None)
+            if use is None:
+                del chain[current]
+                done.add(current)
+                continue
+            element, used = use
+            if used in chain:
+                members = [*chain]
+                yield element, [*members[members.index(used) :], used]
+            elif used not in done:
+                chain[used] = iter(after(used))
+
+
 def walk(element: Element) -> Iterator[Element]:
     """Iterate over everything below an element."""
     waiting = element.children[::-1]
@@ -235,3 +256,71 @@ def walk(element: Element) -> Iterator[Element]:
         child = waiting.pop()
         yield child
         waiting += child.children[::-1]
+
+
+# --- raw `&` and `<` in attributes: no XML, but the engine reads them -----------------------------
+
+# Comments and the like are matched to be passed over; every quantifier is possessive.
+_RAW_TAG: Final = re.compile(
+    rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>"
+    rb"|<(?P<tag>[A-Za-z_:](?:[^\"'<>]++|\"[^\"]*+\"|'[^']*+')*+)>",
+    re.DOTALL,
+)
+_VALUE: Final = re.compile(rb"\"[^\"]*+\"|'[^']*+'")
+_RAW: Final = re.compile(rb"&(?!(?:[A-Za-z]+|#[0-9]+|#x[0-9A-Fa-f]+);)|<")
+_ESCAPED: Final = {b"&": b"&amp;", b"<": b"&lt;"}
+
+
+@dataclass(frozen=True)
+class _Escaped:
+    """A document whose attributes are XML."""
+
+    data: bytes
+    raw: tuple[Position, ...]  # where the file has what was escaped
+    added: dict[int, list[tuple[int, int]]]  # by line: columns, and how many more there are then
+
+    def position(self, at: Position) -> Position:
+        """Return where the file has what stands at a place of the escaped document."""
+        added = sum(more for column, more in self.added.get(at.line, ()) if column < at.column)
+        return Position(at.line, at.column - added)
+
+
+def _escape_raw(data: bytes) -> _Escaped | None:
+    """Return a document with its attributes escaped, or None when that changes nothing.
+
+    Args:
+        data: UTF-8 text.
+    """
+    places = [
+        raw.start() + value.start() + tag.start("tag")
+        for tag in _RAW_TAG.finditer(data)
+        if tag["tag"] is not None
+        for value in _VALUE.finditer(tag["tag"])
+        for raw in _RAW.finditer(value[0])
+    ]
+    if not places:
+        return None
+    parts: list[bytes] = []
+    raw: list[Position] = []
+    added: dict[int, list[tuple[int, int]]] = {}
+    done, line = 0, 1
+    for place in places:
+        passed, letter = data[done:place], data[place : place + 1]
+        line += passed.count(b"\n")
+        begin = data.rfind(b"\n", 0, place) + 1
+        column = len(data[begin:place].decode(errors="replace")) + 1
+        before = added.setdefault(line, [])
+        raw.append(Position(line, column))
+        before.append((column + sum(more for _, more in before), len(_ESCAPED[letter]) - 1))
+        parts += [passed, _ESCAPED[letter]]
+        done = place + 1
+    return _Escaped(b"".join([*parts, data[done:]]), tuple(raw), added)
+
+
+def _placed_back(root: Element, escaped: _Escaped) -> Element:
+    for element in (root, *walk(root)):
+        element.position = escaped.position(element.position)
+        for name, position in element.attribute_positions.items():
+            element.attribute_positions[name] = escaped.position(position)
+    root.raw = escaped.raw
+    return root

@@ -14,35 +14,30 @@ from typing import Any, Final
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.findings import Findings, Rule
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
 from uav_bt.tree.loading.variable_uses import BoardUse, VariableUses
 from uav_bt.tree.port import Port
-from uav_bt.tree.registry import NodeRegistry
 
 _IN_SCRIPTS: Final = (int, float, str)
 _PLAIN: Final = (bool, int, float, str)
 
 
-def check_variables(
-    document: Document, registry: NodeRegistry, findings: Findings, roots: Iterable[str]
-) -> None:
+def check_variables(document: Document, findings: Findings, roots: Iterable[str]) -> None:
     """Note the uses of variables that cannot go well.
 
     Args:
         document: the file.
-        registry: the nodes that may occur.
         findings: where they are added.
         roots: the trees that may be flown.
     """
-    _VariableChecker(document, registry, findings).check(roots)
+    _VariableChecker(document, findings).check(roots)
 
 
 class _VariableChecker:
-    def __init__(self, document: Document, registry: NodeRegistry, findings: Findings) -> None:
+    def __init__(self, document: Document, findings: Findings) -> None:
         self._findings = findings
-        self._uses = VariableUses(document, registry)
+        self._uses = VariableUses(document)
 
     def check(self, roots: Iterable[str]) -> None:
         for scope in self._uses.find(roots):

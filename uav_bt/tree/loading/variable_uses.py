@@ -16,7 +16,6 @@ from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
-from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parse_script
 from uav_bt.tree.script.expressions import Assignment, Literal, Name, kind_of
 
@@ -37,13 +36,12 @@ class VariableUses:
 
     Args:
         document: the file.
-        registry: the nodes that may occur.
     """
 
-    def __init__(self, document: Document, registry: NodeRegistry) -> None:
+    def __init__(self, document: Document) -> None:
         self._document = document
-        self._registry = registry
-        self._board_keys = registry.board_keys
+        self._registry = document.registry
+        self._board_keys = document.registry.board_keys
         self.on_board: list[BoardUse] = []
         self._scopes: list[Scope] = []
         self._obscured: list[Scope] = []

@@ -1,4 +1,4 @@
-"""What a node sees: its mission, the variables of its tree, and through its ports both."""
+"""Base class of `Node` with its ports: binding them, and reading and writing what they refer to."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ T = TypeVar("T")
 _NO_LITERAL: Final = object()
 
 
-class Surroundings:
-    """The part of a node that reads and writes; `Node` adds the tick."""
+class NodePorts:
+    """Ports of a node, and the mission and variables that they read and write.
+
+    `Node` adds the children and the tick.
+    """
 
     node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
     ports: ClassVar[tuple[Port[Any], ...]] = ()
