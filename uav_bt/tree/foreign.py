@@ -78,7 +78,7 @@ class ForeignLeaf(Leaf):
         self.behaviour.setup_with_descendants()
 
     def update(self) -> Status:
-        """Tick the behaviour and answer what it answered."""
+        """Tick the behaviour and return its answer."""
         self._active = True
         self.behaviour.tick_once()
         self.feedback_message = self.behaviour.feedback_message

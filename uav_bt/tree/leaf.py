@@ -60,12 +60,12 @@ class Leaf(Node):
     # --- for authors to override ------------------------------------------------------------------
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Get what the leaf needs for the whole mission; raise when it is not there."""
+        """Load what lasts the whole mission; raise when it is missing."""
 
     def on_inherit(self, former: Self) -> None:
         """Go on from what a leaf of this class knows, whose tree this one replaces in flight.
 
-        Called once, after `on_setup`. What the new leaf's ports make worthless is left behind.
+        Called once, after `on_setup`. Leave out values that the new leaf's ports make useless.
         """
 
     def initialise(self) -> None:
@@ -85,12 +85,12 @@ class Leaf(Node):
         return self._board.read(key)
 
     def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
-        """Write the board; `captured_s` is when what the value describes was captured.
+        """Write the board; `captured_s` is the capture time of the data behind the value.
 
         Args:
             key: one of `writes`, or what an output port is connected to.
             value: in the unit of the key.
-            captured_s: when what the value describes was captured; default: now.
+            captured_s: capture time of the data behind the value; default: now.
 
         Raises:
             BoardAccessError: the key is not among `writes`, or the value has another type.

@@ -1,4 +1,4 @@
-"""What all nodes share: ports, place in the tree, and the tick.
+"""Base class of all nodes: children, place in the tree, and the tick.
 
 A node is ticked through `execute_tick`, plain calls that follow BehaviorTree.CPP 4.10 step by step.
 py_trees has another model of a tick (generators, four statuses, a composite per policy), so none of
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from uuid import UUID
 
     class Behaviour(ABC):
-        """What a node has of py_trees' class.
+        """Typed view of the py_trees base class, for type checkers only.
 
-        The methods there take and return py_trees' statuses; to a type checker no class of ours
-        could override them.
+        The real methods take and return py_trees' statuses. A type checker refuses to override
+        them with ours.
         """
 
         id: UUID
@@ -218,10 +218,10 @@ class Node(NodePorts, Behaviour):
         return status
 
     def update(self) -> Status:
-        """Do one tick's work, at once, and answer; the conditions have let it through.
+        """Do the work of one tick without blocking and return the status. Conditions come before.
 
         Raises:
-            NotImplementedError: the class does not say what it does.
+            NotImplementedError: the class does not override this method.
         """
         raise NotImplementedError(f"{type(self).__qualname__} must define update()")
 
@@ -229,14 +229,14 @@ class Node(NodePorts, Behaviour):
         observer(self, NodeEvent.RAN if self.node_status is RUNNING else NodeEvent.STARTED)
 
     def set_status(self, status: Status) -> None:
-        """Let the node stand in a status; for the engine and for nodes written in Python."""
+        """Set the status; for the engine and for nodes written in Python."""
         if self.node_status is not status:
             self.node_status = status
             if self.observer is not None:
                 self.observer(self, NodeEvent.STATUS)
 
     def halt(self) -> None:
-        """Stop what is going on below and here; `terminate` of leaves that run is called.
+        """Stop this node and all below; running leaves get `terminate`.
 
         Raises:
             NodeFailedError: a leaf's `terminate` or a script raised.

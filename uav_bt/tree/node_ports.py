@@ -1,4 +1,4 @@
-"""Base class of `Node` with its ports: binding them, and reading and writing what they refer to."""
+"""Base class of `Node` that binds, reads and writes ports."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class NodePorts:
     path: str  # unique in its tree once the tree is made
 
     def _bind(self, given: dict[str, object], wrong: dict[str, str]) -> None:
-        """Take over what the ports are given.
+        """Bind the ports to the given values.
 
         Args:
             given: values by port.
-            wrong: what is wrong with other attributes, for the same error.
+            wrong: errors of other attributes, for the same message.
 
         Raises:
             InputError: a port is missing, unknown or has a value of another type.
@@ -87,14 +87,14 @@ class NodePorts:
 
     @property
     def environment(self) -> Environment:
-        """What scripts of this node see."""
+        """Variables and board that scripts of this node use."""
         if self._environment is None:
             board = None if self._mission is None else self._mission.board
             self._environment = Environment(self._variables, board)
         return self._environment
 
     def rebind(self, given: Mapping[str, object]) -> None:
-        """Replace what ports were given; to be done before the setup.
+        """Replace the values of ports, before the setup.
 
         Args:
             given: values by port, typed or as texts.
@@ -136,7 +136,7 @@ class NodePorts:
 
     @property
     def _board(self) -> Blackboard | BoardView:
-        """The mission's board; a leaf has a view of it that allows what it declares."""
+        """The mission's board; for a leaf a view that allows the declared keys."""
         return self.mission.board
 
     @property
@@ -147,7 +147,7 @@ class NodePorts:
     # --- ports ------------------------------------------------------------------------------------
 
     def port(self, port: Port[T]) -> T:
-        """Return a port's value: the literal, or what its reference holds now.
+        """Return a port's value: the literal, or the present value of its reference.
 
         Raises:
             BoardAccessError: the reference holds nothing, nothing fresh, or another type.
@@ -183,7 +183,7 @@ class NodePorts:
         return None if entry is None else self._converted(port, entry.value)
 
     def port_reading(self, port: Port[T]) -> Reading[T]:
-        """Return a port's value with its age; a missing or stale one is no error."""
+        """Return a port's value with its age, without an error for a missing or stale value."""
         reference = self._references.get(port.name)
         if reference is None:
             return Reading(self.port(port), 0.0)
@@ -198,7 +198,7 @@ class NodePorts:
         return Reading(self._converted(port, entry.value), 0.0)
 
     def set_port(self, port: Port[T], value: T) -> None:
-        """Write an output port's variable or board key; unconnected, it goes nowhere.
+        """Write an output port's variable or board key; an unconnected port writes nothing.
 
         Args:
             port: the output port.
@@ -213,7 +213,7 @@ class NodePorts:
             self._variables[reference.key] = value
 
     def reference(self, port: Port[Any]) -> Reference | None:
-        """Return what a port refers to, or None when it has a literal or is unconnected."""
+        """Return a port's reference, or None when it has a literal or is unconnected."""
         return self._references.get(port.name)
 
     def _declared(self, name: str) -> Port[Any]:

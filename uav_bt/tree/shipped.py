@@ -57,7 +57,7 @@ STARTERS: Final = {
     "land": "land_only",
     "explore": "explore_and_land_segmentation",
 }
-"""What a mission can be started from: shipped missions, the smallest first."""
+"""Shipped missions to start a new one from, the smallest first."""
 
 _ROOT_TAG: Final = re.compile(r"<root\b[^>]*>\n")
 # A comment must not contain two hyphens in a row.

@@ -1,4 +1,4 @@
-"""Script files: what the leaves of a mission answer in a dry run.
+"""Script files: answers of a mission's leaves in a dry run.
 
 A YAML file:
 

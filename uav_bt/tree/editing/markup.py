@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 
 class Kind(Enum):
-    """What a piece of markup is."""
+    """Kinds of pieces of markup."""
 
     START = "start"
     EMPTY = "empty"  # `<A/>`

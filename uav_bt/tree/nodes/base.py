@@ -65,9 +65,9 @@ _MAX_INTEGER: Final = 2**63
 
 
 def entry_value(text: str) -> int | float | str:
-    """Return what a SubTree's entry is when it is no reference: a number, or a text.
+    """Return the value of a SubTree's entry that is not a reference: a number or a text.
 
-    So it is in the engine since 4.9.1; before, every entry was a text.
+    Engine 4.10 does so, too.
     """
     if _INTEGER.fullmatch(text) and -_MAX_INTEGER <= int(text) < _MAX_INTEGER:
         return int(text)

@@ -11,7 +11,7 @@ from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
 
 class _Translated(DecoratorNode):
-    """Ticks its child and answers by a table; what the table lacks is passed on."""
+    """Ticks its child and maps its answer by a table; other answers are passed on."""
 
     _answers: ClassVar[Mapping[Status, Status]]
 

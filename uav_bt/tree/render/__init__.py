@@ -1,4 +1,4 @@
-"""Drawings of a tree: what a mission looks like, without flying it."""
+"""Drawings of a mission tree."""
 
 from __future__ import annotations
 

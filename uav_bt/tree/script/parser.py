@@ -52,7 +52,7 @@ class Script:
     oddities: tuple[str, ...] = ()  # what runs, and is not as it should be written
 
     def run(self, environment: Environment) -> Value:
-        """Run all statements and return what the last one comes to.
+        """Run all statements and return the value of the last one.
 
         Raises:
             ScriptError: one of them fails.
@@ -86,7 +86,7 @@ def parse_script(source: str) -> Script:
     """Parse a script.
 
     Raises:
-        ScriptError: it is none; the message says where and what was expected.
+        ScriptError: a syntax error; the message has the column and the expected token.
     """
     tokens = tokenize(source)
     parser = _Parser(tokens)
