@@ -57,7 +57,7 @@ class Conditions:
         return [self.scripts[name] for name in names if name in self.scripts]
 
     def forestall(self, standing: Status, environment: Environment) -> Status | None:
-        """Return what the node answers instead of being ticked, or None to tick it.
+        """Return the status that replaces the node's tick, or None to tick the node.
 
         Args:
             standing: the node's status. A running node is only asked `_while`; when that answers

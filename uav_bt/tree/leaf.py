@@ -63,7 +63,7 @@ class Leaf(Node):
         """Load what lasts the whole mission; raise when it is missing."""
 
     def on_inherit(self, former: Self) -> None:
-        """Go on from what a leaf of this class knows, whose tree this one replaces in flight.
+        """Take over the knowledge of a leaf of this class whose tree this one replaces in flight.
 
         Called once, after `on_setup`. Leave out values that the new leaf's ports make useless.
         """
@@ -72,7 +72,7 @@ class Leaf(Node):
         """Begin an activation."""
 
     def terminate(self, new_status: Status) -> None:
-        """Let go of what the activation held; see the class for when, and with which status."""
+        """Release the activation's resources; the class says when, and with which status."""
 
     # --- for authors to call ----------------------------------------------------------------------
 
@@ -136,7 +136,7 @@ class Leaf(Node):
         mission = self.mission
         for key in (*self.reads, *self.writes):
             mission.board.declare(key)
-        # What the tree file connects to a port is declared there.
+        # The tree file declares what it connects to a port.
         reads, writes = [*self.reads], [*self.writes]
         for port in self.ports:
             reference = self._references.get(port.name)

@@ -37,7 +37,7 @@ _FRAMES_OF_OTHERS: Final = 500  # what calls the tree, and what its leaves call
 
 
 def _allow_depth(levels: int) -> None:
-    """Raise Python's limit of 1000 nested calls to what a tick of such a tree needs."""
+    """Raise Python's limit of 1000 nested calls to the need of a tick of such a tree."""
     needed = levels * _FRAMES_PER_LEVEL + _FRAMES_OF_OTHERS
     sys.setrecursionlimit(max(sys.getrecursionlimit(), needed))
 

@@ -95,16 +95,16 @@ class Port(Generic[T]):
         doc: one line, with the unit.
         direction: whether the node reads the value, writes it, or both.
         choices: all values there are; empty: any of the type.
-        least: bound of a number, itself allowed; None: there is none.
+        least: lower bound of a number, inclusive; None: no bound.
         most: likewise, above.
         check: raises ValueError (or an InputError) that says which value was expected.
-        look_up: likewise, where what the value names (a file, a network) is not there. `uav-bt
+        look_up: likewise, where the named thing (a file, a network) does not exist. `uav-bt
             check` asks; dry runs and benches, which load nothing, do not.
-        caution: returns what is odd about a value though it is none to refuse, such as one beyond
+        caution: returns a warning about a value that is not refused, such as one beyond
             the usual limits; None where nothing is. `uav-bt check` warns of it.
 
     Raises:
-        ValueError: the name cannot be an attribute's, or what has a range is no number.
+        ValueError: the name cannot be an attribute's, or a port with a range is not a number.
     """
 
     REQUIRED: ClassVar[Any] = _Required()
@@ -280,7 +280,7 @@ def bind_ports(
 
 
 def check_declared(owner: type, name: str, kind: type) -> None:
-    """Refuse a class attribute that is no tuple (or list) of objects of a kind.
+    """Refuse a class attribute that is not a tuple or list of objects of one kind.
 
     Args:
         owner: the node class.

@@ -214,5 +214,5 @@ def _changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any
 def _differs(before: Any, now: Any) -> bool:
     if before is now:
         return False
-    # Only plain values are compared: others may not know what it means to be equal.
+    # Only plain values are compared: equality of others may not be defined.
     return type(before) is not type(now) or not isinstance(now, _PLAIN) or before != now

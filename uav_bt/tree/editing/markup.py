@@ -93,7 +93,7 @@ _ATTRIBUTE: Final = re.compile(r"([^\s=<>/\"']+)(?:\s*=\s*)?")
 _EXACT: Final = re.compile(r"\"[^\"]*\"|'[^']*'")
 # While one types, a quote may be open: it does not reach over the beginning of the next tag.
 _TYPED: Final = re.compile(r"\"(?:[^\"<]|<(?![\w/!]))*\"|'(?:[^'<]|<(?![\w/!]))*'")
-# An attribute as it mostly is; what does not match is taken apart bit by bit.
+# A complete attribute. Incomplete ones are read part by part.
 _WHOLE: Final = r"\s*+([^\s=<>/\"']++)\s*+=\s*+({})"
 _WHOLE_ATTRIBUTE: Final = {
     quoted: re.compile(_WHOLE.format(quoted.pattern)) for quoted in (_EXACT, _TYPED)

@@ -1,4 +1,4 @@
-"""From checked elements to nodes: subtrees put in place, overrides applied, everything bounded."""
+"""Builder of nodes from checked elements, with subtrees in place and overrides applied."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Builder:
 
     Args:
         document: the file's outline.
-        findings: where they are added.
+        findings: collects the findings.
     """
 
     def __init__(self, document: Document, findings: Findings) -> None:
@@ -52,7 +52,7 @@ class Builder:
         self._count = 0
         self.places: dict[str, Place] = {}  # of the nodes, by path; filled by `build`
         self.replaced: dict[str, dict[str, str]] = {}  # attributes by path; filled by `build`
-        # What the files give to ports of leaves; filled by `build`.
+        # Values that the files give to ports of leaves; filled by `build`.
         self.given: list[tuple[Port[Any], GivenValue]] = []
 
     def build(

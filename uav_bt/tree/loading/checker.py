@@ -26,11 +26,11 @@ _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 
 
 class Checker:
-    """Notes all that is wrong with the trees of a document.
+    """Adds a finding for each fault in the trees of a document.
 
     Args:
         document: the file's outline.
-        findings: where they are added.
+        findings: collects the findings.
     """
 
     def __init__(self, document: Document, findings: Findings) -> None:

@@ -29,7 +29,7 @@ from uav_bt.tree.registry import NodeRegistry
 _ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
 _TREE_ATTRIBUTES: Final = frozenset({"ID"})
 _ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel", "include")
-# What the engine's own names for files and paths cannot have.
+# Characters that the engine refuses in the ID of a tree.
 _NOT_IN_AN_ID: Final = frozenset(" \t\n\r<>&\"'/\\|?*:.")
 _RESERVED: Final = frozenset({"root", "Root"})
 _METADATA: Final = "MetadataFields"  # editors keep what they like in it
@@ -106,16 +106,16 @@ def autoremaps(subtree: Element) -> bool:
 def outline(
     root: Element, registry: NodeRegistry, findings: Findings, lookup: Lookup | None = None
 ) -> Document:
-    """Read the outline of a file and of those it includes, and note what is wrong with them.
+    """Read the outline of a file and of the files that it includes.
 
     Args:
         root: the file's root element.
         registry: the nodes that may occur.
-        findings: where they are added.
+        findings: collects the findings.
         lookup: where to look for included files and trees; default: the file's folder.
 
     Raises:
-        TreeError: an included file cannot be read or is no XML.
+        TreeError: an included file cannot be read or is not XML.
     """
     lookup = lookup or Lookup()
     document = Document(root.path, registry, enum_members=dict(registry.enum_members))
@@ -250,7 +250,7 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
     Args:
         document: the file's outline; its `main` is filled.
         root: the file's root element.
-        findings: where they are added.
+        findings: collects the findings.
         tree_id: the tree that was asked for; None: the one that the file names, or the only one
             that no other uses.
     """

@@ -1,4 +1,4 @@
-"""What is wrong or odd in a tree file: each finding with its place, all in one report."""
+"""Findings of a tree file: errors and warnings with their places, all in one report."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WARNING: Final = "warning"
 
 
 class Rule(Enum):
-    """What a finding is about: the name that stays, and a line on it."""
+    """Subject of a finding: a name that does not change between versions, and a line of text."""
 
     FILE = "file", "A file cannot be read, is no XML, or is larger than a tree file may be."
     ROOT = "root", "The root element, its format and the tree to be flown."
@@ -53,7 +53,7 @@ class Position:
 
 
 WHOLE_FILE: Final = Position(0, 0)
-"""The position of what is wrong with a file, but nowhere in it."""
+"""The position of a finding about the file as a whole."""
 
 
 class Placed(Protocol):
@@ -66,12 +66,12 @@ class Placed(Protocol):
         """How messages name the element."""
 
     def at(self, attribute: str) -> Position:
-        """Return where an attribute stands, or where the element does when it has none such."""
+        """Return the position of an attribute; without that attribute, of the element."""
 
 
 @dataclass(frozen=True, order=True)
 class Finding:
-    """One thing that is wrong, or odd."""
+    """An error or a warning."""
 
     path: str
     position: Position
@@ -97,7 +97,7 @@ class Findings:
 
     def __init__(self) -> None:
         self._errors: dict[Finding, None] = {}
-        self._warnings: dict[Finding, None] = {}  # the first of them; more say no more
+        self._warnings: dict[Finding, None] = {}  # at most MAX_FINDINGS; later ones are dropped
 
     def add(
         self,
@@ -114,10 +114,10 @@ class Findings:
         Args:
             path: of the file.
             position: in the file.
-            message: what is wrong.
+            message: the fault.
             node: the node concerned, as `Tag 'name'`.
-            severity: ERROR, or WARNING for what the file is taken with.
-            rule: what it is about.
+            severity: ERROR; or WARNING, for which the file is not refused.
+            rule: the finding's rule.
 
         Raises:
             TreeError: there are too many.
@@ -174,7 +174,7 @@ class Findings:
         self.note(element, message, attribute, rule=rule, label=label, severity=WARNING)
 
     def take_as_warnings(self, other: Findings) -> None:
-        """Note what was found elsewhere, all of it as warnings."""
+        """Add the findings of another collection as warnings."""
         for finding in other:
             self._add(replace(finding, severity=WARNING))
 

@@ -1,4 +1,4 @@
-"""Loading tree files: strict, whole reports, nothing evaluated."""
+"""Loading and checking of tree files. All findings are reported at once."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def load_shipped_tree(tree_id: str) -> Node:
         tree_id: the ID.
 
     Raises:
-        UnknownNameError: there is no such tree.
+        UnknownNameError: no tree has this ID.
         TreeError: its file was refused.
     """
     shipped = Lookup().shipped
@@ -151,7 +151,7 @@ class _Read:
         """Return the main tree.
 
         Raises:
-            TreeError: it grows too large, or what is to be replaced does not fit.
+            TreeError: the tree grows too large, or an override or a mock does not fit.
         """
         document = self.document
         builder = Builder(document, self._findings)
@@ -168,7 +168,7 @@ class _Read:
         )
 
     def remarks(self) -> Iterator[Finding]:
-        """Build the main tree; yield names in it that nothing is installed for, and odd values.
+        """Build the main tree; yield findings for names not installed, and for values of caution.
 
         Raises:
             TreeError: it grows too large.
@@ -184,7 +184,7 @@ def check_file(
     tree_id: str | None = None,
     lookup: Lookup | None = None,
 ) -> tuple[Finding, ...]:
-    """Return all that is wrong or odd in a tree file; nothing for a good one. See `check_text`.
+    """Return all findings of a tree file; none for a good one. See `check_text`.
 
     Args:
         path: the file.
@@ -207,12 +207,12 @@ def check_text(
     tree_id: str | None = None,
     lookup: Lookup | None = None,
 ) -> tuple[Finding, ...]:
-    """Return all that is wrong or odd in a tree file's text; nothing for a good one.
+    """Return all findings of a tree file's text; none for a good one.
 
-    Where the file leaves open which tree is flown, all are checked that no other uses.
+    If the file does not say which tree is flown, all trees that no other uses are checked.
 
     Args:
-        source: the text, which need not be what the file holds.
+        source: the text, which may differ from the file on the disk.
         registry: the nodes that may occur; default: all installed.
         path: the file.
         tree_id: the tree that is to be flown; default: the one that the file names.
@@ -250,7 +250,7 @@ def unset_variables(
     tree_id: str | None = None,
     lookup: Lookup | None = None,
 ) -> tuple[str, ...]:
-    """Return the main tree's variables that are read, and that nothing in the file gives a value.
+    """Return the main tree's variables that are read but get no value in the file.
 
     Args:
         path: a file that loads.
@@ -259,7 +259,7 @@ def unset_variables(
         lookup: where to look for trees and included files; see `load_tree`.
 
     Raises:
-        TreeError: the file cannot be read or is no XML.
+        TreeError: the file cannot be read or is not XML.
     """
     registry = registry or NodeRegistry.installed()
     findings = Findings()
@@ -275,7 +275,7 @@ def unset_variables(
 
 
 def _remarks(port: Port[Any], value: GivenValue) -> Iterator[Finding]:
-    """Yield a finding for a name that nothing is installed for, or for an odd value."""
+    """Yield findings for names that are not installed, and for values that need caution."""
     element, lead = value.element, f"attribute '{value.attribute}': "
     where = element.at(value.attribute)
     finding = partial(Finding, str(element.path), where, node=value.path)
@@ -295,10 +295,10 @@ def _remarks(port: Port[Any], value: GivenValue) -> Iterator[Finding]:
 
 
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
-    """Return what an error says as findings.
+    """Return an error as findings.
 
     Args:
-        error: what was raised when a tree file was to be loaded.
+        error: raised while a tree file was loaded.
         path: the file.
     """
     if isinstance(error, FileError) and not isinstance(error, TreeError):

@@ -41,14 +41,14 @@ class NodeModel:
 
 
 def read_models(models: Element, findings: Findings) -> list[NodeModel]:
-    """Read a TreeNodesModel. What is odd in it is a warning, as the engine does not read it.
+    """Read a TreeNodesModel. Most faults are warnings because the engine does not read it.
 
     It does read the subtrees' entries: a SubTree without ID, and a port of one without a name, are
     errors.
 
     Args:
         models: the TreeNodesModel.
-        findings: where they are added.
+        findings: collects the findings.
     """
     check_attributes(models, frozenset(), findings)
     found: dict[str, NodeModel] = {}

@@ -83,7 +83,7 @@ _BASES: Final[dict[NodeKind, type[Node]]] = {
 
 @dataclass(frozen=True)
 class Palette:
-    """What a palette describes."""
+    """Nodes and enumerations that a palette describes."""
 
     nodes: tuple[type[Node], ...]
     enum_members: dict[str, int]  # of its enumerations, for scripts
@@ -98,7 +98,7 @@ def read_palette(path: Path, odd: Findings | None = None) -> Palette:
 
     Args:
         path: the file; its root is a TreeNodesModel, or holds one or several.
-        odd: where warnings are added of what was passed over; default: nowhere.
+        odd: collects warnings of skipped parts; default: none are kept.
 
     Raises:
         TreeError: the file cannot be read, or has no model.
@@ -183,7 +183,7 @@ def with_palette(registry: NodeRegistry, palette: Palette) -> NodeRegistry:
 
     Args:
         registry: the installed nodes.
-        palette: what it describes.
+        palette: the nodes and enumerations to add.
     """
     described = {node.node_id: node for node in palette.nodes}
     chosen: dict[str, type[Node]] = {}

@@ -26,7 +26,7 @@ def sarif_log(reports: Iterable[tuple[Path, Iterable[Finding]]], folder: Path) -
     has no line.
 
     Args:
-        reports: the files that were checked, each with what was found.
+        reports: the checked files, each with its findings.
         folder: paths below it are relative to it; the repository's, as a rule.
     """
     files: list[Path] = []

@@ -1,8 +1,7 @@
-"""Reading XML as data and nothing else: bounded, without entities, with every position kept.
+"""Reader of tree files: XML without entities, with limits, and with the position of every part.
 
-Expat is used instead of a whole XML library because it gives line *and* column of every element,
-and because a document type declaration, which all entity attacks need, can be refused the moment
-it begins.
+Expat gives line and column of every element. A document type declaration, which all entity attacks
+need, is refused where it begins.
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ class Element:
         return self.locate()
 
     def at(self, attribute: str) -> Position:
-        """Return where an attribute stands, or where the element does when it has none such."""
+        """Return the position of an attribute; without that attribute, of the element."""
         return self.attribute_positions.get(attribute, self.position)
 
 
@@ -171,7 +170,7 @@ def parse_source(data: bytes, path: Path) -> Element:
         path: what messages call the file.
 
     Raises:
-        TreeError: it is no well-formed XML, or has what a tree file must not have.
+        TreeError: the document is not well-formed XML, or exceeds a limit of tree files.
     """
     if len(data) > MAX_BYTES:
         raise _refused(path, f"larger than {MAX_BYTES} bytes: {_SMALLER}")
@@ -204,7 +203,7 @@ def _parsed(data: bytes, path: Path) -> Element:
 
 
 def _check_utf8(data: bytes, path: Path) -> None:
-    """Refuse what is no UTF-8: expat guesses UTF-16, where no position of ours would be right."""
+    """Refuse other encodings than UTF-8: positions in UTF-16, which expat reads, would be wrong."""
     try:
         if "\0" not in data.decode():
             return
@@ -225,11 +224,11 @@ def circles(
 ) -> Iterator[tuple[_E, list[_T]]]:
     """Yield each use that closes a circle, with the circle from its first member to itself.
 
-    Depth first, with a stack of its own: a chain can be longer than Python's.
+    Depth first with an explicit stack, because a chain can exceed Python's recursion limit.
 
     Args:
         starts: trees or files to begin with.
-        after: returns what a tree or file uses: the element that uses it, and the used one.
+        after: returns the uses of a tree or file, each with the element and the used one.
     """
     done: set[_T] = set()
     for start in starts:
@@ -276,7 +275,7 @@ class _Escaped:
     """A document whose attributes are XML."""
 
     data: bytes
-    raw: tuple[Position, ...]  # where the file has what was escaped
+    raw: tuple[Position, ...]  # of the escaped characters in the file
     added: dict[int, list[tuple[int, int]]]  # by line: columns, and how many more there are then
 
     def position(self, at: Position) -> Position:

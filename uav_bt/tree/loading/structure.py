@@ -1,4 +1,4 @@
-"""What the engine checks of every tree of a file, used or not: which nodes, with which children."""
+"""Checks of every tree of a file, used or not: known nodes and numbers of children."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _OF_VERSION_3: Final = {
 
 
 def check_structure(tree: Element, document: Document, findings: Findings) -> None:
-    """Note what is wrong with the nodes of a tree and their children.
+    """Add a finding for each fault of a tree's nodes and their children.
 
     Args:
         tree: the BehaviorTree element.
         document: the file's outline.
-        findings: where they are added.
+        findings: collects the findings.
     """
     for element in walk(tree):
         check_no_text(element, findings)

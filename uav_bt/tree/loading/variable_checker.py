@@ -1,7 +1,7 @@
-"""Checks the types of variables across a whole file: what is read must be able to fit.
+"""Checks of the types of variables across a whole file.
 
-Only what must fail in flight is noted: a variable is wrong for its reader when nothing that gives
-it a value ever gives it one that the reader can take. Variables of the tree that is flown itself
+Only reads that must fail in flight are findings: none of the values that the variable gets fits its
+reader. Variables of the tree that is flown itself
 may also be set from Python, so there only a value that the file gives wrongly counts.
 """
 
@@ -24,11 +24,11 @@ _PLAIN: Final = (bool, int, float, str)
 
 
 def check_variables(document: Document, findings: Findings, roots: Iterable[str]) -> None:
-    """Note the uses of variables that cannot go well.
+    """Add a finding for each use of a variable that must fail.
 
     Args:
         document: the file.
-        findings: where they are added.
+        findings: collects the findings.
         roots: the trees that may be flown.
     """
     _VariableChecker(document, findings).check(roots)

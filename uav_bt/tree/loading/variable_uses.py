@@ -1,4 +1,4 @@
-"""Finds who writes and who reads each variable of a tree file, subtrees put in place."""
+"""Search for the writers and readers of each variable of a tree file, with subtrees in place."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def entry_value(text: str) -> int | float | str:
 
 
 class SubTree(DecoratorNode):
-    """Another tree of the file, with variables of its own.
+    """Another tree of the file, with separate variables.
 
     Args:
         name: the instance's name.

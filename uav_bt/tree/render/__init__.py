@@ -47,7 +47,7 @@ class Drawable(Protocol):
 
 
 def render(tree: Drawable, format_: str) -> str:
-    """Return a drawing of a tree: its subtrees in place, each node with what the file gives it.
+    """Return a drawing of a tree with its subtrees in place, and each node's attributes.
 
     Args:
         tree: the tree; it need not be set up.

@@ -265,7 +265,7 @@ def tokenize(source: str) -> list[Token]:
     """Return the words of a script; the last one is of kind `end`.
 
     Raises:
-        ScriptError: something in it is no word, or it is too long.
+        ScriptError: the script has an unknown character, or is too long.
     """
     if len(source) > MAX_SCRIPT:
         raise ScriptError(f"the script is longer than {MAX_SCRIPT} characters")
