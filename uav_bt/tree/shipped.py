@@ -84,7 +84,7 @@ _COMMENT: Final = """\
       attribute="{{@name}}"    a key of the mission board, where perception writes what it sees
 
     A leaf (TakeOff, Turn, Land, ...) answers RUNNING until it is done, then SUCCESS or FAILURE.
-    What it is asked to do it does in the drone's own frame: metres, degrees clockwise.
+    Its ports are in the drone's own frame: metres, degrees clockwise.
   -->
 """
 

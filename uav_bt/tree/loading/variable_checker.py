@@ -1,8 +1,7 @@
 """Checks of the types of variables across a whole file.
 
 Only reads that must fail in flight are findings: none of the values that the variable gets fits its
-reader. Variables of the tree that is flown itself
-may also be set from Python, so there only a value that the file gives wrongly counts.
+reader. Python may also set the main tree's variables, so there only the file's values count.
 """
 
 from __future__ import annotations
