@@ -20,7 +20,6 @@ from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.loader import check_file, findings_of
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.palette import read_palette, with_palette
-from uav_bt.tree.loading.releases import RELEASES
 from uav_bt.tree.loading.sarif import sarif_log
 from uav_bt.tree.shipped import STARTERS, tree_files, write_starter
 
@@ -62,13 +61,6 @@ palette_option = click.option(
 @tree_option
 @palette_option
 @lookup_options
-@click.option(
-    "--engine",
-    "engines",
-    type=click.Choice(list(RELEASES)),
-    multiple=True,
-    help="Report also why this release of BehaviorTree.CPP does not take a file. Repeatable.",
-)
 @format_option(
     "text",
     "json",
@@ -83,15 +75,13 @@ def check(
     tree_id: str | None,
     registry: NodeRegistry,
     tree_folders: TreeFolders,
-    engines: tuple[str, ...],
     format_: str,
 ) -> None:
     """Check tree files and report all that is wrong.
 
     TREE is a file, a folder with tree files, or the name of a mission that ships with uav-bt. A
     folder is one workspace: its files use each other's trees. Exits with 2 when something is
-    refused; a warning is about what flies all the same. With --engine a file is also held against
-    a release of BehaviorTree.CPP, that is its newest patch.
+    refused; a warning is about what flies all the same.
 
     \b
     As JSON, each line is an object with
@@ -108,7 +98,7 @@ def check(
     reports = []
     lookup = tree_folders.lookup()
     for tree in trees:
-        for path, findings in _reports(tree, registry, tree_id, lookup, engines):
+        for path, findings in _reports(tree, registry, tree_id, lookup):
             reports.append((path, findings))
             if format_ == "json":
                 click.echo(_as_json(path, findings))
@@ -125,7 +115,6 @@ def _reports(
     registry: NodeRegistry,
     tree_id: str | None,
     lookup: Lookup,
-    engines: tuple[str, ...],
 ) -> Iterator[tuple[Path, tuple[Finding, ...]]]:
     """Yield what is found in each file that a TREE stands for."""
     try:
@@ -139,7 +128,7 @@ def _reports(
     found = {
         path: [
             replace(each, path=called.get(each.path, each.path))
-            for each in check_file(path, registry, tree_id=tree_id, lookup=lookup, engines=engines)
+            for each in check_file(path, registry, tree_id=tree_id, lookup=lookup)
         ]
         for path in files
     }

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import click
 
+from uav_bt.cli.deleted import refuse_deleted
 from uav_bt.cli.interrupts import let_work_clean_up
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, check_output_folder
@@ -37,6 +38,19 @@ class OutputFolder(click.Path):
 
 class Command(click.Command):
     """A command that looks at its outputs first."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the command line.
+
+        Raises:
+            NoSuchOption: the command has no such option.
+            DeletedError: the option was deleted.
+        """
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            refuse_deleted(ctx, error.option_name)
+            raise
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command.

@@ -14,6 +14,7 @@ from typing import Any, Final
 import click
 
 import uav_bt as package
+from uav_bt.cli.deleted import refuse_deleted
 from uav_bt.cli.interrupts import stopped_by
 from uav_bt.errors import UavBtError, did_you_mean
 from uav_bt.plugins import check_packages, missing_extra
@@ -51,10 +52,12 @@ class LazyGroup(click.Group):
 
         Raises:
             UsageError: there is none of that name; the message says where it is, if anywhere.
+            DeletedError: the command was deleted.
         """
         if cmd_name in self.commands:
             return self.commands[cmd_name]
         if cmd_name not in self._lazy:
+            refuse_deleted(ctx, cmd_name)
             root = ctx.find_root().command
             found = root.paths() if isinstance(root, LazyGroup) else ()
             places = [f"'uav-bt {' '.join(path)}'" for path in found if path[-1] == cmd_name]
@@ -121,14 +124,12 @@ class _Root(LazyGroup):
 
 _TREE: Final = LazyGroup(
     "tree",
-    help="List nodes; draw, format and compare tree files, write their schema.",
+    help="List nodes; draw and format tree files, write their schema.",
     lazy={
         "nodes": ("uav_bt.cli.tree:nodes", "List the nodes that tree files can use."),
         "render": ("uav_bt.cli.tree:render", "Draw a tree file, with its subtrees in place."),
         "schema": ("uav_bt.cli.tree:schema", "Write an XML Schema of tree files."),
         "format": ("uav_bt.cli.tree_text:format_trees", "Lay tree files out."),
-        "migrate": ("uav_bt.cli.tree_text:migrate", "Make a file of version 3 one of version 4."),
-        "diff": ("uav_bt.cli.tree_text:diff", "Say what two tree files differ in."),
     },
 )
 _RECORD: Final = LazyGroup(

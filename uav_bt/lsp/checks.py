@@ -21,9 +21,9 @@ class Checks:
     """Checks documents in a thread, so that other requests are answered meanwhile.
 
     Args:
-        check: returns what is wrong with a page; called in the thread.
+        check: returns the findings of a page; called in the thread.
         page: returns a document's newest text, None when it was closed.
-        publish: is given what was found in a page.
+        publish: takes the findings of a page.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Checks:
             if page is None:
                 return
             findings = await asyncio.to_thread(self._findings, page)
-            # What was found in a text that has changed meanwhile would be shown at wrong places.
+            # Findings of a text that has changed meanwhile would be shown at wrong places.
             if uri not in self._changed and self._page(uri) is not None:
                 self._publish(uri, page, findings)
 

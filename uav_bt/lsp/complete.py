@@ -1,4 +1,4 @@
-"""What could stand at the cursor: nodes, attributes, trees, variables, board keys, policies."""
+"""Completion at the cursor: nodes, attributes, trees, variables, board keys, policies."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ class Completer:
     """Completes at one place of a page.
 
     Args:
-        desk: what there is.
+        desk: the known nodes, board keys and files.
         page: the document.
         offset: of the cursor.
-        snippets: whether the client takes `$1` for where to type on.
+        snippets: whether the client takes `$1` as a place for the cursor.
     """
 
     def __init__(self, desk: Desk, page: Page, offset: int, *, snippets: bool) -> None:
@@ -52,7 +52,7 @@ class Completer:
         self._ranges: dict[_Part, types.Range] = {}
 
     def items(self) -> list[types.CompletionItem]:
-        """Return everything that could stand here."""
+        """Return all completions for this place."""
         page, at = self._page, self._at
         piece = page.piece_at(at)
         if piece is not None and piece.kind is Kind.TEXT:
@@ -125,7 +125,7 @@ class Completer:
     def _elements(
         self, parent: Branch | None, start: int, end: int, *, only_name: bool = False
     ) -> _Items:
-        """Yield what can stand in an element, as a whole element or as the name alone."""
+        """Yield the children that an element can have, as whole elements or names alone."""
         tag = "" if parent is None else parent.tag.name
         if parent is None:
             if not any(root.tag.name == "root" for root in self._page.roots):
@@ -230,7 +230,7 @@ class _Values:
         self._tree = "" if around is None else around.text("ID")
 
     def items(self, start: int, end: int) -> _Items:
-        """Yield what the value could be; its place is given."""
+        """Yield completions of the value between two offsets."""
         typed = self._page.text[start : self._at]
         tag, attribute = self._branch.tag.name, self._attribute
         if (tag, attribute) in {(SUBTREE, "ID"), ("root", "main_tree_to_execute")}:

@@ -1,4 +1,4 @@
-"""What the server knows beside the documents: nodes, board keys, and the other files of a page."""
+"""Nodes, board keys and other files that the server knows beside the open documents."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Desk:
         registry: the nodes.
         open_pages: returns the documents that the editor has open.
         workspace: returns the folder of the editor that a file lies in, None for no folder.
-        units: how many of the client's units a text has.
+        units: returns the length of a text in the client's units.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Desk:
                 if len(self._read) >= _KEPT:
                     self._read.clear()
                 self._read[path] = known
-        except (OSError, FileError, ValueError):  # whoever checks the file says what is wrong
+        except (OSError, FileError, ValueError):  # the check of the file reports it
             return None
         return known[1]
 
@@ -141,7 +141,7 @@ class Desk:
         return self._shipped if workspace is None else workspace.lookup
 
     def tree(self, page: Page, tree_id: str) -> tuple[Page, Branch] | None:
-        """Return the tree that an ID stands for in a page, with its own page."""
+        """Return the tree that an ID names in a page, with the page that holds it."""
         workspace = self._workspace(page.path)
         for one in (*self.together(page), *self._beside_in_folder(page)):
             branch = _tree_in(one, tree_id)

@@ -19,7 +19,7 @@ _QUOTED: Final = re.compile(r"'([^']*)'")
 
 
 def diagnostic(finding: Finding, page: Page) -> types.Diagnostic:
-    """Return a finding with the part of the text that it is about.
+    """Return a finding as a diagnostic of the text's part that it concerns.
 
     Args:
         finding: of the page's file.
@@ -55,8 +55,8 @@ def _part(finding: Finding, page: Page) -> tuple[int, int]:
 def quick_fix(found: types.Diagnostic, page: Page) -> types.TextEdit | None:
     """Return the edit that takes a diagnostic's suggestion; None when it has none.
 
-    Of the words that the message quotes, the one is replaced that stands in the underlined part and
-    is most like the suggestion: that is how the suggestion was found.
+    The edit replaces a word that the message quotes and the underlined part contains. If there are
+    several, it replaces the one most similar to the suggestion, as `did_you_mean` compares them.
     """
     meant = _MEANT.search(found.message)
     if meant is None:
@@ -94,17 +94,17 @@ def code_actions(page: Page, uri: str, params: types.CodeActionParams) -> list[t
 
 
 class Reports:
-    """What was found in which file, by the document whose check found it."""
+    """Findings by file, for each document whose check found them."""
 
     def __init__(self) -> None:
         self._found: dict[str, dict[Path, list[Finding]]] = {}
 
     def update(self, owner: str, findings: tuple[Finding, ...]) -> set[Path]:
-        """Keep what a check found, and return the files of which something has changed.
+        """Keep the findings of a check, and return the files whose findings changed.
 
         Args:
             owner: the document that was checked.
-            findings: in it and in what it includes.
+            findings: in the document and the files that it includes.
         """
         before = self._found.pop(owner, {})
         after: dict[Path, list[Finding]] = {}
@@ -115,6 +115,6 @@ class Reports:
         return {path for path in {*before, *after} if before.get(path) != after.get(path)}
 
     def of(self, path: Path) -> list[Finding]:
-        """Return what all checks found in a file, each thing once."""
+        """Return the findings of all checks in a file, each once."""
         found = [one for report in self._found.values() for one in report.get(path, ())]
         return sorted(set(found))

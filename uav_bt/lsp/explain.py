@@ -1,4 +1,4 @@
-"""What an editor says of the thing under the cursor."""
+"""Text that an editor shows for the node, attribute or name under the cursor."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _CONDITIONS: Final = {
 
 
 def hover(desk: Desk, page: Page, offset: int) -> types.Hover | None:
-    """Return what is known of what stands at an offset; None for nothing."""
+    """Return the text for an offset; None where there is nothing to explain."""
     tag = page.tag_from(offset)
     branch = None if tag is None else page.by_tag.get(tag.start)
     if tag is None or branch is None:
@@ -97,7 +97,7 @@ def explain_node(node: type[Node], registry: NodeRegistry) -> str:
 
 
 def explain_port(port: Port[Any]) -> str:
-    """Return what a port takes in a line of Markdown."""
+    """Return a port's type, range and default in a line of Markdown."""
     facts = [" or ".join(map(port_text, port.choices)) or port.type.__name__, port.range]
     if port.direction != "input":
         facts.append(port.direction)
@@ -110,7 +110,7 @@ def explain_port(port: Port[Any]) -> str:
 
 
 def explain_key(key: Key[Any]) -> str:
-    """Return what a board key holds as Markdown."""
+    """Return a board key's type, unit, age limit and writer as Markdown."""
     facts = [key.type.__name__, key.unit]
     if key.max_age_s != math.inf:
         facts.append(f"at most {key.max_age_s:g} s old")

@@ -1,4 +1,4 @@
-"""Where a document names trees, variables and board keys: what definition and renaming go by."""
+"""Names of trees, variables and board keys in a document, for definitions and renaming."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _NAMING: Final = {
 
 
 class What(Enum):
-    """What a name is of."""
+    """Kinds of things that have names."""
 
     TREE = "tree"
     VARIABLE = "variable"
@@ -50,13 +50,13 @@ class Use:
     end: int
     branch: Branch
     attribute: str
-    defines: bool = False  # a tree's own ID; a variable that is written here
+    defines: bool = False  # the ID of a BehaviorTree, or a variable that is written here
     entry: bool = False  # the name of a SubTree's entry, which is a variable of the tree inside
     same: bool = False  # written as `{=}`
 
 
 class _Text:
-    """An attribute's text, and where in the document each of its characters stands."""
+    """An attribute's text, and the offset of each of its characters in the document."""
 
     def __init__(self, found: Attribute) -> None:
         self.attribute = found.name
@@ -66,7 +66,7 @@ class _Text:
             self.text, self._places = resolve(found.value)
 
     def place(self, start: int, end: int) -> tuple[int, int]:
-        """Return where a part of the text stands in the document."""
+        """Return the offsets of a part of the text in the document."""
         places = self._places
         if places is None:
             return self._start + start, self._start + end

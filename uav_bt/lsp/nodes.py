@@ -12,7 +12,7 @@ from uav_bt.tree.registry import NodeRegistry
 
 
 class Nodes:
-    """Nodes, with those of a palette that may be wrong, or change while an editor runs.
+    """Nodes, with those of a palette, which may have errors or change while an editor runs.
 
     Args:
         installed: the nodes without the palette.
@@ -22,12 +22,12 @@ class Nodes:
     def __init__(self, installed: NodeRegistry, path: Path | None = None) -> None:
         self.path = path
         self.registry = installed
-        self.findings: tuple[Finding, ...] = ()  # what is wrong with the palette
+        self.findings: tuple[Finding, ...] = ()  # of the palette
         self._installed = installed
         self.read()
 
     def read(self) -> None:
-        """Read the palette again; of one that is refused no node is known."""
+        """Read the palette again; a refused palette adds no nodes."""
         if self.path is None:
             return
         odd = Findings()

@@ -1,4 +1,4 @@
-"""A tree file as an editor has it: its text, its markup, and places in both."""
+"""One version of a tree file in an editor: text, markup and positions."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ class Page:
     """One version of a document.
 
     Args:
-        text: all of it; of one that is larger than the loader takes there is no markup.
+        text: the whole text. A text that is larger than the loader takes has no markup.
         path: what findings call the file.
-        units: how many of the client's units a text has: UTF-16 code units, unless it asked for
-            others.
-        uri: what the client calls the file; default: made of the path.
+        units: returns the length of a text in the client's units, by default UTF-16 code units.
+        uri: the client's URI of the file; default: the path's URI.
     """
 
     def __init__(

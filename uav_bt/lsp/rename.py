@@ -26,13 +26,13 @@ def renamed(desk: Desk, page: Page, offset: int, new: str) -> types.WorkspaceEdi
     """Return the edits that give a tree or a variable another name, in all files of its family.
 
     Args:
-        desk: what there is.
+        desk: the known nodes, board keys and files.
         page: the document.
         offset: of the name, or behind it.
         new: the other name.
 
     Raises:
-        InputError: nothing here can be renamed, or not so.
+        InputError: nothing here can be renamed, or the new name cannot be used.
     """
     use = use_at(desk, page, offset)
     if use is None or use.what is What.KEY:
@@ -82,10 +82,10 @@ def _of_tree(named: Named) -> bool:
 
 
 def _variable(found: list[Named], here: Named, new: str) -> Iterator[Named]:
-    """Yield every use of a variable, in its own tree and in those that share it.
+    """Yield every use of a variable, in its tree and in the trees that share it.
 
     Raises:
-        InputError: the name cannot be a variable's, is taken, or would change what is shared.
+        InputError: the name cannot be a variable's, is taken, or would end the sharing.
     """
     if not _VARIABLE.fullmatch(new):
         raise InputError(f"'{new}' cannot be a variable's name: write letters, digits and '_'")

@@ -1,4 +1,4 @@
-"""The server: which request is answered by what. It speaks over standard input and output."""
+"""Language server of tree files, over standard input and output."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from uav_bt.tree.loading.findings import Finding
 from uav_bt.tree.loading.lookup import TREE_SUFFIXES
 from uav_bt.tree.registry import NodeRegistry
 
-_PALETTE: Final = "palette"  # owner of what is wrong with it; no document is called so
+_PALETTE: Final = "palette"  # owner of the palette's findings; no document has this URI
 _TRIGGERS: Final = ["<", " ", '"', "{", "@", "/"]
 
 
 def serve(registry: NodeRegistry, palette: Path | None = None) -> None:
-    """Serve one editor until it says goodbye.
+    """Serve one editor until it closes the connection.
 
     Args:
         registry: the nodes that are installed.
@@ -92,7 +92,7 @@ def _handler(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class _Session:
-    """One editor's documents, and what it is told about them."""
+    """One editor's documents, and the answers to its requests."""
 
     def __init__(self, server: LanguageServer, nodes: Nodes) -> None:
         self._server = server
@@ -207,7 +207,7 @@ class _Session:
         for path in (page.path, *sorted(changed - {page.path})):
             about = page if path == page.path else self._desk.page(path.resolve())
             if about is None:
-                about = Page("", path)  # it cannot be read, which is what was found
+                about = Page("", path)  # unreadable, as the finding says
             open_page = self._pages.get(about.uri)
             self._server.text_document_publish_diagnostics(
                 types.PublishDiagnosticsParams(
@@ -224,7 +224,7 @@ class _Session:
         return page, page.offset(params.position)
 
     def complete(self, params: types.CompletionParams) -> list[types.CompletionItem]:
-        """Return what could stand at the cursor."""
+        """Return the completions at the cursor."""
         page, offset = self._at(params)
         return Completer(self._desk, page, offset, snippets=self._takes_snippets()).items()
 
@@ -235,7 +235,7 @@ class _Session:
         return bool(item is not None and item.snippet_support)
 
     def hover(self, params: types.HoverParams) -> types.Hover | None:
-        """Return what is known of the thing under the cursor."""
+        """Return the text for the thing under the cursor."""
         return hover(self._desk, *self._at(params))
 
     def define(self, params: types.DefinitionParams) -> list[types.Location]:
@@ -262,7 +262,7 @@ class _Session:
         return page.edits_to(text)
 
     def act(self, params: types.CodeActionParams) -> list[types.CodeAction]:
-        """Return the quick fixes of what is underlined."""
+        """Return the quick fixes of the underlined findings."""
         uri = params.text_document.uri
         return code_actions(self._page(uri), uri, params)
 
@@ -286,6 +286,6 @@ class _Session:
 
 
 def _path(uri: str) -> Path:
-    """Return the path of a document; of one that is no file (`untitled:...`) its name."""
+    """Return the path of a document; for an unsaved one (`untitled:...`) its name."""
     found = uris.to_fs_path(uri) if uri.startswith("file:") else None
     return Path(found or uri)

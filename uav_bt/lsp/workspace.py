@@ -1,4 +1,4 @@
-"""An editor's folders: their trees, as `uav-bt check FOLDER` looks them up."""
+"""Folders of an editor and their trees, looked up as by `uav-bt check FOLDER`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _Stamp = tuple[int, int]  # when a file was changed, in nanoseconds; its bytes
 
 
 class Workspace:
-    """The trees of one folder, as the disk has them. A file is read again when it has changed.
+    """The trees of one folder on the disk. A changed file is read again.
 
     Args:
         folder: the folder.
@@ -70,7 +70,7 @@ class Workspace:
             status = path.stat()
             stamp = (status.st_mtime_ns, status.st_size)
         except OSError:
-            return read_library_file(path)  # which says what is wrong
+            return read_library_file(path)  # raises the error
         known = self._read.get(path)
         if known is None or known[0] != stamp:
             file: LibraryFile | TreeError
@@ -93,13 +93,13 @@ class Workspace:
 
 
 class Folders:
-    """The folders of an editor, each a workspace of its own."""
+    """The folders of an editor, each one workspace."""
 
     def __init__(self) -> None:
         self._workspaces: list[Workspace] = []
 
     def take(self, folders: Iterable[Path]) -> None:
-        """Have these folders from now on; of those that stay, nothing is read again."""
+        """Replace the folders. Folders that stay are not read again."""
         known = {one.folder: one for one in self._workspaces}
         paths = dict.fromkeys(path.resolve() for path in folders if path.is_dir())
         self._workspaces = [known.get(path) or Workspace(path) for path in paths]
@@ -112,13 +112,13 @@ class Folders:
     def around(self, path: Path) -> Workspace | None:
         """Return the innermost folder that a file lies in; None when it lies in none."""
         if not path.is_absolute():
-            return None  # a document that is no file
+            return None  # an unsaved document
         target = path.resolve()
         holding = [one for one in self._workspaces if target.is_relative_to(one.folder)]
         return max(holding, key=lambda one: len(one.folder.parts), default=None)
 
     def check(self, page: Page, registry: NodeRegistry) -> tuple[Finding, ...]:
-        """Return what is wrong with a page.
+        """Return the findings of a page.
 
         Args:
             page: the document.

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Unpack
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.testing.bench import BenchWorld
@@ -13,6 +13,7 @@ from uav_bt.testing.events import EventLog
 from uav_bt.tree import MissionTree, NodeRegistry, Status
 from uav_bt.tree import load_tree as load_mission
 from uav_bt.tree import parse_tree as parse_mission
+from uav_bt.tree.loading.loader import TreeOptions
 from uav_bt.types import DroneState, GimbalTo, Movement
 
 _SHOWN: Final = 40  # answers in a failure message
@@ -138,46 +139,40 @@ def load_tree(
     path: Path | str,
     registry: NodeRegistry | None = None,
     *,
-    mocks: Mapping[str, str] | None = None,
-    overrides: Mapping[str, Mapping[str, str]] | None = None,
     tick_s: float = 0.1,
+    **options: Unpack[TreeOptions],
 ) -> TreeBench:
     """Put a tree file on a bench.
 
     Args:
         path: the file.
         registry: the nodes that may occur; default: all installed.
-        mocks: scripts such as `RRS` for leaves that are not to run themselves, by path, name or
-            node id; see `uav_bt.tree.scripted.AnswerScript`.
-        overrides: attribute values that replace the file's, by a node's name or path.
         tick_s: time between two ticks.
+        options: `mocks`, scripts such as `RRS` for leaves, `overrides` and the other keyword
+            arguments of `uav_bt.tree.parse_tree`.
 
     Raises:
         TreeError: the file was refused, or a mock or an override does not fit.
     """
-    tree = load_mission(path, _nodes(registry), mocks=mocks, overrides=overrides)
-    return TreeBench(tree, tick_s=tick_s)
+    return TreeBench(load_mission(path, _nodes(registry), **options), tick_s=tick_s)
 
 
 def parse_tree(
     source: str | bytes,
     registry: NodeRegistry | None = None,
     *,
-    mocks: Mapping[str, str] | None = None,
-    overrides: Mapping[str, Mapping[str, str]] | None = None,
     tick_s: float = 0.1,
+    **options: Unpack[TreeOptions],
 ) -> TreeBench:
-    """Put the text of a tree file on a bench; otherwise as `load_tree`.
+    """Put the text of a tree file on a bench; see `load_tree`.
 
     Args:
         source: the text.
         registry: the nodes that may occur; default: all installed.
-        mocks: scripts of leaves; see `load_tree`.
-        overrides: attribute values that replace the text's, by a node's name or path.
         tick_s: time between two ticks.
+        options: as for `load_tree`.
     """
-    tree = parse_mission(source, _nodes(registry), mocks=mocks, overrides=overrides)
-    return TreeBench(tree, tick_s=tick_s)
+    return TreeBench(parse_mission(source, _nodes(registry), **options), tick_s=tick_s)
 
 
 def _nodes(registry: NodeRegistry | None) -> NodeRegistry:

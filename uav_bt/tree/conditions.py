@@ -9,7 +9,7 @@ from uav_bt.tree.script import Environment, Script, ScriptError, parse_question,
 from uav_bt.tree.script.values import truth
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
-# In the order in which the engine asks them, with what a true one makes of the node.
+# In the engine's order, each with the status that a true one gives the node.
 _FORESTALLING: Final = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED))
 _WHILE: Final = "_while"
 _ON_SUCCESS: Final = "_onSuccess"
@@ -23,7 +23,7 @@ CONDITION_ATTRIBUTES: Final = frozenset(
 
 
 def check_condition(text: str) -> str | None:
-    """Return what is wrong with a condition's script, or None."""
+    """Return the error of a condition's script, or None."""
     try:
         parse_question(text)
     except ScriptError as error:
@@ -57,7 +57,7 @@ class Conditions:
         return [self.scripts[name] for name in names if name in self.scripts]
 
     def forestall(self, standing: Status, environment: Environment) -> Status | None:
-        """Return what the node answers instead of being ticked, or None to tick it.
+        """Return the status that replaces the node's tick, or None to tick the node.
 
         Args:
             standing: the node's status. A running node is only asked `_while`; when that answers

@@ -10,7 +10,9 @@ from xml.etree import ElementTree as ET
 from uav_bt.board.blackboard import Key
 from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.expansion import leaves_of
+from uav_bt.tree.loading.elements import node_id_of, tree_within
+from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.source import walk
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import PORT_TYPES, Port, port_text
@@ -82,7 +84,7 @@ def describe(node: type[Node], registry: NodeRegistry | None = None) -> NodeInfo
     """
     leaves = [node] if issubclass(node, Leaf) else []
     if registry is not None and issubclass(node, ExpandedNode):
-        leaves = list(leaves_of(node, registry))
+        leaves = list(_leaves_of(node, registry))
     return NodeInfo(
         node_id=node.node_id,
         kind=node.kind.value,
@@ -132,3 +134,28 @@ def add_model(parent: ET.Element, node: type[Node]) -> None:
         if port.default is not Port.REQUIRED:
             entry.set("default", port_text(port.default))
         entry.text = f"{port.doc} ({port.range})" if port.range else port.doc
+
+
+def _leaves_of(node: type[ExpandedNode], registry: NodeRegistry) -> tuple[type[Leaf], ...]:
+    """Return the classes of the leaves in all shipped trees that a node can be made of.
+
+    Args:
+        node: the class.
+        registry: the nodes that may occur in these trees; unknown ones are left out.
+    """
+    trees = Lookup().shipped.trees
+    leaves: dict[type[Leaf], None] = {}
+    seen: set[str] = set()
+    waiting = [*node.tree_ids()]
+    while waiting:
+        tree_id = waiting.pop(0)
+        if tree_id in seen or tree_id not in trees:
+            continue
+        seen.add(tree_id)
+        for element in walk(trees[tree_id][0][0]):
+            inner = tree_within(element, registry)
+            waiting += [] if inner is None else [inner]
+            leaf = registry.get(node_id_of(element))
+            if leaf is not None and issubclass(leaf, Leaf):
+                leaves[leaf] = None
+    return tuple(leaves)

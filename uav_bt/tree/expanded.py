@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from uav_bt.errors import InputError
-from uav_bt.tree.node import Node
+from uav_bt.tree.node import Node, place_tree
 from uav_bt.tree.nodes.base import SubTree
-from uav_bt.tree.placing import place_tree
 from uav_bt.tree.port import port_text
 from uav_bt.tree.variables import Variables
 
@@ -47,7 +46,7 @@ class ExpandedNode(SubTree):
         self._autoremap = False
         self.tree_id = self._chosen_tree()
         self._take_entries(self.entries_of({**self._literals, **self._given}))
-        # Its own place until it gets one in a tree: a tree of py_trees gives none.
+        # A first place, which a tree replaces. A tree of py_trees does not.
         place_tree(self, self.name, Variables())
 
     @classmethod

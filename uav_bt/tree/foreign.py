@@ -78,7 +78,7 @@ class ForeignLeaf(Leaf):
         self.behaviour.setup_with_descendants()
 
     def update(self) -> Status:
-        """Tick the behaviour and answer what it answered."""
+        """Tick the behaviour and return its answer."""
         self._active = True
         self.behaviour.tick_once()
         self.feedback_message = self.behaviour.feedback_message
@@ -104,7 +104,7 @@ def leaf_of(behaviour: type[Behaviour]) -> type[ForeignLeaf]:
     is the node's name; `*args` and `**kwargs` are left empty.
 
     Raises:
-        InputError: it is no py_trees behaviour, or an argument has no annotation or another one.
+        InputError: not a py_trees behaviour, or an argument without one of these annotations.
     """
     if not issubclass(behaviour, Behaviour) or issubclass(behaviour, Node):
         raise InputError(f"expected a class of py_trees behaviours, got {behaviour!r}")

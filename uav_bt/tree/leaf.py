@@ -60,19 +60,19 @@ class Leaf(Node):
     # --- for authors to override ------------------------------------------------------------------
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Get what the leaf needs for the whole mission; raise when it is not there."""
+        """Load what lasts the whole mission; raise when it is missing."""
 
     def on_inherit(self, former: Self) -> None:
-        """Go on from what a leaf of this class knows, whose tree this one replaces in flight.
+        """Take over the knowledge of a leaf of this class whose tree this one replaces in flight.
 
-        Called once, after `on_setup`. What the new leaf's ports make worthless is left behind.
+        Called once, after `on_setup`. Leave out values that the new leaf's ports make useless.
         """
 
     def initialise(self) -> None:
         """Begin an activation."""
 
     def terminate(self, new_status: Status) -> None:
-        """Let go of what the activation held; see the class for when, and with which status."""
+        """Release the activation's resources; the class says when, and with which status."""
 
     # --- for authors to call ----------------------------------------------------------------------
 
@@ -85,12 +85,12 @@ class Leaf(Node):
         return self._board.read(key)
 
     def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
-        """Write the board; `captured_s` is when what the value describes was captured.
+        """Write the board; `captured_s` is the capture time of the data behind the value.
 
         Args:
             key: one of `writes`, or what an output port is connected to.
             value: in the unit of the key.
-            captured_s: when what the value describes was captured; default: now.
+            captured_s: capture time of the data behind the value; default: now.
 
         Raises:
             BoardAccessError: the key is not among `writes`, or the value has another type.
@@ -136,7 +136,7 @@ class Leaf(Node):
         mission = self.mission
         for key in (*self.reads, *self.writes):
             mission.board.declare(key)
-        # What the tree file connects to a port is declared there.
+        # The tree file declares what it connects to a port.
         reads, writes = [*self.reads], [*self.writes]
         for port in self.ports:
             reference = self._references.get(port.name)

@@ -1,4 +1,4 @@
-"""A tree that can be flown: set up, ticked, halted, and asked where it is."""
+"""Mission trees: set-up, tick, halt and the running branch."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from uav_bt.errors import InputError, MissionError, NodeFailedError, did_you_mea
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.loading.lookup import Inclusion
-from uav_bt.tree.node import Node
-from uav_bt.tree.placing import place_tree
+from uav_bt.tree.node import Node, place_tree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
@@ -38,7 +37,7 @@ _FRAMES_OF_OTHERS: Final = 500  # what calls the tree, and what its leaves call
 
 
 def _allow_depth(levels: int) -> None:
-    """Let Python recurse as deep as a tick of such a tree does; its own limit is 1000 calls."""
+    """Raise Python's limit of 1000 nested calls to the need of a tick of such a tree."""
     needed = levels * _FRAMES_PER_LEVEL + _FRAMES_OF_OTHERS
     sys.setrecursionlimit(max(sys.getrecursionlimit(), needed))
 
@@ -53,7 +52,7 @@ class MissionTree:
             first; empty for a tree composed in Python.
         inclusions: which of these files each `<include>` stands for.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
-        replaced: attributes that nodes have instead of what the tree file says, by path.
+        replaced: attribute values that replace those of the tree file, by path.
         enum_members: of enumerations, integers by the names that scripts read.
     """
 
@@ -111,12 +110,12 @@ class MissionTree:
 
     @property
     def origin(self) -> str:
-        """What reports and records call the tree: its file's name, or that it has none."""
+        """Name of the tree in reports and records: its file's name, or that it has none."""
         return self.path.name if self.sources else f"{self.name} (composed in Python)"
 
     @property
     def is_set_up(self) -> bool:
-        """Whether it was set up for a mission. A tree flies once: its leaves keep what they did."""
+        """Whether it was set up for a mission. A tree flies once because its leaves keep state."""
         return self._ready
 
     @property
@@ -195,7 +194,7 @@ class MissionTree:
         self._ready = True
 
     def inherit(self, former: MissionTree) -> None:
-        """Let leaves go on from what those of a tree know that this one replaces in flight.
+        """Hand the leaves the knowledge of a tree that this one replaces in flight.
 
         The first leaf of a class goes on from the first of that class there, and so on.
 

@@ -1,4 +1,4 @@
-"""What all nodes share: ports, place in the tree, and the tick.
+"""Base class of all nodes: children, place in the tree, and the tick.
 
 A node is ticked through `execute_tick`, plain calls that follow BehaviorTree.CPP 4.10 step by step.
 py_trees has another model of a tick (generators, four statuses, a composite per policy), so none of
@@ -11,7 +11,8 @@ status; `node_status` is ours.
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from py_trees import common
@@ -19,10 +20,10 @@ from py_trees import common
 from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
+from uav_bt.tree.node_ports import NodePorts
 from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import Port, check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
-from uav_bt.tree.surroundings import Surroundings
 from uav_bt.tree.variables import Variables
 
 if TYPE_CHECKING:
@@ -30,10 +31,10 @@ if TYPE_CHECKING:
     from uuid import UUID
 
     class Behaviour(ABC):
-        """What a node has of py_trees' class.
+        """Typed view of the py_trees base class, for type checkers only.
 
-        The methods there take and return py_trees' statuses; to a type checker no class of ours
-        could override them.
+        The real methods take and return py_trees' statuses. A type checker refuses to override
+        them with ours.
         """
 
         id: UUID
@@ -65,7 +66,7 @@ class NodeKind(enum.Enum):
     SUBTREE = "SubTree"
 
 
-class Node(Surroundings, Behaviour):
+class Node(NodePorts, Behaviour):
     """Base of every node.
 
     Args:
@@ -217,10 +218,10 @@ class Node(Surroundings, Behaviour):
         return status
 
     def update(self) -> Status:
-        """Do one tick's work, at once, and answer; the conditions have let it through.
+        """Do the work of one tick without blocking and return the status. Conditions come before.
 
         Raises:
-            NotImplementedError: the class does not say what it does.
+            NotImplementedError: the class does not override this method.
         """
         raise NotImplementedError(f"{type(self).__qualname__} must define update()")
 
@@ -228,14 +229,14 @@ class Node(Surroundings, Behaviour):
         observer(self, NodeEvent.RAN if self.node_status is RUNNING else NodeEvent.STARTED)
 
     def set_status(self, status: Status) -> None:
-        """Let the node stand in a status; for the engine and for nodes written in Python."""
+        """Set the status; for the engine and for nodes written in Python."""
         if self.node_status is not status:
             self.node_status = status
             if self.observer is not None:
                 self.observer(self, NodeEvent.STATUS)
 
     def halt(self) -> None:
-        """Stop what is going on below and here; `terminate` of leaves that run is called.
+        """Stop this node and all below; running leaves get `terminate`.
 
         Raises:
             NodeFailedError: a leaf's `terminate` or a script raised.
@@ -315,3 +316,34 @@ class Node(Surroundings, Behaviour):
             self.reset()
         else:
             self.set_status(Status[new_status.name])
+
+
+def child_paths(parent: str, names: Sequence[str]) -> list[str]:
+    """Return the paths of a node's children; the second of one name gets `#2`.
+
+    Args:
+        parent: the parent's path.
+        names: of its children, in order.
+    """
+    seen: Counter[str] = Counter()
+    paths: list[str] = []
+    for name in names:
+        seen[name] += 1
+        number = f"#{seen[name]}" if seen[name] > 1 else ""
+        paths.append(f"{parent}/{name}{number}")
+    return paths
+
+
+def place_tree(root: Node, path: str, variables: Variables) -> None:
+    """Place a node and all nodes below it.
+
+    Args:
+        root: the uppermost node.
+        path: of the root.
+        variables: of the tree that the root stands in; every subtree below gets a scope in them.
+    """
+    root.place(path, variables)
+    inner = root.open_scope(variables)
+    paths = child_paths(path, [child.name for child in root.children])
+    for child, child_path in zip(root.children, paths, strict=True):
+        place_tree(child, child_path, inner)

@@ -95,16 +95,16 @@ class Port(Generic[T]):
         doc: one line, with the unit.
         direction: whether the node reads the value, writes it, or both.
         choices: all values there are; empty: any of the type.
-        least: bound of a number, itself allowed; None: there is none.
+        least: lower bound of a number, inclusive; None: no bound.
         most: likewise, above.
-        check: returns normally or raises ValueError (or an InputError) saying what was expected.
-        look_up: likewise, where what the value names (a file, a network) is not there. `uav-bt
+        check: raises ValueError (or an InputError) that says which value was expected.
+        look_up: likewise, where the named thing (a file, a network) does not exist. `uav-bt
             check` asks; dry runs and benches, which load nothing, do not.
-        caution: returns what is odd about a value though it is none to refuse, such as one beyond
+        caution: returns a warning about a value that is not refused, such as one beyond
             the usual limits; None where nothing is. `uav-bt check` warns of it.
 
     Raises:
-        ValueError: the name cannot be an attribute's, or what has a range is no number.
+        ValueError: the name cannot be an attribute's, or a port with a range is not a number.
     """
 
     REQUIRED: ClassVar[Any] = _Required()
@@ -139,7 +139,7 @@ class Port(Generic[T]):
 
     @property
     def range(self) -> str:
-        """What a number must keep to, in words; empty: any will do."""
+        """Allowed range of a number, in words; empty without a range."""
         if self.least is None:
             return "" if self.most is None else f"{self.most:g} or less"
         return (
@@ -156,10 +156,10 @@ class Port(Generic[T]):
         return self.bind(self.default)
 
     def bind(self, given: object) -> T | Reference:
-        """Turn what a tree file or a Python caller gives into a checked value or a reference.
+        """Convert a value of a tree file or of Python to a checked value or a reference.
 
         Raises:
-            ValueError: it is neither; the message says what was expected.
+            ValueError: it is neither; the message names the expected type.
         """
         if isinstance(given, str):
             reference = parse_reference(given, self.name)
@@ -173,7 +173,7 @@ class Port(Generic[T]):
         """Return a value as this port's type; texts are parsed.
 
         Raises:
-            ValueError: the value does not fit; the message says what was expected.
+            ValueError: the value does not fit; the message names the expected type.
         """
         typed: Any = self._parse(value) if isinstance(value, str) else self._cast(value)
         if self.choices and typed not in self.choices:
@@ -192,13 +192,13 @@ class Port(Generic[T]):
         return typed  # type: ignore[no-any-return]  # of type T by the two parsers
 
     def read(self, value: object) -> T:
-        """Return what a variable holds as this port's type.
+        """Return a variable's value as this port's type.
 
         As the engine does, and unlike `convert`, this takes 0 and 1 (what scripts make of `false`
         and `true`) as truth values and writes numbers out as texts.
 
         Raises:
-            ValueError: the value does not fit; the message says what was expected.
+            ValueError: the value does not fit; the message names the expected type.
         """
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             if self.type is bool and value in {0, 1}:
@@ -253,12 +253,12 @@ def bind_ports(
     """Bind all ports of a node at once.
 
     Args:
-        ports: what the node declares.
+        ports: the node's declared ports.
         given: values by attribute name.
         also: other attributes that the node may have, for suggestions.
 
     Returns:
-        The bound values (or references) by port, and what is wrong by attribute.
+        The bound values or references by port, and the errors by attribute.
     """
     bound: dict[str, Any] = {}
     wrong: dict[str, str] = {}
@@ -280,7 +280,7 @@ def bind_ports(
 
 
 def check_declared(owner: type, name: str, kind: type) -> None:
-    """Refuse a class attribute that is no tuple (or list) of objects of a kind.
+    """Refuse a class attribute that is not a tuple or list of objects of one kind.
 
     Args:
         owner: the node class.

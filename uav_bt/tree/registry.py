@@ -28,7 +28,7 @@ class NodeRegistry:
         policies: names of the leaf policies that a tree file may name; None: any.
 
     Raises:
-        InputError: a class is neither, its id is taken, or a constructor's argument is no port.
+        InputError: a class is neither, its id is taken, or an argument cannot be a port.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class NodeRegistry:
             nodes: node classes, or plain py_trees behaviours, which become leaf classes.
 
         Raises:
-            InputError: it is neither, its id is taken, or a constructor's argument is no port.
+            InputError: it is neither, its id is taken, or an argument cannot be a port.
         """
         return self._copy((*self._nodes.values(), *nodes), self.policies)
 
@@ -171,7 +171,7 @@ def _nodes_of(name: str) -> tuple[type[Node | Behaviour], ...]:
     """Return what an entry point contributes.
 
     Raises:
-        InputError: it cannot be imported, or is no iterable.
+        InputError: it cannot be imported, or is not iterable.
     """
     loaded = plugins.load(plugins.BEHAVIOURS, name)
     if not isinstance(loaded, Iterable) or isinstance(loaded, str):

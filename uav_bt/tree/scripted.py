@@ -20,7 +20,7 @@ _SCRIPT: Final = re.compile(r"(?P<once>[RSFK]*)(?:\((?P<again>[RSFK]+)\))?")
 
 @dataclass(frozen=True)
 class AnswerScript:
-    """What a scripted leaf answers, a letter a tick: R running, S success, F failure, K skipped.
+    """Answers of a scripted leaf, one letter a tick: R running, S success, F failure, K skipped.
 
     One letter is used up each time the leaf is ticked, whether an activation begins, goes on or was
     halted in between. After the last letter the last one is answered for ever; letters in brackets
@@ -57,7 +57,7 @@ class AnswerScript:
         return cls(once, again)
 
     def answer(self, tick: int) -> Status:
-        """Return what is answered when the leaf is ticked for the `tick`-th time, from 0."""
+        """Return the answer to a tick, counted from 0."""
         if tick < len(self.once):
             return self.once[tick]
         return self.again[(tick - len(self.once)) % len(self.again)]
@@ -85,7 +85,7 @@ class ScriptedLeaf(Leaf):
     def __init__(self, name: str | None = None, script: str = "S", /, **given: object) -> None:
         super().__init__(name, **given)
         self.script = self.check_script(script)
-        self.outputs: dict[Port[Any], Any] = {}  # what is written whenever it succeeds
+        self.outputs: dict[Port[Any], Any] = {}  # written at each success
         self._ticks = 0
 
     @classmethod

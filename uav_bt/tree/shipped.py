@@ -63,7 +63,7 @@ STARTERS: Final = {
     "land": "land_only",
     "explore": "explore_and_land_segmentation",
 }
-"""What a mission can be started from: shipped missions, the smallest first."""
+"""Shipped missions to start a new one from, the smallest first."""
 
 _ROOT_TAG: Final = re.compile(r"<root\b[^>]*>\n")
 # A comment must not contain two hyphens in a row.
@@ -90,7 +90,7 @@ _COMMENT: Final = """\
       attribute="{{@name}}"    a key of the mission board, where perception writes what it sees
 
     A leaf (TakeOff, Turn, Land, ...) answers RUNNING until it is done, then SUCCESS or FAILURE.
-    What it is asked to do it does in the drone's own frame: metres, degrees clockwise.
+    Its ports are in the drone's own frame: metres, degrees clockwise.
   -->
 """
 

@@ -89,7 +89,7 @@ class Variables:
         return scope._board.get(name)  # noqa: SLF001  # of the same class
 
     def entry(self, key: str) -> Entry | None:
-        """Return a variable, or None when it was never written; a board key is no variable."""
+        """Return a variable, or None when it was never written or is a board key."""
         place = self._places.get(key)
         scope, name = self._find_place(key) if place is None else place
         return scope._entries.get(name)  # noqa: SLF001  # of the same class
@@ -110,7 +110,7 @@ class Variables:
 
         Args:
             key: the variable.
-            default: what stands for one that has no value.
+            default: returned when the variable has no value.
         """
         entry = self.entry(key)
         return default if entry is None else entry.value

@@ -124,7 +124,6 @@ OUTPUTS = [
     "fly mission.xml --btlog {}.btlog",
     "tree render mission.xml --out {}.svg",
     "tree schema --out {}.xsd",
-    "tree migrate mission.xml --out {}.xml",
     "view old.mcap --save {}.rrd",
     "view old.mcap --video {}.mp4",
     "report flights.jsonl --out {}.html",

@@ -171,7 +171,7 @@ def test_refused_nodes(body: str, message: str) -> None:
         ('<root a="1" a="2"/>', "duplicate attribute"),
         ("<tree/>", "expected the element <root>, got <tree>"),
         ('<root BTCPP_format="4"/>', "the file has no BehaviorTree"),
-        (document("<Safe/>").replace('"4"', '"3"'), "'uav-bt tree migrate' makes"),
+        (document("<Safe/>").replace('"4"', '"3"'), "convert it with convert_v3_to_v4.py"),
         (
             "no tree\nat all",
             "1:1: not well-formed XML: expected a tag such as <root>, got 'no tree'",

@@ -1,16 +1,16 @@
-"""Script files: what the leaves of a mission answer in a dry run.
+"""Script files: answers of a mission's leaves in a dry run.
 
 A YAML file:
 
     leaves:                  # by path, name or node id, as `uav-bt tree render` shows them
       TakeOff: RRS           # running, running, success; the last letter is answered for ever
       Explore: (RRS)         # letters in brackets are answered over and over
-    default: S               # for all leaves without a script of their own
-    outputs:                 # what a leaf writes to its output ports whenever it succeeds
+    default: S               # for all leaves without a script
+    outputs:                 # values that a leaf writes to its output ports at each success
       Measure: {depth_m: 1.5}
     variables: {laps: 3}     # of the main tree, before the first tick
     board: {phase: explore}  # keys of the mission board; numbers, texts, true and false
-    nodes:                   # what a palette's control nodes and decorators are taken for
+    nodes:                   # nodes that stand in for a palette's control nodes and decorators
       RecoveryNode: {is: RetryUntilSuccessful, num_attempts: 3}
 
 Only `leaves` or `default` must be there. The letters are those of `uav_bt.tree.scripted`.
@@ -37,7 +37,7 @@ from uav_bt.tree.scripted import AnswerScript, ScriptedLeaf, mock_class
 from uav_bt.yaml_file import read_yaml
 
 Plain = bool | int | float | str
-"""What a variable or a board key can be given in a script file."""
+"""Values of a variable or a board key in a script file."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ def _mocks(
 
 
 def _defaults(tree: MissionTree, missing: list[Leaf], script: SimulationScript) -> dict[str, str]:
-    """Return the answers of the leaves that have none of their own, by selector."""
+    """Return the default answers of the leaves without a script, by selector."""
     text = script.default or ""
     for leaf in missing:
         _check_answers(script, leaf, text, None)

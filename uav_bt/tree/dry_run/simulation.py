@@ -38,7 +38,7 @@ _ANSWERS: Final = {
 
 @dataclass(frozen=True)
 class Answer:
-    """What a leaf answered."""
+    """The answer of a leaf."""
 
     leaf: str
     status: Status
@@ -106,7 +106,7 @@ class Simulation:
         self._names = _short_names(self.tree)
         self._answers: list[Answer] = []
         self._halted: list[str] = []
-        self._given: dict[str, Any] = {}  # what the script wrote to the board
+        self._given: dict[str, Any] = {}  # values that the script wrote to the board
         self.tree.setup(MissionContext(board=self._board, clock=self._clock))
         for name, scalar in script.variables.items():
             self.tree.variables[name] = scalar.value
@@ -114,7 +114,7 @@ class Simulation:
         observe(self.tree.leaves(), self._note)
 
     def run(self, max_ticks: int) -> Iterator[SimulatedTick]:
-        """Tick until the root has ended, at most so many times, and yield each tick.
+        """Tick until the root ends or the limit of ticks is reached, and yield each tick.
 
         Raises:
             NodeFailedError: a node raised: a script that fails, a node known from a palette only.
@@ -177,7 +177,7 @@ class Simulation:
         self._board.write(ELAPSED, self._clock.now())
         written = self._board.snapshot()
         for name, scalar in self._script.board.items():
-            # What a leaf has written over it stays.
+            # A value that a leaf wrote over it stays.
             if name in self._given and written[name][0] is not self._given[name]:
                 continue
             self._given[name] = scalar.value
@@ -214,5 +214,5 @@ def _changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any
 def _differs(before: Any, now: Any) -> bool:
     if before is now:
         return False
-    # Only plain values are compared: others may not know what it means to be equal.
+    # Only plain values are compared: equality of others may not be defined.
     return type(before) is not type(now) or not isinstance(now, _PLAIN) or before != now

@@ -41,7 +41,7 @@ class _Pass(DecoratorNode):
 
 
 class _Inside(ControlNode):
-    """A control node that does what a decorator does.
+    """A control node that ticks like a decorator.
 
     Of several children, RetryUntilSuccessful tries the first; the others are what is done between
     two attempts.

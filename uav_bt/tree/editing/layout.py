@@ -23,14 +23,14 @@ _BYTE_ORDER_MARK: Final = "\N{ZERO WIDTH NO-BREAK SPACE}"
 def format_source(data: bytes, path: Path) -> bytes:
     """Return a tree file's bytes in the one layout.
 
-    What was laid out stays as it is. Line ends stay those that the file begins with.
+    A file in this layout does not change. All line ends become those of the first line.
 
     Args:
         data: the file's bytes; whether its nodes are known does not matter.
         path: what messages call the file.
 
     Raises:
-        TreeError: it is no well-formed XML, or has what a tree file must not have.
+        TreeError: the file is not well-formed XML, or exceeds a limit of tree files.
     """
     before = parse_source(data, path)
     text = data.decode().removeprefix(_BYTE_ORDER_MARK)

@@ -1,7 +1,7 @@
-"""A tree file's text as markup with every offset, also while it is being typed.
+"""Reader of a tree file's markup for editing: offsets, comments and blanks, unfinished tags too.
 
-The loader's own reader (`loading/source.py`) gives elements and refuses what is not well-formed.
-This one keeps comments and blanks, and makes the best of tags and quotes that are still open.
+The loader's reader (`loading/source.py`) cannot serve here: it refuses unfinished text, which a
+person types most of the time, and drops the comments and quotes that the formatter keeps.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 
 class Kind(Enum):
-    """What a piece of markup is."""
+    """Kinds of pieces of markup."""
 
     START = "start"
     EMPTY = "empty"  # `<A/>`
@@ -93,7 +93,7 @@ _ATTRIBUTE: Final = re.compile(r"([^\s=<>/\"']+)(?:\s*=\s*)?")
 _EXACT: Final = re.compile(r"\"[^\"]*\"|'[^']*'")
 # While one types, a quote may be open: it does not reach over the beginning of the next tag.
 _TYPED: Final = re.compile(r"\"(?:[^\"<]|<(?![\w/!]))*\"|'(?:[^'<]|<(?![\w/!]))*'")
-# An attribute as it mostly is; what does not match is taken apart bit by bit.
+# A complete attribute. Incomplete ones are read part by part.
 _WHOLE: Final = r"\s*+([^\s=<>/\"']++)\s*+=\s*+({})"
 _WHOLE_ATTRIBUTE: Final = {
     quoted: re.compile(_WHOLE.format(quoted.pattern)) for quoted in (_EXACT, _TYPED)

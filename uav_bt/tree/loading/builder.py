@@ -1,4 +1,4 @@
-"""From checked elements to nodes: subtrees put in place, overrides applied, everything bounded."""
+"""Builder of nodes from checked elements, with subtrees in place and overrides applied."""
 
 from __future__ import annotations
 
@@ -19,17 +19,14 @@ from uav_bt.tree.loading.elements import (
     node_id_of,
     tree_within,
 )
-from uav_bt.tree.loading.findings import Finding, Findings, Position, errors_of
+from uav_bt.tree.loading.findings import Finding, Findings, Position, Rule, errors_of
 from uav_bt.tree.loading.plans import GivenValue, Plan, name_of
-from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.mission_tree import Place
-from uav_bt.tree.node import Node
+from uav_bt.tree.node import Node, child_paths
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
-from uav_bt.tree.placing import child_paths
 from uav_bt.tree.port import Port
-from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import mock_class
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
@@ -45,18 +42,17 @@ class Builder:
 
     Args:
         document: the file's outline.
-        registry: the nodes that may occur.
-        findings: where they are added.
+        findings: collects the findings.
     """
 
-    def __init__(self, document: Document, registry: NodeRegistry, findings: Findings) -> None:
+    def __init__(self, document: Document, findings: Findings) -> None:
         self._document = document
-        self._registry = registry
+        self._registry = document.registry
         self._findings = findings
         self._count = 0
         self.places: dict[str, Place] = {}  # of the nodes, by path; filled by `build`
         self.replaced: dict[str, dict[str, str]] = {}  # attributes by path; filled by `build`
-        # What the files give to ports of leaves; filled by `build`.
+        # Values that the files give to ports of leaves; filled by `build`.
         self.given: list[tuple[Port[Any], GivenValue]] = []
 
     def build(
@@ -158,9 +154,7 @@ class Builder:
         # The file itself is good by now, so whatever is found comes from the override.
         found = Findings()
         replaced = {**element.attributes, **attributes}
-        Checker(self._document, self._registry, found).check_element(
-            replace(element, attributes=replaced)
-        )
+        Checker(self._document, found).check_element(replace(element, attributes=replaced))
         for finding in errors_of(found):
             self._findings.add(
                 finding.path, finding.position, f"{lead}{finding.message}", finding.node

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any, Final
 
 from uav_bt.board.blackboard import successors
@@ -12,15 +12,13 @@ from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.expanded import ExpandedNode, literal_wanted
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.elements import doors, expanded_class, node_attributes, node_id_of
-from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import Element, walk
+from uav_bt.tree.loading.findings import Findings, Rule
+from uav_bt.tree.loading.source import Element, circles, walk
 from uav_bt.tree.loading.structure import check_structure
 from uav_bt.tree.loading.variable_checker import check_variables, key_fits
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
-from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import SCRIPTS, parse_script
 from uav_bt.tree.script.expressions import Name
 
@@ -28,19 +26,18 @@ _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 
 
 class Checker:
-    """Notes all that is wrong with the trees of a document.
+    """Adds a finding for each fault in the trees of a document.
 
     Args:
         document: the file's outline.
-        registry: the nodes that may occur.
-        findings: where they are added.
+        findings: collects the findings.
     """
 
-    def __init__(self, document: Document, registry: NodeRegistry, findings: Findings) -> None:
+    def __init__(self, document: Document, findings: Findings) -> None:
         self._document = document
-        self._registry = registry
+        self._registry = document.registry
         self._findings = findings
-        self._board_keys = registry.board_keys
+        self._board_keys = document.registry.board_keys
 
     def check(self, roots: Iterable[str]) -> None:
         """Check all trees.
@@ -54,17 +51,17 @@ class Checker:
         document = self._document
         roots = list(roots)
         for tree in document.trees.values():
-            check_structure(tree, document, self._registry, self._findings)
+            check_structure(tree, document, self._findings)
         flown = document.within(roots)
         self._check_trees(tree for tree_id, tree in document.trees.items() if tree_id in flown)
-        check_variables(document, self._registry, self._findings, roots)
+        check_variables(document, self._findings, roots)
         self._check_recursion()
         idle = Findings()
-        Checker(document, self._registry, idle)._check_trees(  # noqa: SLF001  # of the same class
+        Checker(document, idle)._check_trees(  # noqa: SLF001  # of the same class
             tree for tree_id, tree in document.trees.items() if tree_id not in flown
         )
         unused = [tree_id for tree_id in document.unused if tree_id not in flown]
-        check_variables(document, self._registry, idle, unused)
+        check_variables(document, idle, unused)
         self._findings.take_as_warnings(idle)
 
     def _check_trees(self, trees: Iterable[Element]) -> None:
@@ -224,31 +221,12 @@ class Checker:
             self._note(element, message, name, Rule.BOARD_KEY)
 
     def _check_recursion(self) -> None:
-        uses = {
-            tree_id: doors(tree, self._registry) for tree_id, tree in self._document.trees.items()
-        }
-        done: set[str] = set()
-        for tree_id in self._document.trees:
-            if tree_id not in done:
-                self._follow(tree_id, uses, done)
+        trees = self._document.trees
 
-    def _follow(
-        self, start: str, uses: Mapping[str, list[tuple[Element, str]]], done: set[str]
-    ) -> None:
-        # Depth first, with a stack of its own: a chain of trees can be longer than Python's.
-        chain = {start: iter(uses[start])}
-        while chain:
-            tree_id = next(reversed(chain))
-            door = next(chain[tree_id], None)
-            if door is None:
-                del chain[tree_id]
-                done.add(tree_id)
-                continue
-            node, inner = door
-            if inner in chain:
-                names = [*chain]
-                loop = " > ".join([*names[names.index(inner) :], inner])
-                message = f"the tree contains itself: {loop}"
-                self._note(node, message, "ID", rule=Rule.UNKNOWN_TREE)
-            elif inner not in done and inner in uses:
-                chain[inner] = iter(uses[inner])
+        def used(tree_id: str) -> list[tuple[Element, str]]:
+            found = doors(trees[tree_id], self._registry)
+            return [(node, inner) for node, inner in found if inner in trees]
+
+        for node, loop in circles(trees, used):
+            message = f"the tree contains itself: {' > '.join(loop)}"
+            self._note(node, message, "ID", rule=Rule.UNKNOWN_TREE)

@@ -17,10 +17,9 @@ from uav_bt.tree.loading.elements import (
     expanded_class,
     node_attributes,
 )
-from uav_bt.tree.loading.findings import WARNING, Findings
+from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
 from uav_bt.tree.loading.models import read_enumerations, read_models
-from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -30,7 +29,7 @@ from uav_bt.tree.registry import NodeRegistry
 _ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
 _TREE_ATTRIBUTES: Final = frozenset({"ID"})
 _ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel", "include")
-# What the engine's own names for files and paths cannot have.
+# Characters that the engine refuses in the ID of a tree.
 _NOT_IN_AN_ID: Final = frozenset(" \t\n\r<>&\"'/\\|?*:.")
 _RESERVED: Final = frozenset({"root", "Root"})
 _METADATA: Final = "MetadataFields"  # editors keep what they like in it
@@ -42,7 +41,6 @@ class Document:
 
     path: Path
     registry: NodeRegistry  # the nodes that may occur
-    roots: list[Element] = field(default_factory=list)  # of the file and of what it includes
     main: str = ""  # "": the file leaves it open
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
@@ -108,16 +106,16 @@ def autoremaps(subtree: Element) -> bool:
 def outline(
     root: Element, registry: NodeRegistry, findings: Findings, lookup: Lookup | None = None
 ) -> Document:
-    """Read the outline of a file and of those it includes, and note what is wrong with them.
+    """Read the outline of a file and of the files that it includes.
 
     Args:
         root: the file's root element.
         registry: the nodes that may occur.
-        findings: where they are added.
+        findings: collects the findings.
         lookup: where to look for included files and trees; default: the file's folder.
 
     Raises:
-        TreeError: an included file cannot be read or is no XML.
+        TreeError: an included file cannot be read or is not XML.
     """
     lookup = lookup or Lookup()
     document = Document(root.path, registry, enum_members=dict(registry.enum_members))
@@ -126,11 +124,10 @@ def outline(
     while waiting:
         element = waiting.pop(0)
         if _check_root(element, findings):
-            document.roots.append(element)
             for child in element.children:
                 if child.tag == "include":
                     waiting += included.read(child, findings)
-            _read_parts(element, document, registry, findings)
+            _read_parts(element, document, findings)
     document.own = tuple(document.trees)
     included.note_circles(findings)
     document.included, document.inclusions = included.sources, included.found
@@ -156,14 +153,12 @@ def _check_root(root: Element, findings: Findings) -> bool:
         findings.warn(root, f"{expected} nothing", rule=Rule.ROOT)
     elif version != "4":
         where = root.at("BTCPP_format")
-        cure = ": 'uav-bt tree migrate' makes a file of version 4 of it" if version == "3" else ""
+        cure = ": convert it with convert_v3_to_v4.py of BehaviorTree.CPP" if version == "3" else ""
         findings.add(path, where, f"{expected} '{version}'{cure}", "root", rule=Rule.ROOT)
     return True
 
 
-def _read_parts(
-    root: Element, document: Document, registry: NodeRegistry, findings: Findings
-) -> None:
+def _read_parts(root: Element, document: Document, findings: Findings) -> None:
     parts: dict[str, list[Element]] = {tag: [] for tag in (*_ROOT_CHILDREN, _METADATA)}
     for child in root.children:
         if child.tag in parts:
@@ -173,18 +168,17 @@ def _read_parts(
             findings.warn(child, f"<{child.tag}> means nothing in <root>{hint}")
     trees = parts["BehaviorTree"]
     for tree in trees:
-        _read_tree(tree, document, registry, findings, alone=len(trees) == 1)
+        _read_tree(tree, document, findings, alone=len(trees) == 1)
     for number, models in enumerate(parts["TreeNodesModel"]):
         if number:
             message = "a file has one <TreeNodesModel>: move its content to the first"
             findings.note(models, message, rule=Rule.NODE_MODEL)
-        _read_models(models, document, registry, findings)
+        _read_models(models, document, findings)
 
 
 def _read_tree(
     element: Element,
     document: Document,
-    registry: NodeRegistry,
     findings: Findings,
     *,
     alone: bool,
@@ -207,7 +201,7 @@ def _read_tree(
         message = f"this ID is taken by the tree at {first.path}:{first.position}"
         findings.note(element, message, "ID", rule=Rule.TREE_ID)
         return
-    _check_id(element, tree_id, registry, findings)
+    _check_id(element, tree_id, document.registry, findings)
     document.trees[tree_id] = element
 
 
@@ -242,11 +236,11 @@ def _fetch(document: Document, lookup: Lookup, findings: Findings) -> None:
             message = f"tree '{tree_id}' stands in several files: {places}; rename one"
             findings.note(node, message, "ID", rule=Rule.UNKNOWN_TREE)
         tree, file = found[0]
-        _read_tree(tree, document, registry, findings, alone=False)
+        _read_tree(tree, document, findings, alone=False)
         document.included[tree.path] = file.source
         for models in file.root.children:
             if models.tag == "TreeNodesModel":
-                _read_models(models, document, registry, findings)
+                _read_models(models, document, findings)
         waiting += doors(tree, registry)
 
 
@@ -256,7 +250,7 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
     Args:
         document: the file's outline; its `main` is filled.
         root: the file's root element.
-        findings: where they are added.
+        findings: collects the findings.
         tree_id: the tree that was asked for; None: the one that the file names, or the only one
             that no other uses.
     """
@@ -283,23 +277,21 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
     findings.add(document.path, where, reason, "root", rule=Rule.ROOT)
 
 
-def _read_models(
-    models: Element, document: Document, registry: NodeRegistry, findings: Findings
-) -> None:
+def _read_models(models: Element, document: Document, findings: Findings) -> None:
     read_enumerations(models, document.enum_members, findings)
     for model in read_models(models, findings):
         if model.kind is NodeKind.SUBTREE:
             document.subtree_ports[model.node_id] = {
                 name: port.attributes.get("default") or None for name, port in model.ports.items()
             }
-        elif model.node_id in registry:
-            _compare_model(model.element, model.ports, registry[model.node_id], findings)
+        elif model.node_id in document.registry:
+            node = document.registry[model.node_id]
+            _compare_model(model.element, model.ports, node, findings)
 
 
 def _compare_model(
     model: Element, ports: dict[str, Element], node: type[Node], findings: Findings
 ) -> None:
-    path = model.path
     if node.kind.value != model.tag:
         message = f"described as {model.tag}, but the node is of kind {node.kind.value}"
         findings.warn(model, message, rule=Rule.NODE_MODEL)
@@ -307,5 +299,5 @@ def _compare_model(
     for name, element in ports.items():
         if name not in known:
             hint = did_you_mean(name, known)
-            where, message = element.at("name"), f"the node has no port '{name}'{hint}"
-            findings.add(path, where, message, model.label, severity=WARNING, rule=Rule.NODE_MODEL)
+            message = f"the node has no port '{name}'{hint}"
+            findings.warn(element, message, "name", rule=Rule.NODE_MODEL, label=model.label)

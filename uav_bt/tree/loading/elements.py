@@ -1,4 +1,4 @@
-"""What the elements of a tree file stand for: which node, which attributes, what means nothing."""
+"""Elements of a tree file: the node that each names, its attributes, and parts without meaning."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath",
 
 
 def check_attributes(element: Element, known: frozenset[str], findings: Findings) -> None:
-    """Warn of every attribute that means nothing on an element which is no node.
+    """Warn of attributes without meaning on an element that is not a node.
 
     Args:
         element: of a tree file.
         known: the attributes that it can have.
-        findings: where they are added.
+        findings: collects the findings.
     """
     for attribute in element.attributes:
         if attribute in known or attribute in EDITOR_ATTRIBUTES:
@@ -38,7 +38,7 @@ def check_no_text(element: Element, findings: Findings) -> None:
 
     Args:
         element: of a tree file.
-        findings: where they are added.
+        findings: collects the findings.
     """
     text = element.text.strip()
     if text:
@@ -108,7 +108,7 @@ def check_private_attributes(element: Element, findings: Findings) -> None:
 
     Args:
         element: a node.
-        findings: where they are added.
+        findings: collects the findings.
     """
     known = {*CONDITION_ATTRIBUTES, *EDITOR_ATTRIBUTES}
     if element.tag == NodeKind.SUBTREE.value:

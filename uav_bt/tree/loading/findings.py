@@ -1,18 +1,43 @@
-"""What is wrong or odd in a tree file: each finding with its place, all in one report."""
+"""Findings of a tree file: errors and warnings with their places, all in one report."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from pathlib import Path
 from typing import Final, Protocol
 
 from uav_bt.errors import TreeError
-from uav_bt.tree.loading.rules import Rule
 
 MAX_FINDINGS: Final = 500  # more are not read, and each costs the search for a suggestion
 ERROR: Final = "error"
 WARNING: Final = "warning"
+
+
+class Rule(Enum):
+    """Subject of a finding: a name that does not change between versions, and a line of text."""
+
+    FILE = "file", "A file cannot be read, is no XML, or is larger than a tree file may be."
+    ROOT = "root", "The root element, its format and the tree to be flown."
+    INCLUDE = "include", "Included files are found, and lie where they may."
+    TREE_ID = "tree-id", "Trees have IDs that the engine takes, each its own."
+    UNKNOWN_TREE = "unknown-tree", "A SubTree names one tree that exists and does not contain it."
+    UNKNOWN_NODE = "unknown-node", "A node is of the format, installed, or of a palette."
+    CHILDREN = "children", "A node has as many children, and of the kinds, that it can have."
+    ATTRIBUTE = "attribute", "A node has the attributes that its ports need, with values that fit."
+    SCRIPT = "script", "Scripts and conditions can be parsed and do what they seem to do."
+    BOARD_KEY = "board-key", "Keys of the mission board exist and hold what the port takes."
+    VARIABLE = "variable", "Variables are written before they are read, with types that fit."
+    NODE_MODEL = "node-model", "A TreeNodesModel describes nodes as they are."
+    NO_MEANING = "no-meaning", "Something in the file means nothing to the engine."
+    NOT_INSTALLED = "not-installed", "Policies, networks and files that leaves name are there."
+    LIMIT = "limit", "A value lies beyond what a mission is allowed unless its site says so."
+    OTHER = "tree-file", "A tree file loads."
+
+    def __init__(self, id_: str, text: str) -> None:
+        self.id = id_
+        self.text = text
 
 
 @dataclass(frozen=True, order=True)
@@ -28,7 +53,7 @@ class Position:
 
 
 WHOLE_FILE: Final = Position(0, 0)
-"""The position of what is wrong with a file, but nowhere in it."""
+"""The position of a finding about the file as a whole."""
 
 
 class Placed(Protocol):
@@ -41,12 +66,12 @@ class Placed(Protocol):
         """How messages name the element."""
 
     def at(self, attribute: str) -> Position:
-        """Return where an attribute stands, or where the element does when it has none such."""
+        """Return the position of an attribute; without that attribute, of the element."""
 
 
 @dataclass(frozen=True, order=True)
 class Finding:
-    """One thing that is wrong, or odd."""
+    """An error or a warning."""
 
     path: str
     position: Position
@@ -72,7 +97,7 @@ class Findings:
 
     def __init__(self) -> None:
         self._errors: dict[Finding, None] = {}
-        self._warnings: dict[Finding, None] = {}  # the first of them; more say no more
+        self._warnings: dict[Finding, None] = {}  # at most MAX_FINDINGS; later ones are dropped
 
     def add(
         self,
@@ -89,10 +114,10 @@ class Findings:
         Args:
             path: of the file.
             position: in the file.
-            message: what is wrong.
+            message: the fault.
             node: the node concerned, as `Tag 'name'`.
-            severity: ERROR, or WARNING for what the file is taken with.
-            rule: what it is about.
+            severity: ERROR; or WARNING, for which the file is not refused.
+            rule: the finding's rule.
 
         Raises:
             TreeError: there are too many.
@@ -111,37 +136,45 @@ class Findings:
             raise TreeError(finding.path, [*sorted(self._errors), last])
 
     def note(
-        self, element: Placed, message: str, attribute: str = "", *, rule: Rule = Rule.OTHER
+        self,
+        element: Placed,
+        message: str,
+        attribute: str = "",
+        *,
+        rule: Rule = Rule.OTHER,
+        label: str | None = None,
+        severity: str = ERROR,
     ) -> None:
-        """Note what is wrong with an element.
+        """Note a fault of an element.
 
         Args:
             element: of a tree file.
-            message: what is wrong.
+            message: the fault.
             attribute: the attribute concerned; default: the whole element.
-            rule: what it is about.
+            rule: the finding's rule.
+            label: names the element in the message; default: the element's own label.
+            severity: ERROR or WARNING.
 
         Raises:
-            TreeError: there are too many findings.
+            TreeError: there are too many errors.
         """
-        self.add(element.path, element.at(attribute), message, element.label, rule=rule)
+        node = element.label if label is None else label
+        self.add(element.path, element.at(attribute), message, node, severity=severity, rule=rule)
 
     def warn(
-        self, element: Placed, message: str, attribute: str = "", *, rule: Rule = Rule.NO_MEANING
+        self,
+        element: Placed,
+        message: str,
+        attribute: str = "",
+        *,
+        rule: Rule = Rule.NO_MEANING,
+        label: str | None = None,
     ) -> None:
-        """Note what is odd about an element, but no reason to refuse the file.
-
-        Args:
-            element: of a tree file.
-            message: what is odd.
-            attribute: the attribute concerned; default: the whole element.
-            rule: what it is about.
-        """
-        where = element.at(attribute)
-        self.add(element.path, where, message, element.label, severity=WARNING, rule=rule)
+        """Note a fault of an element for which the file is not refused; see `note`."""
+        self.note(element, message, attribute, rule=rule, label=label, severity=WARNING)
 
     def take_as_warnings(self, other: Findings) -> None:
-        """Note what was found elsewhere, all of it as warnings."""
+        """Add the findings of another collection as warnings."""
         for finding in other:
             self._add(replace(finding, severity=WARNING))
 

@@ -1,4 +1,4 @@
-"""The folders that tree files are looked for in: plain values, which plans and records keep."""
+"""Folders to look for tree files in, as plain values that plans and records keep."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uav_bt.tree.loading.lookup import Library, Lookup, files_in
 
 @dataclass(frozen=True, kw_only=True)
 class TreeFolders:
-    """Where to look for what a tree file does not hold, besides its own folder.
+    """Folders for the trees and files that a tree file names, besides its own folder.
 
         TreeFolders(trees=["parts"], packages={"robot": "workspace/src/robot"})
 

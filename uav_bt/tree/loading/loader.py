@@ -1,12 +1,12 @@
-"""Loading tree files: strict, whole reports, nothing evaluated."""
+"""Loading and checking of tree files. All findings are reported at once."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from uav_bt import plugins
 from uav_bt.board import Key
@@ -20,12 +20,11 @@ from uav_bt.tree.loading.findings import (
     Finding,
     Findings,
     Position,
+    Rule,
     errors_of,
 )
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.plans import GivenValue
-from uav_bt.tree.loading.releases import check_releases
-from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.variable_uses import VariableUses
 from uav_bt.tree.mission_tree import MissionTree
@@ -36,45 +35,30 @@ from uav_bt.tree.registry import NodeRegistry
 _log = logging.getLogger(__name__)
 
 
+class TreeOptions(TypedDict, total=False):
+    """Keyword arguments of `load_tree`; `parse_tree` describes them."""
+
+    tree_id: str | None
+    overrides: Mapping[str, Mapping[str, str]] | None
+    by_key: Mapping[Key[Any], Mapping[str, str]] | None
+    mocks: Mapping[str, str] | None
+    lookup: Lookup | None
+
+
 def load_tree(
-    path: Path | str,
-    registry: NodeRegistry | None = None,
-    *,
-    tree_id: str | None = None,
-    overrides: Mapping[str, Mapping[str, str]] | None = None,
-    by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
-    mocks: Mapping[str, str] | None = None,
-    lookup: Lookup | None = None,
+    path: Path | str, registry: NodeRegistry | None = None, **options: Unpack[TreeOptions]
 ) -> MissionTree:
-    """Load a tree file. What is odd in it, but no reason to refuse it, is logged.
+    """Load a tree file.
 
     Args:
         path: the file.
         registry: the nodes that may occur; default: all installed.
-        tree_id: which of the file's trees; default: the one that it names, or the only one that no
-            other uses.
-        overrides: attribute values that replace the file's, by a node's name or path.
-        by_key: attribute values that replace the file's in all leaves that write a board key,
-            beneath the overrides. A leaf without the port is left as it is.
-        mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
-            path, name or node id; of several that fit a leaf, in this order the first counts. Name,
-            path, kind, ports and conditions stay as the file has them.
-        lookup: where to look for trees and included files; default: the file's folder.
+        options: `tree_id`, `overrides`, `by_key`, `mocks` and `lookup`; see `parse_tree`.
 
     Raises:
-        TreeError: the file was refused; all that is wrong with it, each with its place.
+        TreeError: the file was refused. The error lists all findings with their places.
     """
-    path = Path(path)
-    return parse_tree(
-        read_source(path),
-        registry,
-        path=path,
-        tree_id=tree_id,
-        overrides=overrides,
-        by_key=by_key,
-        mocks=mocks,
-        lookup=lookup,
-    )
+    return parse_tree(read_source(Path(path)), registry, path=path, **options)
 
 
 def parse_tree(
@@ -88,27 +72,31 @@ def parse_tree(
     mocks: Mapping[str, str] | None = None,
     lookup: Lookup | None = None,
 ) -> MissionTree:
-    """Load a tree from a tree file's text.
+    """Load a tree from a tree file's text. Warnings are logged.
 
     Args:
         source: the text.
         registry: the nodes that may occur; default: all installed.
         path: what messages call the file.
-        tree_id: which of the file's trees; see `load_tree`.
+        tree_id: which of the file's trees; default: the one that it names, or the only one that no
+            other uses.
         overrides: attribute values that replace the file's, by a node's name or path.
-        by_key: attribute values for all leaves that write a board key; see `load_tree`.
-        mocks: scripts of leaves; see `load_tree`.
-        lookup: where to look for trees and included files; see `load_tree`.
+        by_key: attribute values that replace the file's in all leaves that write a board key,
+            beneath the overrides. A leaf without the port is left unchanged.
+        mocks: scripts of leaves that scripted ones replace (`uav_bt.tree.scripted`), by path, name
+            or node id. If several fit a leaf, the first in this order counts. Name, path, kind,
+            ports and conditions stay those of the file.
+        lookup: where to look for trees and included files; default: the file's folder.
 
     Raises:
-        TreeError: the text was refused; all that is wrong with it, each with its place.
+        TreeError: the text was refused. The error lists all findings with their places.
     """
     data = source.encode() if isinstance(source, str) else source
     registry = NodeRegistry.installed() if registry is None else registry
     findings = Findings()
     read = _Read(data, Path(path), registry, findings, lookup)
     find_main(read.document, read.root, findings, tree_id)
-    Checker(read.document, registry, findings).check(read.roots)
+    Checker(read.document, findings).check(read.roots)
     findings.raise_any(path)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
@@ -122,7 +110,7 @@ def load_shipped_tree(tree_id: str) -> Node:
         tree_id: the ID.
 
     Raises:
-        UnknownNameError: there is no such tree.
+        UnknownNameError: no tree has this ID.
         TreeError: its file was refused.
     """
     shipped = Lookup().shipped
@@ -146,7 +134,6 @@ class _Read:
         self.root = parse_source(data, path)
         self.document = outline(self.root, registry, findings, lookup)
         self._data = data
-        self._registry = registry
         self._findings = findings
 
     @property
@@ -164,10 +151,10 @@ class _Read:
         """Return the main tree.
 
         Raises:
-            TreeError: it grows too large, or what is to be replaced does not fit.
+            TreeError: the tree grows too large, or an override or a mock does not fit.
         """
         document = self.document
-        builder = Builder(document, self._registry, self._findings)
+        builder = Builder(document, self._findings)
         root = builder.build(overrides, by_key=by_key, mocks=mocks)
         self._given = builder.given
         return MissionTree(
@@ -181,7 +168,7 @@ class _Read:
         )
 
     def remarks(self) -> Iterator[Finding]:
-        """Build the main tree; yield names in it that nothing is installed for, and odd values.
+        """Build the main tree; yield findings for names not installed, and for values of caution.
 
         Raises:
             TreeError: it grows too large.
@@ -196,22 +183,20 @@ def check_file(
     *,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
-    engines: Iterable[str] = (),
 ) -> tuple[Finding, ...]:
-    """Return all that is wrong or odd in a tree file; nothing for a good one. See `check_text`.
+    """Return all findings of a tree file; none for a good one. See `check_text`.
 
     Args:
         path: the file.
         registry: the nodes that may occur; default: all installed.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
-        engines: releases of BehaviorTree.CPP that are to take the file, too (`releases.RELEASES`).
     """
     try:
         source = read_source(path)
     except InputError as error:
         return findings_of(error, path)
-    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup, engines=engines)
+    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup)
 
 
 def check_text(
@@ -221,19 +206,17 @@ def check_text(
     path: Path,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
-    engines: Iterable[str] = (),
 ) -> tuple[Finding, ...]:
-    """Return all that is wrong or odd in a tree file's text; nothing for a good one.
+    """Return all findings of a tree file's text; none for a good one.
 
-    Where the file leaves open which tree is flown, all are checked that no other uses.
+    If the file does not say which tree is flown, all trees that no other uses are checked.
 
     Args:
-        source: the text, which need not be what the file holds.
+        source: the text, which may differ from the file on the disk.
         registry: the nodes that may occur; default: all installed.
         path: the file.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
-        engines: releases of BehaviorTree.CPP that are to take the file, too (`releases.RELEASES`).
     """
     data = source.encode() if isinstance(source, str) else source
     registry = registry or NodeRegistry.installed()
@@ -243,11 +226,10 @@ def check_text(
         read = _Read(data, path, registry, findings, lookup)
         _find_main_to_check(read, findings, tree_id)
         roots = read.roots
-        Checker(read.document, registry, findings).check(roots)
+        Checker(read.document, findings).check(roots)
         if not errors_of(findings):
             for read.document.main in roots:
                 remarks += read.remarks()
-        check_releases(read.document, registry, findings, engines, roots)
     except InputError as error:
         return findings_of(error, path)
     return (*findings, *remarks)
@@ -268,7 +250,7 @@ def unset_variables(
     tree_id: str | None = None,
     lookup: Lookup | None = None,
 ) -> tuple[str, ...]:
-    """Return the main tree's variables that are read, and that nothing in the file gives a value.
+    """Return the main tree's variables that are read but get no value in the file.
 
     Args:
         path: a file that loads.
@@ -277,7 +259,7 @@ def unset_variables(
         lookup: where to look for trees and included files; see `load_tree`.
 
     Raises:
-        TreeError: the file cannot be read or is no XML.
+        TreeError: the file cannot be read or is not XML.
     """
     registry = registry or NodeRegistry.installed()
     findings = Findings()
@@ -285,7 +267,7 @@ def unset_variables(
     find_main(read.document, read.root, findings, tree_id)
     return tuple(
         slot.name
-        for scope in VariableUses(read.document, registry).find(read.roots)
+        for scope in VariableUses(read.document).find(read.roots)
         if scope.door is None
         for slot in scope.slots()
         if not slot.created and any(use.needed for use in slot.reads)
@@ -293,7 +275,7 @@ def unset_variables(
 
 
 def _remarks(port: Port[Any], value: GivenValue) -> Iterator[Finding]:
-    """Yield a finding for a name that nothing is installed for, or for an odd value."""
+    """Yield findings for names that are not installed, and for values that need caution."""
     element, lead = value.element, f"attribute '{value.attribute}': "
     where = element.at(value.attribute)
     finding = partial(Finding, str(element.path), where, node=value.path)
@@ -313,10 +295,10 @@ def _remarks(port: Port[Any], value: GivenValue) -> Iterator[Finding]:
 
 
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
-    """Return what an error says as findings.
+    """Return an error as findings.
 
     Args:
-        error: what was raised when a tree file was to be loaded.
+        error: raised while a tree file was loaded.
         path: the file.
     """
     if isinstance(error, FileError) and not isinstance(error, TreeError):

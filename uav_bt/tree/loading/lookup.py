@@ -1,4 +1,4 @@
-"""Where a tree file finds what it names but does not hold: included files, trees of other files."""
+"""Lookup of the files that a tree file includes, and of trees in other files."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import FileError, TreeError
-from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import MAX_BYTES, Element, parse_source, read_source
+from uav_bt.tree.loading.findings import Findings, Rule
+from uav_bt.tree.loading.source import MAX_BYTES, Element, circles, parse_source, read_source
 
 MAX_INCLUDES: Final = 50
 MAX_LIBRARY_FILES: Final = 5_000
 MAX_LIBRARY_BYTES: Final = 50_000_000  # of all of them
-MAX_FOLDER_FILES: Final = 200_000  # of any kind: a disk is no workspace
+MAX_FOLDER_FILES: Final = 200_000  # of any kind, so that a whole disk is not searched
 TREE_SUFFIXES: Final = (".xml", ".btproj")
 """Of the files that hold trees; `.btproj` is a project of Groot2, which includes its files."""
 _FAULTS_SHOWN: Final = 3
@@ -70,7 +69,7 @@ def read_library_file(path: Path) -> LibraryFile:
     """Read a tree file whose trees others use.
 
     Raises:
-        TreeError: it cannot be read or is no XML.
+        TreeError: it cannot be read or is not XML.
     """
     source = read_source(path)
     return LibraryFile(parse_source(source, path), source)
@@ -114,13 +113,13 @@ class Library:
 
         Args:
             tree_id: the ID.
-            path: the file that asks. What it holds itself, it need not look for.
+            path: the file that asks; its own trees are left out.
         """
         own = path.resolve()
         return [each for each in self._trees.get(tree_id, []) if each[0].path != own]
 
     def hint(self) -> str:
-        """Return which files were passed over, for the message that a tree is nowhere."""
+        """Return the files that could not be read, for the message that a tree does not exist."""
         shown = self.faults[:_FAULTS_SHOWN]
         more = len(self.faults) - len(shown)
         parts = [*shown, f"{more} more like this"] if more else shown
@@ -142,13 +141,13 @@ class Inclusion:
 
 @dataclass(frozen=True)
 class Lookup:
-    """Where to look for what a tree file does not hold.
+    """Sources of the trees and files that a tree file names but does not hold.
 
     Attributes:
         library: trees of other files.
         include_root: a folder that files may be included from, besides the file's own and below.
         packages: folders of ROS packages, for `<include ros_pkg="...">`.
-        included: what was included where, when these files were read in another place.
+        included: the target of each include, from an earlier reading in another place.
     """
 
     library: Library = field(default_factory=Library)
@@ -200,10 +199,10 @@ class Includes:
 
         Args:
             include: the element that names the file.
-            findings: where they are added.
+            findings: collects the findings.
 
         Raises:
-            TreeError: the file cannot be read or is no XML.
+            TreeError: the file cannot be read or is not XML.
         """
         attributes = include.attributes
         package = attributes.get("ros_pkg")
@@ -264,28 +263,13 @@ class Includes:
         Args:
             findings: where each include is added that closes a circle.
         """
-        after: dict[Path, list[Inclusion]] = {}
-        for inclusion in self.found:
-            after.setdefault(inclusion.path, []).append(inclusion)
-        done: set[Path] = set()
-        # Depth first, with a stack of its own, as for trees that use each other.
-        chain = {self._main: iter(after.get(self._main, ()))}
-        while chain:
-            path = next(reversed(chain))
-            closing = next(chain[path], None)
-            if closing is None:
-                del chain[path]
-                done.add(path)
-                continue
-            target = self.found[closing]
-            if target in chain:
-                files = [*chain]
-                circle = [each.name for each in (*files[files.index(target) :], target)]
-                message = (
-                    f"the files include each other in a circle, {' > '.join(circle)}: take one of "
-                    "these includes out"
-                )
-                include = self._elements[closing]
-                findings.note(include, message, "path", rule=Rule.INCLUDE)
-            elif target not in done:
-                chain[target] = iter(after.get(target, ()))
+        after: dict[Path, list[tuple[Element, Path]]] = {}
+        for inclusion, target in self.found.items():
+            uses = after.setdefault(inclusion.path, [])
+            uses.append((self._elements[inclusion], target))
+        for include, files in circles([self._main], lambda path: after.get(path, ())):
+            message = (
+                f"the files include each other in a circle, {' > '.join(p.name for p in files)}: "
+                "take one of these includes out"
+            )
+            findings.note(include, message, "path", rule=Rule.INCLUDE)

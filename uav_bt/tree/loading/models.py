@@ -11,8 +11,7 @@ from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.elements import check_attributes
-from uav_bt.tree.loading.findings import ERROR, WARNING, Findings
-from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.findings import ERROR, WARNING, Findings, Rule
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
 
@@ -42,14 +41,14 @@ class NodeModel:
 
 
 def read_models(models: Element, findings: Findings) -> list[NodeModel]:
-    """Read a TreeNodesModel. What is odd in it is a warning, as the engine does not read it.
+    """Read a TreeNodesModel. Most faults are warnings because the engine does not read it.
 
     It does read the subtrees' entries: a SubTree without ID, and a port of one without a name, are
     errors.
 
     Args:
         models: the TreeNodesModel.
-        findings: where they are added.
+        findings: collects the findings.
     """
     check_attributes(models, frozenset(), findings)
     found: dict[str, NodeModel] = {}
@@ -129,11 +128,10 @@ def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
 
 
 def _warn(model: Element, part: Element, message: str, findings: Findings) -> None:
-    where, label = part.at("name"), model.label
-    findings.add(model.path, where, message, label, severity=WARNING, rule=Rule.NODE_MODEL)
+    findings.warn(part, message, "name", rule=Rule.NODE_MODEL, label=model.label)
 
 
 def _note(model: Element, part: Element, message: str, findings: Findings) -> None:
     severity = ERROR if model.tag == NodeKind.SUBTREE.value else WARNING
-    where, label = part.position, model.label
-    findings.add(model.path, where, message, label, severity=severity, rule=Rule.NODE_MODEL)
+    label, rule = model.label, Rule.NODE_MODEL
+    findings.note(part, message, rule=rule, label=label, severity=severity)

@@ -14,9 +14,8 @@ from typing import Any, Final
 
 from uav_bt.errors import MissionError
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.findings import WARNING, Findings
+from uav_bt.tree.loading.findings import Findings, Rule
 from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_enumerations, read_models
-from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element, parse_source, read_source
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
@@ -84,7 +83,7 @@ _BASES: Final[dict[NodeKind, type[Node]]] = {
 
 @dataclass(frozen=True)
 class Palette:
-    """What a palette describes."""
+    """Nodes and enumerations that a palette describes."""
 
     nodes: tuple[type[Node], ...]
     enum_members: dict[str, int]  # of its enumerations, for scripts
@@ -99,7 +98,7 @@ def read_palette(path: Path, odd: Findings | None = None) -> Palette:
 
     Args:
         path: the file; its root is a TreeNodesModel, or holds one or several.
-        odd: where warnings are added of what was passed over; default: nowhere.
+        odd: collects warnings of skipped parts; default: none are kept.
 
     Raises:
         TreeError: the file cannot be read, or has no model.
@@ -151,7 +150,8 @@ def _port_of(
             least=0 if type_name in _UNSIGNED else None,
         )
     except ValueError as error:
-        _warn(model, element, "name", f"{error}; the port is left out", findings)
+        message = f"{error}; the port is left out"
+        findings.warn(element, message, "name", rule=Rule.NODE_MODEL, label=model.element.label)
         return None
     default = element.attributes.get("default", "")
     if not default:
@@ -160,16 +160,9 @@ def _port_of(
         port.bind(default)
         return replace(port, default=default)
     except ValueError as error:
-        _warn(model, element, "default", f"port '{name}': {error}; no default is used", findings)
+        message = f"port '{name}': {error}; no default is used"
+        findings.warn(element, message, "default", rule=Rule.NODE_MODEL, label=model.element.label)
         return port
-
-
-def _warn(
-    model: NodeModel, element: Element, attribute: str, message: str, findings: Findings
-) -> None:
-    where = element.at(attribute)
-    label = model.element.label
-    findings.add(element.path, where, message, label, severity=WARNING, rule=Rule.NODE_MODEL)
 
 
 def _type_of(name: str) -> tuple[type, tuple[str, ...]]:
@@ -190,7 +183,7 @@ def with_palette(registry: NodeRegistry, palette: Palette) -> NodeRegistry:
 
     Args:
         registry: the installed nodes.
-        palette: what it describes.
+        palette: the nodes and enumerations to add.
     """
     described = {node.node_id: node for node in palette.nodes}
     chosen: dict[str, type[Node]] = {}

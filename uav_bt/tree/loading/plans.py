@@ -43,7 +43,7 @@ class Plan:
 
     @property
     def names(self) -> tuple[str, str, str]:
-        """What a caller may name the node by: its path, its name and its node's id."""
+        """Names by which a caller may choose the node: its path, its name and its node's id."""
         return self.path, self.name, self.node.node_id
 
     def given(self) -> Iterator[tuple[Port[Any], GivenValue]]:

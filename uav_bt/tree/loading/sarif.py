@@ -10,8 +10,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 import uav_bt
-from uav_bt.tree.loading.findings import Finding
-from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.findings import Finding, Rule
 
 _SCHEMA: Final = (
     "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
@@ -27,7 +26,7 @@ def sarif_log(reports: Iterable[tuple[Path, Iterable[Finding]]], folder: Path) -
     has no line.
 
     Args:
-        reports: the files that were checked, each with what was found.
+        reports: the checked files, each with its findings.
         folder: paths below it are relative to it; the repository's, as a rule.
     """
     files: list[Path] = []

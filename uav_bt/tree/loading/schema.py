@@ -219,7 +219,7 @@ def _add_explicit(schema: ET.Element, kind: NodeKind, ids: list[str]) -> None:
 
 def _add_subtree(schema: ET.Element) -> None:
     content = _add(schema, "complexType", name="node.SubTree")
-    _document(content, "Another tree of the file, with variables of its own.")
+    _document(content, "Another tree of the file, with separate variables.")
     _add_attribute(content, "ID", "value.name", required=True)
     _add_attribute(content, "_autoremap", "value.boolean")
     _add(content, "attributeGroup", ref="common")

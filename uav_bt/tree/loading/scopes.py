@@ -1,6 +1,8 @@
-"""The variables of a tree file before it flies: who writes each, who reads it, through all doors.
+"""Variables of a tree file before the flight, with their writers and readers.
 
-A `Scope` resolves names exactly as `Variables` will in flight.
+A `Scope` holds the variables (`Slot`) of one use of a tree. A SubTree element is its door: entries
+of the element connect names inside to names, board keys or constants outside. A `Scope` resolves
+names as `Variables` does in flight. A slot is obscure when the file does not show all writers.
 """
 
 from __future__ import annotations
@@ -13,7 +15,6 @@ from uav_bt.board.blackboard import Key
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.nodes.base import entry_value
 from uav_bt.tree.port import Port
-from uav_bt.tree.script.expressions import Name
 
 _MAX_SOURCES: Final = 100  # of one variable
 
@@ -56,7 +57,6 @@ class Read:
     use: Use
     port: Port[Any] | None  # None: a script
     needed: bool  # without a value the reader fails
-    part: Name | None = None  # of the script
 
 
 @dataclass(eq=False)
@@ -77,8 +77,8 @@ class Slot:
     def sources(self) -> list[Write] | None:
         """Return what gives it its values, copies followed back; None when that is not known.
 
-        Of writes that come to the same, the first stands for all. So many different ones that they
-        would take long to follow count as not known.
+        Of equal writes the first stands for all. More than `_MAX_SOURCES` different ones count as
+        not known.
         """
         found: dict[tuple[type, int | float | str | None], Write] = {}
         seen: set[int] = set()

@@ -1,8 +1,7 @@
-"""Reading XML as data and nothing else: bounded, without entities, with every position kept.
+"""Reader of tree files: XML without entities, with limits, and with the position of every part.
 
-Expat is used instead of a whole XML library because it gives line *and* column of every element,
-and because a document type declaration, which all entity attacks need, can be refused the moment
-it begins.
+Expat gives line and column of every element. A document type declaration, which all entity attacks
+need, is refused where it begins.
 """
 
 from __future__ import annotations
@@ -10,18 +9,19 @@ from __future__ import annotations
 import codecs
 import contextlib
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 from xml.parsers import expat
 
 from uav_bt.errors import TreeError
 from uav_bt.files import read_bounded
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
-from uav_bt.tree.loading.raw_text import Escaped, escape_raw
-from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position, Rule
+
+_T = TypeVar("_T", bound=Hashable)
+_E = TypeVar("_E")
 
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
 _SMALLER: Final = "SubTrees can stand in other files"
@@ -64,7 +64,7 @@ class Element:
         return self.locate()
 
     def at(self, attribute: str) -> Position:
-        """Return where an attribute stands, or where the element does when it has none such."""
+        """Return the position of an attribute; without that attribute, of the element."""
         return self.attribute_positions.get(attribute, self.position)
 
 
@@ -170,7 +170,7 @@ def parse_source(data: bytes, path: Path) -> Element:
         path: what messages call the file.
 
     Raises:
-        TreeError: it is no well-formed XML, or has what a tree file must not have.
+        TreeError: the document is not well-formed XML, or exceeds a limit of tree files.
     """
     if len(data) > MAX_BYTES:
         raise _refused(path, f"larger than {MAX_BYTES} bytes: {_SMALLER}")
@@ -178,7 +178,7 @@ def parse_source(data: bytes, path: Path) -> Element:
     try:
         return _parsed(data, path)
     except expat.ExpatError as error:
-        escaped = escape_raw(data)
+        escaped = _escape_raw(data)
         if escaped is not None:
             with contextlib.suppress(expat.ExpatError):
                 return _placed_back(_parsed(escaped.data, path), escaped)
@@ -202,17 +202,8 @@ def _parsed(data: bytes, path: Path) -> Element:
     return builder.root
 
 
-def _placed_back(root: Element, escaped: Escaped) -> Element:
-    for element in (root, *walk(root)):
-        element.position = escaped.position(element.position)
-        for name, position in element.attribute_positions.items():
-            element.attribute_positions[name] = escaped.position(position)
-    root.raw = escaped.raw
-    return root
-
-
 def _check_utf8(data: bytes, path: Path) -> None:
-    """Refuse what is no UTF-8: expat guesses UTF-16, where no position of ours would be right."""
+    """Refuse other encodings than UTF-8: positions in UTF-16, which expat reads, would be wrong."""
     try:
         if "\0" not in data.decode():
             return
@@ -228,6 +219,35 @@ def _refused(path: Path, message: str, position: Position = WHOLE_FILE) -> TreeE
     return TreeError(path, [Finding(str(path), position, message, rule=Rule.FILE)])
 
 
+def circles(
+    starts: Iterable[_T], after: Callable[[_T], Iterable[tuple[_E, _T]]]
+) -> Iterator[tuple[_E, list[_T]]]:
+    """Yield each use that closes a circle, with the circle from its first member to itself.
+
+    Depth first with an explicit stack, because a chain can exceed Python's recursion limit.
+
+    Args:
+        starts: trees or files to begin with.
+        after: returns the uses of a tree or file, each with the element and the used one.
+    """
+    done: set[_T] = set()
+    for start in starts:
+        chain = {} if start in done else {start: iter(after(start))}
+        while chain:
+            current = next(reversed(chain))
+            use = next(chain[current], None)
+            if use is None:
+                del chain[current]
+                done.add(current)
+                continue
+            element, used = use
+            if used in chain:
+                members = [*chain]
+                yield element, [*members[members.index(used) :], used]
+            elif used not in done:
+                chain[used] = iter(after(used))
+
+
 def walk(element: Element) -> Iterator[Element]:
     """Iterate over everything below an element."""
     waiting = element.children[::-1]
@@ -235,3 +255,71 @@ def walk(element: Element) -> Iterator[Element]:
         child = waiting.pop()
         yield child
         waiting += child.children[::-1]
+
+
+# --- raw `&` and `<` in attributes: no XML, but the engine reads them -----------------------------
+
+# Comments and the like are matched to be passed over; every quantifier is possessive.
+_RAW_TAG: Final = re.compile(
+    rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>"
+    rb"|<(?P<tag>[A-Za-z_:](?:[^\"'<>]++|\"[^\"]*+\"|'[^']*+')*+)>",
+    re.DOTALL,
+)
+_VALUE: Final = re.compile(rb"\"[^\"]*+\"|'[^']*+'")
+_RAW: Final = re.compile(rb"&(?!(?:[A-Za-z]+|#[0-9]+|#x[0-9A-Fa-f]+);)|<")
+_ESCAPED: Final = {b"&": b"&amp;", b"<": b"&lt;"}
+
+
+@dataclass(frozen=True)
+class _Escaped:
+    """A document whose attributes are XML."""
+
+    data: bytes
+    raw: tuple[Position, ...]  # of the escaped characters in the file
+    added: dict[int, list[tuple[int, int]]]  # by line: columns, and how many more there are then
+
+    def position(self, at: Position) -> Position:
+        """Return where the file has what stands at a place of the escaped document."""
+        added = sum(more for column, more in self.added.get(at.line, ()) if column < at.column)
+        return Position(at.line, at.column - added)
+
+
+def _escape_raw(data: bytes) -> _Escaped | None:
+    """Return a document with its attributes escaped, or None when that changes nothing.
+
+    Args:
+        data: UTF-8 text.
+    """
+    places = [
+        raw.start() + value.start() + tag.start("tag")
+        for tag in _RAW_TAG.finditer(data)
+        if tag["tag"] is not None
+        for value in _VALUE.finditer(tag["tag"])
+        for raw in _RAW.finditer(value[0])
+    ]
+    if not places:
+        return None
+    parts: list[bytes] = []
+    raw: list[Position] = []
+    added: dict[int, list[tuple[int, int]]] = {}
+    done, line = 0, 1
+    for place in places:
+        passed, letter = data[done:place], data[place : place + 1]
+        line += passed.count(b"\n")
+        begin = data.rfind(b"\n", 0, place) + 1
+        column = len(data[begin:place].decode(errors="replace")) + 1
+        before = added.setdefault(line, [])
+        raw.append(Position(line, column))
+        before.append((column + sum(more for _, more in before), len(_ESCAPED[letter]) - 1))
+        parts += [passed, _ESCAPED[letter]]
+        done = place + 1
+    return _Escaped(b"".join([*parts, data[done:]]), tuple(raw), added)
+
+
+def _placed_back(root: Element, escaped: _Escaped) -> Element:
+    for element in (root, *walk(root)):
+        element.position = escaped.position(element.position)
+        for name, position in element.attribute_positions.items():
+            element.attribute_positions[name] = escaped.position(position)
+    root.raw = escaped.raw
+    return root

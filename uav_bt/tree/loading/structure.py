@@ -1,4 +1,4 @@
-"""What the engine checks of every tree of a file, used or not: which nodes, with which children."""
+"""Checks of every tree of a file, used or not: known nodes and numbers of children."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from uav_bt.tree.loading.elements import (
     check_private_attributes,
     node_id_of,
 )
-from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.findings import Findings, Rule
 from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.node import NodeKind
 from uav_bt.tree.nodes import ReactiveSequence
@@ -34,24 +33,21 @@ _OF_VERSION_3: Final = {
 }
 
 
-def check_structure(
-    tree: Element, document: Document, registry: NodeRegistry, findings: Findings
-) -> None:
-    """Note what is wrong with the nodes of a tree and their children.
+def check_structure(tree: Element, document: Document, findings: Findings) -> None:
+    """Add a finding for each fault of a tree's nodes and their children.
 
     Args:
         tree: the BehaviorTree element.
         document: the file's outline.
-        registry: the nodes that may occur.
-        findings: where they are added.
+        findings: collects the findings.
     """
     for element in walk(tree):
         check_no_text(element, findings)
         check_private_attributes(element, findings)
         if element.tag == NodeKind.SUBTREE.value:
-            _check_subtree(element, registry, findings)
+            _check_subtree(element, document.registry, findings)
         else:
-            _check_node(element, document, registry, findings)
+            _check_node(element, document, findings)
     _check_names(tree, findings)
 
 
@@ -65,17 +61,15 @@ def _check_subtree(element: Element, registry: NodeRegistry, findings: Findings)
         findings.note(element, message, "ID", rule=Rule.UNKNOWN_TREE)
 
 
-def _check_node(
-    element: Element, document: Document, registry: NodeRegistry, findings: Findings
-) -> None:
+def _check_node(element: Element, document: Document, findings: Findings) -> None:
     node_id = node_id_of(element)
     if not node_id:
         findings.note(element, f"<{element.tag}> needs an attribute 'ID'", rule=Rule.ATTRIBUTE)
         return
-    if node_id not in registry:
-        _note_unknown(element, node_id, document, registry, findings)
+    if node_id not in document.registry:
+        _note_unknown(element, node_id, document, findings)
         return
-    node = registry[node_id]
+    node = document.registry[node_id]
     if element.tag in KIND_TAGS and element.tag != node.kind.value:
         message = f"'{node_id}' is of kind {node.kind.value}, not {element.tag}"
         findings.warn(element, message, "ID", rule=Rule.UNKNOWN_NODE)
@@ -98,7 +92,6 @@ def _note_unknown(
     element: Element,
     node_id: str,
     document: Document,
-    registry: NodeRegistry,
     findings: Findings,
 ) -> None:
     if node_id in document.trees:
@@ -106,6 +99,7 @@ def _note_unknown(
     elif node_id in _OF_VERSION_3:
         hint = f" (of BehaviorTree.CPP 3; in version 4 it is {_OF_VERSION_3[node_id]})"
     else:
+        registry = document.registry
         hint = hint_for(node_id, registry, registry.successors(node_id))
         hint += "".join(f"; not loaded: {fault}" for fault in registry.faults)
     attribute = "ID" if element.tag in KIND_TAGS else ""

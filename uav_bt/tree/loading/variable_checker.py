@@ -1,8 +1,7 @@
-"""Checks the types of variables across a whole file: what is read must be able to fit.
+"""Checks of the types of variables across a whole file.
 
-Only what must fail in flight is noted: a variable is wrong for its reader when nothing that gives
-it a value ever gives it one that the reader can take. Variables of the tree that is flown itself
-may also be set from Python, so there only a value that the file gives wrongly counts.
+Only reads that must fail in flight are findings: none of the values that the variable gets fits its
+reader. Python may also set the main tree's variables, so there only the file's values count.
 """
 
 from __future__ import annotations
@@ -14,35 +13,30 @@ from typing import Any, Final
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.findings import Findings, Rule
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
 from uav_bt.tree.loading.variable_uses import BoardUse, VariableUses
 from uav_bt.tree.port import Port
-from uav_bt.tree.registry import NodeRegistry
 
 _IN_SCRIPTS: Final = (int, float, str)
 _PLAIN: Final = (bool, int, float, str)
 
 
-def check_variables(
-    document: Document, registry: NodeRegistry, findings: Findings, roots: Iterable[str]
-) -> None:
-    """Note the uses of variables that cannot go well.
+def check_variables(document: Document, findings: Findings, roots: Iterable[str]) -> None:
+    """Add a finding for each use of a variable that must fail.
 
     Args:
         document: the file.
-        registry: the nodes that may occur.
-        findings: where they are added.
+        findings: collects the findings.
         roots: the trees that may be flown.
     """
-    _VariableChecker(document, registry, findings).check(roots)
+    _VariableChecker(document, findings).check(roots)
 
 
 class _VariableChecker:
-    def __init__(self, document: Document, registry: NodeRegistry, findings: Findings) -> None:
+    def __init__(self, document: Document, findings: Findings) -> None:
         self._findings = findings
-        self._uses = VariableUses(document, registry)
+        self._uses = VariableUses(document)
 
     def check(self, roots: Iterable[str]) -> None:
         for scope in self._uses.find(roots):

@@ -1,4 +1,4 @@
-"""Finds who writes and who reads each variable of a tree file, subtrees put in place."""
+"""Search for the writers and readers of each variable of a tree file, with subtrees in place."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
-from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parse_script
 from uav_bt.tree.script.expressions import Assignment, Literal, Name, kind_of
 
@@ -37,13 +36,12 @@ class VariableUses:
 
     Args:
         document: the file.
-        registry: the nodes that may occur.
     """
 
-    def __init__(self, document: Document, registry: NodeRegistry) -> None:
+    def __init__(self, document: Document) -> None:
         self._document = document
-        self._registry = registry
-        self._board_keys = registry.board_keys
+        self._registry = document.registry
+        self._board_keys = document.registry.board_keys
         self.on_board: list[BoardUse] = []
         self._scopes: list[Scope] = []
         self._obscured: list[Scope] = []
@@ -221,7 +219,7 @@ class VariableUses:
         if isinstance(slot, Key):
             self.on_board.append(BoardUse(slot, name.name, use))
         elif slot is not None:
-            slot.reads.append(Read(use, None, needed, name))
+            slot.reads.append(Read(use, None, needed))
 
     def _changed(self, script: Script, scope: Scope, use: Use) -> None:
         for statement in script.statements:

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from uav_bt.errors import InputError
-from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.placing import place_tree
+from uav_bt.tree.node import Node, NodeKind, place_tree
 from uav_bt.tree.port import Port, parse_reference, port_text
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
@@ -66,9 +65,9 @@ _MAX_INTEGER: Final = 2**63
 
 
 def entry_value(text: str) -> int | float | str:
-    """Return what a SubTree's entry is when it is no reference: a number, or a text.
+    """Return the value of a SubTree's entry that is not a reference: a number or a text.
 
-    So it is in the engine since 4.9.1; before, every entry was a text.
+    Engine 4.10 does so, too.
     """
     if _INTEGER.fullmatch(text) and -_MAX_INTEGER <= int(text) < _MAX_INTEGER:
         return int(text)
@@ -78,7 +77,7 @@ def entry_value(text: str) -> int | float | str:
 
 
 class SubTree(DecoratorNode):
-    """Another tree of the file, with variables of its own.
+    """Another tree of the file, with separate variables.
 
     Args:
         name: the instance's name.

@@ -125,7 +125,7 @@ class _Switch(ControlNode):
 
 
 def _switch(cases: int, children: str) -> type[_Switch]:
-    """Return the class for so many cases; `children` is one more, in words."""
+    """Return the class for a number of cases; `children` is one more, in words."""
     ports = tuple(Port(f"case_{n}", str, doc=f"value of child {n}") for n in range(1, cases + 1))
     body = {
         "__doc__": _SWITCH_DOC.format(children),

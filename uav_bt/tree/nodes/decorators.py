@@ -11,7 +11,7 @@ from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
 
 class _Translated(DecoratorNode):
-    """Ticks its child and answers by a table; what the table lacks is passed on."""
+    """Ticks its child and maps its answer by a table; other answers are passed on."""
 
     _answers: ClassVar[Mapping[Status, Status]]
 
@@ -47,7 +47,7 @@ class KeepRunningUntilFailure(_Translated):
 
 
 class _Counted(DecoratorNode):
-    """Ticks its child until it gives one answer, or has given the other so many times."""
+    """Ticks its child until it gives one answer, or has given the other a number of times."""
 
     _limit: ClassVar[Port[int]]
     _counts: ClassVar[Status]  # the answer that is counted, and given when the limit is reached
@@ -88,7 +88,7 @@ class _Counted(DecoratorNode):
 
 
 class Repeat(_Counted):
-    """Repeats its child until it has succeeded so many times, or failed once."""
+    """Repeats its child until it has succeeded the given number of times, or failed once."""
 
     NUM_CYCLES = Port("num_cycles", int, doc="how many times; -1: without end")
     ports = (NUM_CYCLES,)
@@ -99,7 +99,7 @@ class Repeat(_Counted):
 
 
 class RetryUntilSuccessful(_Counted):
-    """Tries its child again until it succeeds, or has failed so many times."""
+    """Tries its child again until it succeeds, or has failed the given number of times."""
 
     NUM_ATTEMPTS = Port("num_attempts", int, doc="how many times; -1: without end")
     ports = (NUM_ATTEMPTS,)

@@ -12,7 +12,7 @@ _EPSILON_S = 1e-9
 
 
 class Timeout(DecoratorNode):
-    """Halts its child and fails when the child still runs after so long."""
+    """Halts its child and fails when the child still runs after the given time."""
 
     MSEC = Port("msec", int, doc="milliseconds; 0: no limit", least=0)
     ports = (MSEC,)
@@ -46,7 +46,7 @@ class Timeout(DecoratorNode):
 
 
 class Delay(DecoratorNode):
-    """Waits so long before it ticks its child."""
+    """Waits the given time before it ticks its child."""
 
     DELAY_MSEC = Port("delay_msec", int, doc="milliseconds", least=0)
     ports = (DELAY_MSEC,)
@@ -73,7 +73,7 @@ class Delay(DecoratorNode):
 
 
 class Sleep(Leaf):
-    """Runs for so long, then succeeds."""
+    """Runs for the given time, then succeeds."""
 
     MSEC = Port("msec", int, doc="milliseconds", least=0)
     ports = (MSEC,)

@@ -1,4 +1,4 @@
-"""Drawings of a tree: what a mission looks like, without flying it."""
+"""Drawings of a mission tree."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Drawable(Protocol):
 
 
 def render(tree: Drawable, format_: str) -> str:
-    """Return a drawing of a tree: its subtrees in place, each node with what the file gives it.
+    """Return a drawing of a tree with its subtrees in place, and each node's attributes.
 
     Args:
         tree: the tree; it need not be set up.

@@ -26,7 +26,7 @@ class Box:
     name: str  # empty when the tag says it all
     kind: NodeKind
     attributes: tuple[str, ...]  # `name=value`; references where they differ from the default
-    keys: tuple[str, ...]  # what it reads from and writes to the board
+    keys: tuple[str, ...]  # that it reads from and writes to the board
     path: str
     doc: str
     children: tuple[Box, ...]

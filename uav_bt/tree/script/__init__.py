@@ -4,6 +4,6 @@ from uav_bt.tree.script.parser import Script, parse_question, parse_script
 from uav_bt.tree.script.values import Environment, ScriptError
 
 SCRIPTS = frozenset({parse_script, parse_question})
-"""What a port checks its value with when that is a script."""
+"""The checks of ports whose value is a script."""
 
 __all__ = ["SCRIPTS", "Environment", "Script", "ScriptError", "parse_question", "parse_script"]

@@ -24,7 +24,7 @@ class Expression(ABC):
 
     @abstractmethod
     def evaluate(self, environment: Environment) -> Value:
-        """Return what it comes to.
+        """Return the value of the expression.
 
         Raises:
             ScriptError: it comes to nothing.
@@ -60,7 +60,7 @@ class Name(Expression):
     name: str
 
     def evaluate(self, environment: Environment) -> Value:
-        """Return what it stands for."""
+        """Return the value of the name."""
         return environment.read(self.name)
 
 
@@ -223,7 +223,7 @@ class Assignment(Expression):
         return (self.value,)
 
     def evaluate(self, environment: Environment) -> Value:
-        """Write the variable and return what it holds."""
+        """Write the variable and return its value."""
         if self.sign != ":=" and not environment.holds(self.name):
             raise ScriptError(f"there is no variable '{self.name}'; make a new one with ':='")
         value = self.value.evaluate(environment)

@@ -52,7 +52,7 @@ class Script:
     oddities: tuple[str, ...] = ()  # what runs, and is not as it should be written
 
     def run(self, environment: Environment) -> Value:
-        """Run all statements and return what the last one comes to.
+        """Run all statements and return the value of the last one.
 
         Raises:
             ScriptError: one of them fails.
@@ -86,7 +86,7 @@ def parse_script(source: str) -> Script:
     """Parse a script.
 
     Raises:
-        ScriptError: it is none; the message says where and what was expected.
+        ScriptError: a syntax error; the message has the column and the expected token.
     """
     tokens = tokenize(source)
     parser = _Parser(tokens)
@@ -265,7 +265,7 @@ def tokenize(source: str) -> list[Token]:
     """Return the words of a script; the last one is of kind `end`.
 
     Raises:
-        ScriptError: something in it is no word, or it is too long.
+        ScriptError: the script has an unknown character, or is too long.
     """
     if len(source) > MAX_SCRIPT:
         raise ScriptError(f"the script is longer than {MAX_SCRIPT} characters")

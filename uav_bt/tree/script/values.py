@@ -71,8 +71,8 @@ def assigned(old: Any, new: Value) -> Any:
     """Return a new value in the type that the variable has.
 
     Args:
-        old: what the variable holds; None when it does not exist yet.
-        new: what it is to hold.
+        old: the variable's present value; None when it does not exist yet.
+        new: the value to be written.
 
     Raises:
         ScriptError: the value does not fit.
@@ -116,7 +116,7 @@ class Environment:
         self._board = board
 
     def read(self, name: str) -> Value:
-        """Return what a name stands for.
+        """Return the value of a name.
 
         Raises:
             ScriptError: nothing, nothing fresh, or nothing that a script can use.
@@ -139,7 +139,7 @@ class Environment:
         return name in self._variables or self._board_key(name) is not None
 
     def write(self, name: str, value: Value) -> Any:
-        """Write a variable in the type it has, and return what it holds now.
+        """Write a variable without changing its type, and return its new value.
 
         Args:
             name: the variable.

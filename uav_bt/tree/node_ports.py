@@ -1,4 +1,4 @@
-"""What a node sees: its mission, the variables of its tree, and through its ports both."""
+"""Base class of `Node` that binds, reads and writes ports."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ T = TypeVar("T")
 _NO_LITERAL: Final = object()
 
 
-class Surroundings:
-    """The part of a node that reads and writes; `Node` adds the tick."""
+class NodePorts:
+    """Ports of a node, and the mission and variables that they read and write.
+
+    `Node` adds the children and the tick.
+    """
 
     node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
     ports: ClassVar[tuple[Port[Any], ...]] = ()
@@ -30,11 +33,11 @@ class Surroundings:
     path: str  # unique in its tree once the tree is made
 
     def _bind(self, given: dict[str, object], wrong: dict[str, str]) -> None:
-        """Take over what the ports are given.
+        """Bind the ports to the given values.
 
         Args:
             given: values by port.
-            wrong: what is wrong with other attributes, for the same error.
+            wrong: errors of other attributes, for the same message.
 
         Raises:
             InputError: a port is missing, unknown or has a value of another type.
@@ -84,14 +87,14 @@ class Surroundings:
 
     @property
     def environment(self) -> Environment:
-        """What scripts of this node see."""
+        """Variables and board that scripts of this node use."""
         if self._environment is None:
             board = None if self._mission is None else self._mission.board
             self._environment = Environment(self._variables, board)
         return self._environment
 
     def rebind(self, given: Mapping[str, object]) -> None:
-        """Replace what ports were given; to be done before the setup.
+        """Replace the values of ports, before the setup.
 
         Args:
             given: values by port, typed or as texts.
@@ -133,7 +136,7 @@ class Surroundings:
 
     @property
     def _board(self) -> Blackboard | BoardView:
-        """The mission's board; a leaf has a view of it that allows what it declares."""
+        """The mission's board; for a leaf a view that allows the declared keys."""
         return self.mission.board
 
     @property
@@ -144,7 +147,7 @@ class Surroundings:
     # --- ports ------------------------------------------------------------------------------------
 
     def port(self, port: Port[T]) -> T:
-        """Return a port's value: the literal, or what its reference holds now.
+        """Return a port's value: the literal, or the present value of its reference.
 
         Raises:
             BoardAccessError: the reference holds nothing, nothing fresh, or another type.
@@ -180,7 +183,7 @@ class Surroundings:
         return None if entry is None else self._converted(port, entry.value)
 
     def port_reading(self, port: Port[T]) -> Reading[T]:
-        """Return a port's value with its age; a missing or stale one is no error."""
+        """Return a port's value with its age, without an error for a missing or stale value."""
         reference = self._references.get(port.name)
         if reference is None:
             return Reading(self.port(port), 0.0)
@@ -195,7 +198,7 @@ class Surroundings:
         return Reading(self._converted(port, entry.value), 0.0)
 
     def set_port(self, port: Port[T], value: T) -> None:
-        """Write an output port's variable or board key; unconnected, it goes nowhere.
+        """Write an output port's variable or board key; an unconnected port writes nothing.
 
         Args:
             port: the output port.
@@ -210,7 +213,7 @@ class Surroundings:
             self._variables[reference.key] = value
 
     def reference(self, port: Port[Any]) -> Reference | None:
-        """Return what a port refers to, or None when it has a literal or is unconnected."""
+        """Return a port's reference, or None when it has a literal or is unconnected."""
         return self._references.get(port.name)
 
     def _declared(self, name: str) -> Port[Any]:

@@ -1,0 +1,41 @@
+"""Commands and options of earlier versions that were deleted, and what to use instead."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import click
+
+from uav_bt.errors import InputError
+
+# By the words of the call. An option stands behind its command.
+_INSTEAD: Final = {
+    "tree diff": "run 'uav-bt tree format --write' on both files and compare them with 'git diff'",
+    "tree migrate": "use convert_v3_to_v4.py, which comes with BehaviorTree.CPP",
+    "check --engine": "leave it out: files are read as engine 4.10 reads them",
+}
+
+
+class DeletedError(click.ClickException):
+    """A deleted command or option was called. The message says what to use instead."""
+
+    exit_code = InputError.exit_code
+
+
+def refuse_deleted(ctx: click.Context, word: str) -> None:
+    """Refuse a command or an option that was deleted.
+
+    Args:
+        ctx: the context of the group of the command, or of the command of the option.
+        word: the name of the command or of the option.
+
+    Raises:
+        DeletedError: the command or option was deleted.
+    """
+    words = [word]
+    while ctx.parent is not None:
+        words.insert(0, str(ctx.info_name))
+        ctx = ctx.parent
+    call = " ".join(words)
+    if call in _INSTEAD:
+        raise DeletedError(f"'uav-bt {call}' was deleted: {_INSTEAD[call]}")
