@@ -188,7 +188,7 @@ _NET: Final = LazyGroup(
 )
 _LAB: Final = LazyGroup(
     "lab",
-    help="List scenes of the simulated lab, calibrate a camera, tune the heading.",
+    help="List scenes, calibrate a camera, tune the heading.",
     lazy={
         "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),
         "calibrate": (
