@@ -32,8 +32,8 @@ from uav_bt.errors import InputError, UavBtError
 Flight = Mapping[str, Any]
 Key = tuple[Any, ...]  # scene, seed, and the mission where a set has several
 
-_RESAMPLES: Final = 4_000  # chosen: bounds of the interval repeat to about 2 % of its width
-# Allowed loss: chosen as what flights of the same code differ by.
+_RESAMPLES: Final = 4_000  # chosen: the interval's ends repeat to a few percent of its width
+# Allowed loss: chosen, about the difference between flights of equal code.
 _MORE_FAILURES: Final = 1
 _LESS_COVERAGE: Final = 0.02
 _LESS_CLEARANCE_M: Final = 0.02
@@ -125,19 +125,17 @@ def values_of(flights: Sequence[Flight], metric: Metric) -> np.ndarray:
     return np.array([value for value in values if value is not None], dtype=np.float64)
 
 
-def mean_interval(values: np.ndarray) -> tuple[float, float]:
-    """Return the 95 % interval of a mean, by the percentile bootstrap with a fixed seed.
+def mean_interval(values: np.ndarray) -> tuple[float, ...]:
+    """Return the ends of a mean's 95 % interval, by the percentile bootstrap with a fixed seed.
 
     Args:
-        values: (N,), at least one. Equal values have an interval without width.
+        values: (N,). One value has no interval; equal values have one of width 0.
     """
     if np.ptp(values) == 0.0:
-        return float(values[0]), float(values[0])
+        return (float(values[0]),) * 2 if values.size > 1 else ()
     rng = np.random.default_rng(0)
-    found = bootstrap(
-        (values,), np.mean, n_resamples=_RESAMPLES, method="percentile", rng=rng
-    ).confidence_interval
-    return float(found.low), float(found.high)
+    found = bootstrap((values,), np.mean, n_resamples=_RESAMPLES, method="percentile", rng=rng)
+    return tuple(float(end) for end in found.confidence_interval)
 
 
 def successes(flights: Sequence[Flight]) -> int:
@@ -174,7 +172,7 @@ def pairs_of(
     """Return the flights that both sets have.
 
     Raises:
-        InputError: There are none.
+        InputError: The sets have no flight in common.
     """
     pairs = [(flight, other[key]) for key, flight in first.items() if key in other]
     if not pairs:
@@ -199,9 +197,10 @@ def differences_table(pairs: Sequence[tuple[Flight, Flight]]) -> list[str]:
         deltas = np.array([b - a for a, b in both if a is not None and b is not None])
         if not deltas.size:
             continue
-        numbers = deltas.mean(), *mean_interval(deltas), np.median(deltas)
-        mean, low, high, median = (f"{number:+.{metric.digits}f}" for number in numbers)
-        lines.append(f"| {metric.title} | {deltas.size} | {mean} ({low} to {high}) | {median} |")
+        numbers = deltas.mean(), np.median(deltas), *mean_interval(deltas)
+        mean, median, *ends = (f"{number:+.{metric.digits}f}" for number in numbers)
+        between = f" ({' to '.join(ends)})" if ends else ""
+        lines.append(f"| {metric.title} | {deltas.size} | {mean}{between} | {median} |")
     return lines
 
 

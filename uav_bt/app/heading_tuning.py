@@ -61,7 +61,7 @@ class YawResponse:
         delayed = np.interp(grid - self.delay_s, times, commanded)
         keep = math.exp(-_STEP_S / self.lag_s) if self.lag_s > 0.0 else 0.0
         turned = lfilter([(1.0 - keep) / 2.0] * 2, [1.0, -keep], self.gain * delayed)
-        return np.interp(times, grid, turned)
+        return np.asarray(np.interp(times, grid, turned))
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def identify(series: Sequence[Series]) -> tuple[YawResponse, float]:
 
 
 def heading_loop(gains: HeadingGains, response: YawResponse, tick_s: float) -> Loop:
-    """Return the loop of a controller with a period of `tick_s`, with its margins."""
+    """Return the loop of a controller with a period of `tick_s`, and its margins."""
     # The PID as computed: backward differences, the integral with the new error.
     p, i, d = gains.proportional, gains.integral * tick_s, gains.derivative / tick_s
     pid = control.TransferFunction([p + i + d, -p - 2.0 * d, d], [1.0, -1.0, 0.0], tick_s)

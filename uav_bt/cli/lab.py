@@ -11,6 +11,7 @@ import click
 import cv2
 import numpy as np
 
+from behaviours.fly.heading_control import HeadingGains
 from perception.camera.calibration import Calibration, CalibrationConfig
 from perception.camera.calibration import calibrate as calibrate_camera
 from perception.camera.camera_file import write_camera
@@ -163,7 +164,7 @@ def tune_heading(*, record: Path, out: Path) -> None:
     response, residual_rad = tuning.identify(series)
     tick_s = float(np.median(np.concatenate([np.diff(times) for times, _, _ in series])))
     loops = {
-        "shipped": tuning.heading_loop(tuning.HeadingGains(), response, tick_s),
+        "shipped": tuning.heading_loop(HeadingGains(), response, tick_s),
         "suggested": tuning.suggested_loop(response, tick_s),
     }
     click.echo(
