@@ -205,7 +205,7 @@ def differences_table(pairs: Sequence[tuple[Flight, Flight]]) -> list[str]:
 
 
 def losses(pairs: Sequence[tuple[Flight, Flight]]) -> list[str]:
-    """Return in words in what the second flights of the pairs are worse than the first."""
+    """Return a phrase for each figure in which the second flights are worse than the first."""
     first, other = [one for one, _ in pairs], [two for _, two in pairs]
     found = []
     if (more := successes(first) - successes(other)) > _MORE_FAILURES:

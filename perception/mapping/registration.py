@@ -5,6 +5,9 @@ a Kalman filter. It grows uncertain with the odometry's drift. Each view is matc
 iterated closest points of the same class (Besl and McKay, 1992), point to line where the neighbours
 in the map form one (Chen and Medioni, 1992), with Cauchy weights, and held to the prediction by its
 covariance, so that an edge seen alone corrects across it only.
+
+The filter is written here: its correction is the matching's least-squares solution, with the inverse
+Hessian as covariance. filterpy's filter takes a measurement and its noise, not such a solution.
 """
 
 from __future__ import annotations
