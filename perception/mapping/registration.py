@@ -6,8 +6,8 @@ iterated closest points of the same class (Besl and McKay, 1992), point to line 
 in the map form one (Chen and Medioni, 1992), with Cauchy weights, and held to the prediction by its
 covariance, so that an edge seen alone corrects across it only.
 
-The filter is written here: its correction is the matching's least-squares solution, with the inverse
-Hessian as covariance. filterpy's filter takes a measurement and its noise, not such a solution.
+The filter is written here: a view's correction is the solution of the matching's least squares,
+with the inverse Hessian as covariance, and filterpy has no such update.
 """
 
 from __future__ import annotations
