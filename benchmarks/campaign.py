@@ -30,7 +30,7 @@ from uav_bt.campaign.runner import Backend, LocalBackend
 
 
 class MemoryPeak:
-    """Watches what a process and all below it hold, twice a second."""
+    """Measures the memory of a process and its children, twice a second."""
 
     def __init__(self) -> None:
         self.max_bytes = 0

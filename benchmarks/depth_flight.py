@@ -98,7 +98,7 @@ class Comparison:
         self.ranges_m.append(ranges_at(depth, points, camera))
 
     def show(self) -> None:
-        """Print what was found."""
+        """Print the results."""
         for name, pieces in self.errors.items():
             error = np.concatenate(pieces)
             known = error[np.isfinite(error)]

@@ -69,7 +69,7 @@ class Tally:
 
 
 class Stopwatch:
-    """Wall time of what it wraps, by name."""
+    """Wall time of the wrapped functions, by name."""
 
     def __init__(self) -> None:
         self.times: dict[str, list[float]] = defaultdict(list)

@@ -215,7 +215,7 @@ def _motion(footage: Footage, truth: Truth, pairs: int) -> None:
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("fly", "networks", "flight", "labels", "motion"))
     parser.add_argument("files", nargs="*", type=Path)

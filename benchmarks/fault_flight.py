@@ -24,7 +24,7 @@ from uav_bt.protocols import Drone
 from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
 from uav_bt.types import FlyingState, MissionPhase, Observation
 
-_AFTER_S: Final = 3.0  # what the drone does when the program has ended counts, too
+_AFTER_S: Final = 3.0  # the drone is watched for this time after the program's end
 _MOTORS_OFF: Final = frozenset({FlyingState.LANDED, FlyingState.EMERGENCY})
 # Of a loopback ANAFI: it takes off from a box in the lab.
 _LAB: Final = Site(take_off_surface_m=0.4)
@@ -93,7 +93,7 @@ class Case:
 
     @contextmanager
     def served(self) -> Iterator[None]:
-        """Serve the loopback ANAFI, where that is what is flown."""
+        """Serve the loopback ANAFI, if it is the drone."""
         if self.address is None:
             yield
             return
@@ -129,7 +129,7 @@ class WatchedDrone(FaultyDrone):
         super().on_tick(record)
 
     def disconnect(self) -> None:
-        """Look at what the drone does when nobody flies it any more."""
+        """Watch the drone after the end of the program."""
         self.ended_s = self.clock.now()
         while self.phases and self.clock.now() < self.ended_s + _AFTER_S:
             self.clock.sleep_until(self.clock.now() + 0.1)
@@ -137,7 +137,7 @@ class WatchedDrone(FaultyDrone):
         super().disconnect()
 
     def _look(self) -> None:
-        """Note what is true; without a referee that is what the drone reports before the fault."""
+        """Note the truth; without a referee, the drone's reports before the fault."""
         if self.referee is None:
             state = self._drone.observe().state
             self.motors_on = state.flying not in _MOTORS_OFF
@@ -225,7 +225,7 @@ def died(case: Case) -> dict[str, Any]:
 
 @contextmanager
 def _warnings(events: dict[str, None]) -> Iterator[None]:
-    """Note what is logged as a warning or worse."""
+    """Note log messages of level WARNING or above."""
     handler = logging.Handler(logging.WARNING)
     handler.emit = lambda record: events.setdefault(record.getMessage())  # type: ignore[method-assign]
     root = logging.getLogger()
@@ -238,7 +238,7 @@ def _warnings(events: dict[str, None]) -> Iterator[None]:
 
 @contextmanager
 def _unlimited_files() -> Iterator[None]:
-    """Take back what a full disk did."""
+    """Undo the effects of a full disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         yield
@@ -260,7 +260,7 @@ def _plain(report: FlightReport) -> dict[str, Any]:
 
 
 def _said_beside(report: dict[str, Any]) -> Iterator[str]:
-    """Yield what a report says beside its reason."""
+    """Yield the texts of a report other than its reason."""
     if report.get("airborne_at_end"):
         yield "still in the air"
     for output, trouble in report.get("lost_outputs", {}).items():

@@ -1,4 +1,4 @@
-"""Flights in processes of their own: a fault that kills a process costs its own flight only."""
+"""Flights in separate processes: a fault that kills a process ends only one flight."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ EXPECTED: Final = {
 
 
 def flown_through(expected: Expected, phase: str, facts: Facts) -> bool:
-    """Return whether the mission ended as if nothing was, where that is right."""
+    """Return whether the mission ended as without the fault, where that is right."""
     bearable = expected.bearable or (phase == MissionPhase.LAND and not expected.may_fall)
     landed = not facts.motors_on and facts.on_helipad is not False
     done = facts.outcome == Outcome.SUCCESS.value and not facts.emergency_landing
@@ -112,7 +112,7 @@ def flown_through(expected: Expected, phase: str, facts: Facts) -> bool:
 
 
 def problems(expected: Expected, phase: str, facts: Facts) -> tuple[str, ...]:
-    """Return what is wrong with a reaction, a few words each; nothing when it is right.
+    """Return the errors of a reaction, a few words each; none when it is right.
 
     Args:
         expected: of the fault's kind.

@@ -100,7 +100,7 @@ class Flown:
 
     @classmethod
     def of(cls, line: dict[str, Any]) -> Self:
-        """Return what a line of the file says."""
+        """Return the result in a line of the file."""
         facts = Facts(**line["facts"])
         return cls(case=Case(**line["case"]), facts=facts, wall_s=line["wall_s"])
 
@@ -118,7 +118,7 @@ class Flown:
 
 
 def read_lines(path: Path) -> dict[Case, str]:
-    """Return the lines that are there; a last one that was cut is none.
+    """Return the whole lines of the file; a last line that was cut is left out.
 
     Raises:
         FileError: the file cannot be read, or is damaged.
@@ -138,7 +138,7 @@ def read_lines(path: Path) -> dict[Case, str]:
 
 
 def fly_all(cases: Sequence[Case], folder: Path, workers: int) -> list[Flown]:
-    """Fly what has not been flown and return all flights, in the order of the cases."""
+    """Fly the missing cases and return all flights, in the order of the cases."""
     path = folder / LINES_FILE
     lines = read_lines(path)
     missing = [case for case in cases if case not in lines]

@@ -42,7 +42,7 @@ LEAF = '      <Explore name="look_{n}" policy="corridor" _skipIf="rounds &gt; {n
 
 
 def mission(nodes: int) -> str:
-    """Return a file of so many nodes: branches of twenty under one sequence."""
+    """Return a file with a number of nodes: branches of twenty under one sequence."""
     parts = ['<root BTCPP_format="4">\n  <BehaviorTree ID="M">\n  <Sequence>\n']
     parts.append('    <Script code="rounds := 0"/>\n')
     for first in range(2, nodes, 20):
@@ -115,7 +115,7 @@ def time_typing(editor: Editor, text: str, times: int) -> None:
 
 
 def behaviour(source: bytes) -> list[object]:
-    """Return what a file does: why it is refused, or its nodes and what they answer."""
+    """Return the behaviour of a file: why it is refused, or its nodes and their answers."""
     world = World()
     for key in MISSION_KEYS:
         world.board.declare(key)
@@ -141,7 +141,7 @@ def laid_out(text: str) -> tuple[bytes, bool]:
     """Return a file's text in the one layout, and whether it loads.
 
     Raises:
-        TreeError: it is no well-formed XML.
+        TreeError: the file is not well-formed XML.
     """
     once = format_source(text.encode(), Path(URI))
     expect(format_source(once, Path(URI)) == once, text)

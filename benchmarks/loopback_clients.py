@@ -50,12 +50,12 @@ def examples_of(python: str) -> list[Path]:
 
 
 async def fly(python: str, script: Path, address: str, ports: list[str], rtsp: int | None) -> bool:
-    """Run one script against a drone of its own; print a line about it."""
+    """Run one script against a separate drone; print a line about it."""
     if script.stem == BEHIND_REMOTE:
         ports = [*ports, "--skycontroller"]
     env = {} if rtsp is None else {"DRONE_RTSP_PORT": str(rtsp)}
     start, good, note = time.monotonic(), True, ""
-    # A folder of its own: scripts write files, and must not import each other by accident.
+    # A separate folder: scripts write files, and must not import each other by accident.
     with tempfile.TemporaryDirectory() as folder:
         try:
             async with served(address, *ports):
@@ -74,7 +74,7 @@ async def fly_all(options: argparse.Namespace, scripts: list[Path], ports: list[
 
 
 def main() -> None:
-    """Run what was asked for; exit with 1 when something failed."""
+    """Run the scripts; exit with 1 when one failed."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--python", required=True, help="of an environment with Olympe")
     parser.add_argument("--script", action="append", help="only this one; repeatable")

@@ -1,4 +1,4 @@
-"""A loopback ANAFI in a process of its own, for benchmarks that fly it."""
+"""A loopback ANAFI in a separate process, for benchmarks that fly it."""
 
 from __future__ import annotations
 

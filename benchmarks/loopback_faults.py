@@ -104,7 +104,7 @@ async def run_cases(python: str, names: list[str]) -> bool:
 
 
 def main() -> None:
-    """Run what was asked for; exit with 1 when something failed."""
+    """Run the faults; exit with 1 when one failed."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--python", required=True, help="of an environment with Olympe")
     parser.add_argument("--case", action="append", choices=CASES, help="only this one; repeatable")

@@ -3,7 +3,7 @@
     python benchmarks/loopback_video.py
 
 A moving pattern replaces the twin's camera, so that drawing is not in the times. The server runs
-in a process of its own; a client plays over UDP and decodes with PyAV. The latency is that of the
+in a separate process; a client plays over UDP and decodes with PyAV. The latency is that of the
 pixels: every frame shows the time of its capture as black and white blocks, which the client
 reads from the decoded frame.
 """
@@ -69,7 +69,7 @@ def age_s(luma: NDArray[np.uint8]) -> float:
 
 
 def _serve(config: EncoderConfig, link: Connection) -> None:
-    """Serve until asked to stop, then send what was done and the CPU time of a frame."""
+    """Serve until asked to stop, then send the work done and the CPU time per frame."""
 
     async def work() -> tuple[VideoStats, float]:
         server = await serve_video(Pattern(config.size_px), port=0, encoder=config)

@@ -2,7 +2,7 @@
 
     python benchmarks/map_error.py --profile harsh --flights 2 --out runs/map-error
 
-Exact masks at 320x180 and no depth: what is left are telemetry's errors and what is made of them.
+Exact masks at 320x180 and no depth: the errors left are those of telemetry and of the mapping.
 Each flight is a line of DIR/flights.jsonl, and those that are there are not flown again.
 
 height       of the body above the carpet, as it is flown by, root mean square
@@ -48,7 +48,7 @@ COLUMNS = (
 
 
 class ErrorLog:
-    """Notes in every tick how far what the mission believes is from the truth."""
+    """Notes the errors of the mission's estimates in every tick."""
 
     def __init__(self, flight: Flight[Drone]) -> None:
         referee = flight.drone.referee
@@ -158,7 +158,7 @@ def fly(scene: str, seed: int, profile: str) -> dict[str, object]:
 
 
 def main() -> None:
-    """Fly what is missing, then print the means."""
+    """Fly the missing flights, then print the means."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", default="val-a,val-b,train-a,train-b")
     parser.add_argument("--flights", type=int, default=2)

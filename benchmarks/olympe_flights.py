@@ -37,7 +37,7 @@ def machine_s() -> tuple[float, float]:
 
 
 def fly(args: argparse.Namespace, number: int) -> tuple[TimedDrone, TimedQueue, bool]:
-    """Fly one mission, print a line about it, and return what was timed and whether it succeeded.
+    """Fly one mission, print a line about it, and return its times and whether it succeeded.
 
     Raises:
         UavBtError: it could not be flown, or ended with an error.

@@ -41,7 +41,7 @@ async def served(
 
 
 class Script:
-    """An Olympe script in a process of its own."""
+    """An Olympe script in a separate process."""
 
     def __init__(self, process: Process, errors: IO[bytes]) -> None:
         self.process = process

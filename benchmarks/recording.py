@@ -1,4 +1,4 @@
-"""What recording costs, and what a killed flight leaves.
+"""Cost of recording, and records of killed flights.
 
     python benchmarks/recording.py overhead   # tick with and without a record, in turns; sizes
     python benchmarks/recording.py kills      # 20 flights killed at random; what can be read
@@ -129,7 +129,7 @@ def _described(record: Path) -> str:
 
 
 def _kills(count: int, folder: Path) -> None:
-    """Kill flights at random and see what their records have."""
+    """Kill flights at random and check their records."""
     tree = folder / "hover.xml"
     tree.write_text(HOVER, encoding="utf-8")
     draw = random.Random(7)  # noqa: S311 - no secret
@@ -150,7 +150,7 @@ def _kills(count: int, folder: Path) -> None:
 
 
 def main() -> None:
-    """Measure what was asked for."""
+    """Run the measurements."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("what", choices=["overhead", "kills"])
     parser.add_argument("--rounds", type=int, default=3, help="pairs of flights")

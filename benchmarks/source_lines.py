@@ -1,4 +1,4 @@
-"""Count what there is to read: lines of code, docstrings, comments and tests, package by package.
+"""Count lines of code, docstrings, comments and tests, package by package.
 
     python benchmarks/source_lines.py [CHECKOUT]
 

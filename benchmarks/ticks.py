@@ -54,7 +54,7 @@ class Reader(Leaf):
 
 
 class Bare(Leaf):
-    """Answers what it was made with."""
+    """Returns a fixed status."""
 
     answer = Status.SUCCESS
 
@@ -108,7 +108,7 @@ def our_tree(nodes: int, reference: str | None) -> Callable[[], object]:
 
     Args:
         nodes: how many.
-        reference: what the leaves read, such as `{number}`; None for bare ones.
+        reference: variable that the leaves read, such as `{number}`; None for bare ones.
     """
     branches: list[Node] = []
     for index, row in enumerate(answers(plan(nodes))):
@@ -163,7 +163,7 @@ def _no_policy(name: str) -> LeafPolicy:
 
 
 def rate(tick: Callable[[], object], duration_s: float) -> float:
-    """Return ticks per second over about so long."""
+    """Return ticks per second, measured over about this time."""
     ticks = 0
     began = time.perf_counter()
     while (passed := time.perf_counter() - began) < duration_s:

@@ -1,9 +1,9 @@
 """The heading controller: a PID from bearing error to yaw rate.
 
-The drone answers a yaw-rate command like a first-order lag behind a dead time; with the integration
-to an angle the loop is a lag-plus-integrator, for which a PID with a small integral part does well.
-The gains are designed on the twin's identified response (`benchmarks.heading_design`); a test keeps
-the margins, and `benchmarks/heading.py` prints them.
+The drone answers a yaw-rate command as a first-order lag behind a delay, and the rate integrates to
+an angle. A PID with a small integral part controls such a loop well. The gains are designed on the
+twin's response. `uav-bt lab tune-heading` identifies the response of another drone from a recorded
+flight and prints the margins.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ class HeadingGains:
     """Gains of the heading PID."""
 
     # rad/s per rad: the largest tenth with 6 dB and 45 deg of margin in the twin's profile
-    # `harsh`, whose heading is heard 0.12 to 0.32 s late (tests/benchmarks/test_heading_design.py)
+    # `harsh`, whose telemetry is 0.12 to 0.32 s old (tests/uav_bt/app/test_heading_tuning.py)
     proportional: float = 1.2
-    integral: float = 0.10  # 1/s^2: takes out the bearing offset that a steady drift leaves
+    integral: float = 0.10  # 1/s^2: removes the bearing offset of a steady drift
     derivative: float = 0.10  # damps the approach to the target heading
     max_yaw_rate_radps: float = 1.0  # the output's limit
-    # The integral only works this close to the target: it is there for a steady drift, and what it
-    # gathered on a long turn, at the output's limit, would carry the heading past the target.
+    # Bearing within which the integral works. It corrects a steady drift. On a long turn, at the
+    # output's limit, it would grow and carry the heading past the target.
     integral_zone_rad: float = math.radians(12)
 
     def __post_init__(self) -> None:
@@ -48,8 +48,7 @@ class HeadingController:
     def __init__(self, gains: HeadingGains | None = None) -> None:
         self.gains = gains or HeadingGains()
         limit = self.gains.max_yaw_rate_radps
-        # simple-pid also holds the integral inside the output limits; `update` does the rest of the
-        # anti-windup.
+        # simple-pid keeps the integral within the output limits; `update` adds the integral's zone.
         self._pid = PID(
             self.gains.proportional,
             self.gains.integral,
@@ -62,7 +61,7 @@ class HeadingController:
         self._output = 0.0
 
     def reset(self) -> None:
-        """Forget the past; call it when the controller takes over."""
+        """Reset the controller; call it when the controller takes over."""
         self._pid.reset()
         self._last_s = None
         self._output = 0.0
@@ -70,20 +69,20 @@ class HeadingController:
     def update(self, bearing_rad: float, now_s: float) -> float:
         """Return the yaw rate, rad/s, that turns the heading towards a bearing.
 
-        Asked twice at one time it gives the same answer: time has to pass for a new one.
+        A second call at the same time returns the same yaw rate.
 
         Args:
             bearing_rad: of the target from the heading, clockwise positive, within [-pi, pi].
             now_s: the mission clock.
 
         Raises:
-            ValueRangeError: bearing or time is not finite; the past is kept.
+            ValueRangeError: bearing or time is not finite; the controller's state is unchanged.
         """
         if not (math.isfinite(bearing_rad) and math.isfinite(now_s)):
             raise ValueRangeError(f"bearing and time must be finite, got {bearing_rad}, {now_s}")
         if self._last_s is not None and now_s <= self._last_s:
             return self._output
-        # The first call has no past: any small step makes the integral negligible.
+        # The first call has no time step: a small one makes the integral negligible.
         dt = 1e-6 if self._last_s is None else now_s - self._last_s
         self._last_s = now_s
         inside = abs(bearing_rad) <= self.gains.integral_zone_rad

@@ -5,6 +5,9 @@ a Kalman filter. It grows uncertain with the odometry's drift. Each view is matc
 iterated closest points of the same class (Besl and McKay, 1992), point to line where the neighbours
 in the map form one (Chen and Medioni, 1992), with Cauchy weights, and held to the prediction by its
 covariance, so that an edge seen alone corrects across it only.
+
+The filter is written here: a view's correction is the solution of the matching's least squares,
+with the inverse Hessian as covariance, and filterpy has no such update.
 """
 
 from __future__ import annotations

@@ -3,6 +3,9 @@
 Two images of the ground show a turn to less than a milliradian. Their sum wanders less than
 telemetry does in half a minute. A Kalman filter estimates the heading and telemetry's error of it.
 Telemetry leads where no ground is seen; a leap of telemetry leaves the heading unchanged.
+
+The filter is written here: it has two states and one measurement, so that a correction is four
+lines; filterpy would need the same matrices, and it loads scipy.stats.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""The error of telemetry's velocity against the motion over the ground."""
+"""The error of telemetry's velocity against the motion over the ground.
+
+The Kalman filter is written here: one variance serves both axes, so each step is scalar and three
+lines long; filterpy would need matrices, and it loads scipy.stats.
+"""
 
 from __future__ import annotations
 
@@ -50,12 +54,12 @@ class VelocityError:
         return self._mean_mps * (1.0 - (self._config.doubt_mps / size_mps) ** 2)
 
     def predict(self, passed_s: float) -> None:
-        """Let time pass."""
+        """Predict the error after a time, s."""
         self._mean_mps = self._mean_mps * math.exp(-passed_s / self._config.forget_s)
         self._variance += self._config.wander_mps**2 * passed_s
 
     def correct(self, seen_mps: NDArray[np.float64], passed_s: float, spread_m: float) -> None:
-        """Take in what two frames show.
+        """Correct the error by the motion between two frames.
 
         Args:
             seen_mps: velocity beyond telemetry's, (2,), in the odometry's frame.

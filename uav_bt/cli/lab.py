@@ -1,7 +1,8 @@
-"""`uav-bt lab`: what belongs to a place: scenes of the simulated lab, and the camera."""
+"""`uav-bt lab`: scenes of the simulated lab, camera calibration, tuning of the heading loop."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -10,6 +11,7 @@ import click
 import cv2
 import numpy as np
 
+from behaviours.fly.heading_control import HeadingGains
 from perception.camera.calibration import Calibration, CalibrationConfig
 from perception.camera.calibration import calibrate as calibrate_camera
 from perception.camera.camera_file import write_camera
@@ -17,7 +19,7 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app.film import map_of_scene
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import output_option
+from uav_bt.cli.options import INPUT, output_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.ranges import Number
 from uav_bt.display.lab_map import draw_path_map
@@ -146,3 +148,36 @@ def _print_calibration(found: Calibration) -> None:
     )
     for name, reason in found.skipped.items():
         click.echo(f"skipped {name}: {reason}")
+
+
+@click.command(cls=Command)
+@click.argument("record", type=INPUT)
+@output_option("--out", "The PNG file for the plot.", suffix=".png", default=Path("heading.png"))
+def tune_heading(*, record: Path, out: Path) -> None:
+    """Identify the yaw response of a recorded flight and choose gains of the heading loop.
+
+    RECORD is a flight that turned under yaw-rate commands, such as one of survey_and_land.
+    """
+    from uav_bt.app import heading_tuning as tuning  # noqa: PLC0415 - extras, and slow to import
+
+    series = tuning.yaw_series(record)
+    response, residual_rad = tuning.identify(series)
+    tick_s = float(np.median(np.concatenate([np.diff(times) for times, _, _ in series])))
+    loops = {
+        "shipped": tuning.heading_loop(HeadingGains(), response, tick_s),
+        "suggested": tuning.suggested_loop(response, tick_s),
+    }
+    click.echo(
+        f"commands every {tick_s:.2f} s, turns of {tuning.commanded_turn_deg(series):.0f} degrees\n"
+        f"delay {1000 * response.delay_s:.0f} ms, lag {1000 * response.lag_s:.0f} ms, gain "
+        f"{response.gain:.2f}; fits the heading to {math.degrees(residual_rad):.1f} degrees (rms)"
+    )
+    for name, loop in loops.items():
+        p, i, d = loop.gains.proportional, loop.gains.integral, loop.gains.derivative
+        click.echo(
+            f"{name} gains: P {p:.2f} 1/s, I {i:.3f} 1/s^2, D {d:.3f}; margins "
+            f"{loop.gain_margin_db:.1f} dB and {loop.phase_margin_deg:.0f} degrees, crossover "
+            f"{loop.crossover_radps:.2f} rad/s"
+        )
+    tuning.draw(series, response, loops, out)
+    click.echo(f"plot: {out}")

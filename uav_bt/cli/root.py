@@ -189,12 +189,16 @@ _NET: Final = LazyGroup(
 )
 _LAB: Final = LazyGroup(
     "lab",
-    help="List scenes of the simulated lab, calibrate a camera.",
+    help="List scenes, calibrate a camera, tune the heading.",
     lazy={
         "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),
         "calibrate": (
             "uav_bt.cli.lab:calibrate",
             "Calibrate a camera from photographs of a checkerboard.",
+        ),
+        "tune-heading": (
+            "uav_bt.cli.lab:tune_heading",
+            "Choose gains of the heading controller from a recorded flight.",
         ),
     },
 )

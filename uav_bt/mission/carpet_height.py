@@ -5,6 +5,9 @@ places on the ground is wrong by the same share of its range. The rangefinder ha
 measures to the box or the landing pad below the drone. A Kalman filter estimates the height and the
 altimeter's error; between two measurements the height follows the vertical velocity. An object
 lower than some 0.3 m cannot be distinguished from the carpet.
+
+The filter is written here: the runner imports this module in every flight, and filterpy loads
+scipy.stats.
 """
 
 from __future__ import annotations

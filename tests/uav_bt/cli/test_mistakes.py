@@ -116,6 +116,8 @@ MISTAKES = [
     ("lab calibrate absent", "there is no such image"),
     ("lab calibrate empty", "the folder holds no images"),
     ("lab calibrate binary.bin", "binary.bin"),
+    ("lab tune-heading absent.mcap", "absent.mcap"),
+    ("lab tune-heading binary.bin", "binary.bin"),
     ("net perceive absent.mp4", "there is no such video file"),
     ("net perceive binary.bin", "is no video that can be read"),
     ("net perceive empty", "no images"),

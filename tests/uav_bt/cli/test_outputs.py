@@ -146,6 +146,7 @@ OUTPUTS = [
     "net export student --out {}.onnx",
     "lab scenes --show train-a --out {}.png",
     "lab calibrate photos --out {}.yaml",
+    "lab tune-heading old.mcap --out {}.png",
 ]
 
 
