@@ -25,8 +25,7 @@ from typing import Any, Final
 
 from benchmarks.fuzz_mutations import MUTATIONS
 from benchmarks.fuzz_seeds import SEEDS
-from uav_bt.campaign.worker_process import FLOWN, REFUSED
-from uav_bt.campaign.workers import WorkerPool
+from uav_bt.campaign.workers import FLOWN, REFUSED, WorkerPool
 from uav_bt.groot.btlog import BtlogReader
 
 TIME_LIMIT_S: Final = 20.0  # of wall time, on a machine that does other things, too
@@ -215,7 +214,7 @@ def fuzz(kind: str, cases: int, folder: Path, *, seed: int = 0, jobs: int = 2) -
     """
     folder.mkdir(parents=True, exist_ok=True)
     seeds = SEEDS[kind](folder)
-    row, pool = Row(kind), WorkerPool("benchmarks.fuzz_files:read_case")
+    row, pool = Row(kind), WorkerPool("benchmarks.fuzz_files:read_case", jobs)
 
     def run(number: int) -> tuple[int, Path, dict[str, Any], float]:
         path = folder / f"{number}{seeds[0].suffix}"
@@ -223,12 +222,12 @@ def fuzz(kind: str, cases: int, folder: Path, *, seed: int = 0, jobs: int = 2) -
         mutate = rng.choice(MUTATIONS[path.suffix])
         path.write_bytes(mutate(rng.choice(seeds).read_bytes(), rng))
         began_s = time.perf_counter()
-        answer = pool.fly({"kind": kind, "path": str(path)}, TIME_LIMIT_S)
+        answer = pool.fly({"kind": kind, "path": str(path)}, TIME_LIMIT_S).result()
         return number, path, answer, time.perf_counter() - began_s
 
     try:
         for whole in seeds:
-            answer = pool.fly({"kind": kind, "path": str(whole)}, TIME_LIMIT_S)
+            answer = pool.fly({"kind": kind, "path": str(whole)}, TIME_LIMIT_S).result()
             if FLOWN not in answer:
                 row.faults.append(f"{whole}: a whole file was refused: {answer}")
         with ThreadPoolExecutor(jobs) as threads:
