@@ -13,6 +13,7 @@ from uav_bt.testing.events import EventLog
 from uav_bt.tree import MissionTree, NodeRegistry, Status
 from uav_bt.tree import load_tree as load_mission
 from uav_bt.tree import parse_tree as parse_mission
+from uav_bt.tree.scripted import Mock
 from uav_bt.types import DroneState, GimbalTo, Movement
 
 _SHOWN: Final = 40  # answers in a failure message
@@ -138,7 +139,7 @@ def load_tree(
     path: Path | str,
     registry: NodeRegistry | None = None,
     *,
-    mocks: Mapping[str, str] | None = None,
+    mocks: Mapping[str, str | Mock] | None = None,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
     tick_s: float = 0.1,
 ) -> TreeBench:
@@ -147,8 +148,8 @@ def load_tree(
     Args:
         path: the file.
         registry: the nodes that may occur; default: all installed.
-        mocks: scripts such as `RRS` for leaves that are not to run themselves, by path, name or
-            node id; see `uav_bt.tree.scripted.AnswerScript`.
+        mocks: scripts such as `RRS`, or mocks with outputs, of leaves that do not run themselves;
+            by path, name or node id, or `*` for all others; see `uav_bt.tree.scripted`.
         overrides: attribute values that replace the file's, by a node's name or path.
         tick_s: time between two ticks.
 
@@ -163,7 +164,7 @@ def parse_tree(
     source: str | bytes,
     registry: NodeRegistry | None = None,
     *,
-    mocks: Mapping[str, str] | None = None,
+    mocks: Mapping[str, str | Mock] | None = None,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
     tick_s: float = 0.1,
 ) -> TreeBench:

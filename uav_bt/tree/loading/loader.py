@@ -32,6 +32,7 @@ from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.scripted import Mock
 
 _log = logging.getLogger(__name__)
 
@@ -43,7 +44,7 @@ def load_tree(
     tree_id: str | None = None,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
     by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
-    mocks: Mapping[str, str] | None = None,
+    mocks: Mapping[str, str | Mock] | None = None,
     lookup: Lookup | None = None,
 ) -> MissionTree:
     """Load a tree file. What is odd in it, but no reason to refuse it, is logged.
@@ -56,9 +57,10 @@ def load_tree(
         overrides: attribute values that replace the file's, by a node's name or path.
         by_key: attribute values that replace the file's in all leaves that write a board key,
             beneath the overrides. A leaf without the port is left as it is.
-        mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
-            path, name or node id; of several that fit a leaf, in this order the first counts. Name,
-            path, kind, ports and conditions stay as the file has them.
+        mocks: scripts, or mocks with outputs, of leaves that are replaced by scripted ones
+            (`uav_bt.tree.scripted`), by path, name or node id; of several that fit a leaf, in this
+            order the first counts. `*` stands for all leaves without other answers, except those of
+            the format. Name, path, kind, ports and conditions stay as the file has them.
         lookup: where to look for trees and included files; default: the file's folder.
 
     Raises:
@@ -85,7 +87,7 @@ def parse_tree(
     tree_id: str | None = None,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
     by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
-    mocks: Mapping[str, str] | None = None,
+    mocks: Mapping[str, str | Mock] | None = None,
     lookup: Lookup | None = None,
 ) -> MissionTree:
     """Load a tree from a tree file's text.
@@ -159,7 +161,7 @@ class _Read:
         overrides: Mapping[str, Mapping[str, str]],
         *,
         by_key: Mapping[Key[Any], Mapping[str, str]],
-        mocks: Mapping[str, str],
+        mocks: Mapping[str, str | Mock],
     ) -> MissionTree:
         """Return the main tree.
 
