@@ -89,7 +89,7 @@ class WorkerPool:
 
     def close(self) -> None:
         """Stop all workers at once and remove their files; what still flies answers FAILED."""
-        self._pool.stop()
+        self._pool.stop()  # type: ignore[no-untyped-call]
         for flight in tuple(self._flying):
             flight.cancel()
         self._pool.join()
