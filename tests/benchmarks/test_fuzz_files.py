@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from concurrent.futures import Future
 from pathlib import Path
 from random import Random
 
@@ -12,11 +13,17 @@ from benchmarks import fuzz_files
 from benchmarks.fuzz_files import READERS, fuzz, table
 from benchmarks.fuzz_mutations import MUTATIONS
 from benchmarks.fuzz_seeds import SEEDS
-from uav_bt.campaign.workers import Worker
+from uav_bt.campaign.workers import Answer, WorkerPool
 from uav_bt.errors import InputError
 
 SLOW = {"record", "replay", "view", "film", "onnx", "weights"}  # each imports for seconds
 QUICK = [kind for kind in READERS if kind not in SLOW]
+
+
+def answered(answer: Answer) -> Future[Answer]:
+    future: Future[Answer] = Future()
+    future.set_result(answer)
+    return future
 
 
 @pytest.mark.parametrize("kind", QUICK)
@@ -46,7 +53,7 @@ def test_every_kind_has_files_and_mutations() -> None:
 def test_what_is_no_refusal_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An exception of another kind, and a process that ends: named, and the file is kept."""
     answers = iter([{"flown": {}}, {"refused": "no"}, {"failed": "KeyError: 3"}, {"flown": {}}])
-    monkeypatch.setattr(Worker, "fly", lambda *_: next(answers))
+    monkeypatch.setattr(WorkerPool, "fly", lambda *_: answered(next(answers)))
     row = fuzz("site", 3, tmp_path, jobs=1)
     assert (row.ends["read"], row.ends["refused"], row.ends["fault"]) == (1, 1, 1)
     assert row.faults == [f"{tmp_path / '1.yaml'}: KeyError: 3"]
@@ -58,7 +65,7 @@ def test_a_whole_file_that_is_refused_is_a_fault(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Otherwise mutations of a file that nobody can read would all pass."""
-    monkeypatch.setattr(Worker, "fly", lambda *_: {"refused": "not today"})
+    monkeypatch.setattr(WorkerPool, "fly", lambda *_: answered({"refused": "not today"}))
     row = fuzz("site", 2, tmp_path, jobs=1)
     assert len(row.faults) == 1
     assert "a whole file was refused" in row.faults[0]
@@ -67,7 +74,7 @@ def test_a_whole_file_that_is_refused_is_a_fault(
 def test_a_fault_makes_the_exit_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(Worker, "fly", lambda *_: {"failed": "KeyError: 3"})
+    monkeypatch.setattr(WorkerPool, "fly", lambda *_: answered({"failed": "KeyError: 3"}))
     monkeypatch.setattr(
         "sys.argv", ["fuzz_files.py", "site", "--cases", "2", "--out", str(tmp_path)]
     )
