@@ -120,8 +120,6 @@ def dangers(source: str) -> Iterator[str]:
 
 
 MAY_SLEEP = {"uav_bt/clock.py", "sim_bridge/twin/drone.py"}  # clocks: the wall's, and the twin's
-# It runs campaigns on joblib's threads; nothing is loaded or kept by it.
-MAY_IMPORT_JOBLIB = {"uav_bt/campaign/runner.py"}
 
 
 @pytest.mark.parametrize("path", MODULES, ids=relative)
@@ -129,8 +127,6 @@ def test_no_module_runs_data_or_sleeps(path: Path) -> None:
     found = list(dangers(path.read_text(encoding="utf-8")))
     if relative(path) in MAY_SLEEP:
         found = [danger for danger in found if not danger.endswith("sleep")]
-    if relative(path) in MAY_IMPORT_JOBLIB:
-        found = [danger for danger in found if not danger.endswith("imports joblib")]
     assert found == []
 
 

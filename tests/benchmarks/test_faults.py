@@ -87,7 +87,7 @@ def test_all_kinds_are_listed() -> None:
     done = run("--list")
     assert done.returncode == 0
     assert "disk-full" in done.stdout
-    assert "late              frames so many seconds old [1]" in done.stdout
+    assert "late              late frames, age in s [1]" in done.stdout
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,10 @@
-"""Flights on a Dask cluster.
-
-joblib has a Dask backend of its own; it is not used, because it waits for ever for a task that was
-lost with its worker. Dask itself reports such tasks.
-"""
+"""Flights on a Dask cluster: each thread of its workers keeps a process that flies."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import multiprocessing
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,28 +16,32 @@ from distributed.comm.core import connect
 import uav_bt
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Answers
-from uav_bt.campaign.worker_process import FAILED
-from uav_bt.campaign.workers import WorkerPool
+from uav_bt.campaign.workers import FAILED, WorkerPool
 from uav_bt.errors import InputError, UavBtError
 
 _CONNECT_S: Final = 10.0  # to reach a scheduler, and for a worker to come up
 
 _lock = threading.Lock()
-_pools: dict[str, WorkerPool] = {}  # of this worker process, by function
+_pools: dict[tuple[str, int], WorkerPool] = {}  # of this Dask worker, by function and thread
 
 
 def _fly(function: str, task: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
-    """Fly a task on a worker: in a process of its own there, as on this machine."""
+    """Fly a task on a Dask worker, in another process, as on this machine."""
+    # Dask's nanny starts its workers as daemons, which may start no processes.
+    multiprocessing.current_process().daemon = False
     with _lock:
-        pool = _pools.setdefault(function, WorkerPool(function))
-    return pool.fly(task, timeout_s)
+        key = function, threading.get_ident()
+        if key not in _pools:
+            _pools[key] = WorkerPool(function, workers=1)
+        pool = _pools[key]
+    return pool.fly(task, timeout_s).result()
 
 
-def _close_pool(function: str) -> None:
-    """Stop the flights of a worker."""
+def _close_pools(function: str) -> None:
+    """Stop the flights of a Dask worker."""
     with _lock:
-        pool = _pools.pop(function, None)
-    if pool is not None:
+        closed = [_pools.pop(key) for key in tuple(_pools) if key[0] == function]
+    for pool in closed:
         pool.close()
 
 
@@ -104,7 +105,7 @@ class DaskBackend:
             finally:
                 if client.status == "running":
                     # Workers that are gone have nothing to close.
-                    client.run(_close_pool, function, on_error="ignore")
+                    client.run(_close_pools, function, on_error="ignore")
 
     def _connected(self) -> Client:
         try:

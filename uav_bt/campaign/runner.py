@@ -1,17 +1,16 @@
-"""Flights on all cores: joblib hands them out, worker processes fly them."""
+"""Flights on the cores of this machine, and what any backend of a campaign does."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+import os
+from collections.abc import Generator, Iterable, Mapping
+from concurrent.futures import Future
+from itertools import islice
+from queue import SimpleQueue
 from typing import Any, Protocol
 
-import joblib
-
 from uav_bt.campaign.plan import FlightTask
-from uav_bt.campaign.worker_process import FLOWN, REFUSED
-from uav_bt.campaign.workers import WorkerPool
+from uav_bt.campaign.workers import FAILED, FLOWN, REFUSED, Answer, WorkerPool
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.judge import Outcome
 
@@ -49,17 +48,13 @@ def flown_line(task: FlightTask, answer: Mapping[str, Any]) -> dict[str, Any]:
         "tree": task.tree,
         "profile": task.profile,
         "outcome": Outcome.ERROR.value,
-        "reason": answer["failed"],
+        "reason": answer[FAILED],
         "details": answer.get("details", ""),
     }
 
 
 class LocalBackend:
     """The cores of this machine.
-
-    joblib's threads do no more than watch: what flies is a process of its own for each of them, and
-    a crash or a hang costs that process and that flight. joblib's own processes are no good for
-    this: one that crashes ends the others' flights, too, and does not say which task crashed.
 
     Args:
         workers: flights at a time; as many as there are cores when None.
@@ -71,39 +66,34 @@ class LocalBackend:
     def __init__(self, workers: int | None = None) -> None:
         if workers is not None and workers < 1:
             raise ValueRangeError(f"a campaign needs at least one worker, got {workers}")
-        self.workers: int = joblib.cpu_count() if workers is None else workers
+        self.workers: int = workers or len(os.sched_getaffinity(0))
 
     def __str__(self) -> str:
         return f"local, {self.workers} worker{'s' if self.workers > 1 else ''}"
 
     def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
         """Fly tasks, as `Backend` says."""
-        pool = WorkerPool(function)
+        pool = WorkerPool(function, self.workers)
+        ended: SimpleQueue[tuple[FlightTask, Future[Answer]]] = SimpleQueue()
 
-        def fly(task: FlightTask) -> tuple[FlightTask, dict[str, Any]]:
-            return task, pool.fly(task.to_json(), timeout_s)
+        def start(task: FlightTask) -> None:
+            pool.fly(task.to_json(), timeout_s).add_done_callback(
+                lambda flight: ended.put((task, flight))
+            )
 
-        parallel = joblib.Parallel(
-            n_jobs=self.workers,
-            backend="threading",
-            batch_size=1,
-            pre_dispatch=2 * self.workers,
-            return_as="generator_unordered",
-        )
-        answers = parallel(joblib.delayed(fly)(task) for task in tasks)
-        with _stopped_early(answers, pool.close):
-            for task, answer in answers:  # noqa: UP028 - joblib would be closed first
-                yield task, answer
-
-
-@contextmanager
-def _stopped_early(answers: Any, stop: Callable[[], None]) -> Iterator[None]:
-    """Stop everything that still flies when no more answers are taken."""
-    try:
-        yield
-    finally:
-        stop()
-        with warnings.catch_warnings():
-            # joblib warns of an early end; here it is meant.
-            warnings.simplefilter("ignore", UserWarning)
-            answers.close()
+        left = iter(tasks)
+        flying = 0
+        try:
+            # One task waits for each that flies, so that no worker waits for its next.
+            for task in islice(left, 2 * self.workers):
+                start(task)
+                flying += 1
+            while flying:
+                task, flight = ended.get()
+                yield task, flight.result()
+                flying -= 1
+                for following in islice(left, 1):
+                    start(following)
+                    flying += 1
+        finally:
+            pool.close()

@@ -69,20 +69,21 @@ def _text(found: RecordInfo) -> str:
     return "\n".join(lines)
 
 
+def _refuse_video(_ctx: click.Context, _param: click.Parameter, path: str | None) -> None:
+    if path is not None:
+        raise click.UsageError(
+            "view has no --video: `uav-bt fly --video FILE` makes the film during the flight, and "
+            "RecordedFlight(RECORD).film(FILE) in Python makes it from a record"
+        )
+
+
 @click.command(cls=Command)
 @_file_argument
 @output_option(
     "--save", "Keep the view: an rrd file, which `rerun FILE` opens anywhere.", suffix=".rrd"
 )
 @click.option("--web", is_flag=True, help="Show it in a browser on this machine, until Ctrl-C.")
-@output_option("--video", "Make a video of it: an mp4 file.", suffix=".mp4")
-@click.option(
-    "--speed",
-    type=Number(0.1, 100.0),
-    default=1.0,
-    show_default=True,
-    help="How many times faster than the flight the video runs.",
-)
+@click.option("--video", hidden=True, expose_value=False, callback=_refuse_video)
 @click.option(
     "--from",
     "from_s",
@@ -102,31 +103,25 @@ def view(
     file: Path,
     save: Path | None,
     web: bool,
-    video: Path | None,
-    speed: float,
     from_s: float | None,
     to_s: float | None,
 ) -> None:
     """Show a record of `uav-bt fly --record` in Rerun.
 
     Camera with overlays, mask, metric depth, the lab and the path in 3D, the tree with its
-    statuses, and plots, on one timeline. Opens a window unless --web, --save or --video is given.
+    statuses, and plots, on one timeline. Opens a window unless --web or --save is given.
     A record that was cut short is shown as far as it goes.
     """
     if from_s is not None and to_s is not None and from_s >= to_s:
         raise click.UsageError(f"--from {from_s:g} must lie before --to {to_s:g}")
-    window = not (web or save or video)
+    window = not (web or save)
     if window:
         sinks.need_display(WITHOUT_DISPLAY)
     flight = RecordedFlight(file, Span(from_s=from_s, to_s=to_s))
-    with progress_bars() as advance:
-        if save is not None:
+    if save is not None:
+        with progress_bars() as advance:
             flight.save(save, advance=advance)
-        if video is not None:
-            flight.film(video, speed=speed, advance=advance)
-    for what, path in (("view", save), ("video", video)):
-        if path is not None:
-            click.echo(f"{what}: {path}")
+        click.echo(f"view: {save}")
     if web or window:
         _show(flight, web=web)
     for damage in flight.damages:

@@ -1,72 +1,50 @@
-"""Reading a record from its beginning to wherever it is whole, whatever happened to the rest.
+"""Reading a record from its beginning, past damaged chunks, to the place where it was cut.
 
-MCAP is a row of records, each with a kind and a length. A file that was cut ends within one; a
-damaged chunk does not have the checksum it should have and is passed over.
+The MCAP library reads the records; this module opens the chunks, skips damaged ones, and bounds
+how far they may grow.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from io import BytesIO
 from pathlib import Path
 from typing import IO, Final
 
 from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Message,
-    Metadata,
-    Schema,
-)
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, McapRecord, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import ZstdDecompressor
 
 from uav_bt.errors import FileError
 from uav_bt.files import reading
 
 _MAGIC: Final = bytes((0x89, 0x4D, 0x43, 0x41, 0x50, 0x30, 0x0D, 0x0A))
-_HEAD_BYTES: Final = 9  # kind, and length
-_FOOTER_BYTES: Final = _HEAD_BYTES + 20
-# Our chunks have 4 MiB and the rest of a burst. A whole file, of which hours are one black image,
-# may grow by the second factor when it is opened; what grows more was made to fill the memory.
+_HEAD_BYTES: Final = 9  # opcode and length of a record, by the MCAP specification
+_FOOTER_BYTES: Final = _HEAD_BYTES + 20  # by the MCAP specification
+# Our chunks have 4 MiB and the rest of a burst; chosen eight times as large.
 _MAX_CHUNK_BYTES: Final = 32 * 1024 * 1024
+# Opened bytes per byte of the file; chosen so that hours of one black image can be opened.
 _MAX_GROWTH: Final = 100
-_READERS: Final[dict[int, Callable[[ReadDataStream], McapRecord]]] = {
-    Opcode.HEADER: Header.read,
-    Opcode.SCHEMA: Schema.read,
-    Opcode.CHANNEL: Channel.read,
-    Opcode.CHUNK: Chunk.read,
-    Opcode.ATTACHMENT: Attachment.read,
-    Opcode.METADATA: Metadata.read,
-    Opcode.DATA_END: DataEnd.read,
-    Opcode.FOOTER: Footer.read,
-}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Damage:
-    """A place where a record is not whole."""
+    """A damaged place in a record."""
 
-    offset: int  # bytes from the beginning
+    offset: int  # bytes from the beginning of the file
     reason: str
 
     def __str__(self) -> str:
-        """Return it in a line."""
+        """Return the place and the reason in one line."""
         return f"byte {self.offset}: {self.reason}"
 
 
 def is_finished(path: Path) -> bool:
-    """Return whether a record has index and summary, that is, was closed.
+    """Return whether a record was closed, and so has index and summary.
 
     Raises:
         FileError: it cannot be read or is no MCAP file.
@@ -82,21 +60,23 @@ def is_finished(path: Path) -> bool:
 
 
 class RecordScan:
-    """One pass over the records of a file, chunks opened.
+    """One pass over the records of a file, with its chunks opened.
+
+    A chunk with a wrong checksum is skipped. The pass ends at the first record that the MCAP
+    library cannot read, which is the end of a file that was cut.
 
     Args:
         path: the file.
 
     Attributes:
-        damages: what was not whole, so far.
-        finished: whether the end was reached and in order.
+        damages: the damaged places that the pass has met.
+        finished: whether the pass reached an end with index and summary.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.damages: list[Damage] = []
         self.finished = False
-        self._left = 0  # bytes that chunks may still grow to
 
     def __iter__(self) -> Iterator[McapRecord]:
         """Yield headers, schemas, channels, messages, metadata and attachments, in file order.
@@ -105,57 +85,51 @@ class RecordScan:
             FileError: the file cannot be read or is no MCAP file.
         """
         self.damages, self.finished = [], False
-        self._left = _allowance(self._path)
         with reading(self._path), self._path.open("rb") as stream:
             _check_magic(stream, self._path)
-            yield from self._records(stream)
-        if not self.finished and not self.damages:
-            size = self._path.stat().st_size
-            self.damages.append(Damage(offset=size, reason="ends without index and summary"))
-
-    def _records(self, stream: IO[bytes]) -> Iterator[McapRecord]:
-        known: set[int] = set()
-        while (found := self._next(stream)) is not None:
-            offset, kind, content = found
-            if kind == Opcode.DATA_END:
-                # What follows repeats what was read; a footer means that it was all written.
-                self.finished = is_finished(self._path)
-                return
-            for record in self._parsed(offset, kind, content):
+            known: set[int] = set()
+            for offset, record in self._records(stream):
                 if isinstance(record, Channel):
                     known.add(record.id)
                 if isinstance(record, Message) and record.channel_id not in known:
                     self._note(offset, f"a message on unknown channel {record.channel_id}")
-                    continue
-                yield record
+                else:
+                    yield record
+        if not self.finished and not self.damages:
+            self._note(self._path.stat().st_size, "ends without index and summary")
 
-    def _next(self, stream: IO[bytes]) -> tuple[int, int, bytes] | None:
-        """Return offset, kind and content of the next record; None at the end or a cut."""
-        offset = stream.tell()
-        head = stream.read(_HEAD_BYTES)
-        if not head:
-            return None
-        length = int.from_bytes(head[1:], "little")
-        fits = len(head) == _HEAD_BYTES and length <= self._path.stat().st_size - stream.tell()
-        if not fits:
-            self._note(offset, "the file is cut within a record")
-            return None
-        return offset, head[0], stream.read(length)
-
-    def _parsed(self, offset: int, kind: int, content: bytes) -> list[McapRecord]:
-        read = _READERS.get(kind)
-        if read is None:
-            return []  # indexes, and what a later MCAP may bring
-        try:
-            record = read(ReadDataStream(BytesIO(content)))
-            if isinstance(record, Chunk):
-                records = opened(record, min(self._left, _MAX_CHUNK_BYTES))
-                self._left -= record.uncompressed_size
-                return records
-        except Exception as error:  # noqa: BLE001 - whatever a damaged record makes of parsers
-            self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
-            return []
-        return [record]
+    def _records(self, stream: IO[bytes]) -> Iterator[tuple[int, McapRecord]]:
+        """Yield the records before the index, each with the offset of itself or its chunk."""
+        allowance = _Allowance(self._path)
+        size = self._path.stat().st_size
+        # The library checks each length against the limit before it reads the record.
+        records = StreamReader(
+            stream, skip_magic=True, emit_chunks=True, record_size_limit=size
+        ).records
+        while True:
+            offset = stream.tell()
+            try:
+                record = next(records)
+            except (EndOfFile, RecordLengthLimitExceeded):
+                if offset < size:
+                    self._note(offset, "the file is cut within a record")
+                return
+            except Exception as error:  # noqa: BLE001 - a damaged record raises anything
+                self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
+                return
+            if isinstance(record, DataEnd):
+                # The rest repeats what was read. A footer shows that it was written whole.
+                self.finished = is_finished(self._path)
+                return
+            if not isinstance(record, Chunk):
+                yield offset, record
+                continue
+            try:
+                inside = allowance.opened(record)
+            except Exception as error:  # noqa: BLE001 - a damaged chunk raises anything
+                self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
+                continue
+            yield from ((offset, one) for one in inside)
 
     def _note(self, offset: int, reason: str) -> None:
         self.damages.append(Damage(offset=offset, reason=reason))
@@ -165,11 +139,12 @@ def opened(chunk: Chunk, max_bytes: int = _MAX_CHUNK_BYTES) -> list[McapRecord]:
     """Return a chunk's records.
 
     Args:
-        chunk: as it stands in a file.
-        max_bytes: what its records may have, opened.
+        chunk: the chunk as the file has it.
+        max_bytes: limit of the opened size.
 
     Raises:
-        ValueError: it is larger, or not what it says to be; parsers raise more than that.
+        ValueError: the chunk is larger than the limit or than its own size field; its parsers
+            raise further exceptions.
     """
     size = chunk.uncompressed_size
     if size > max_bytes:
@@ -191,22 +166,29 @@ def indexed_chunks(stream: IO[bytes], indices: Iterable[ChunkIndex]) -> Iterator
     """Yield the records of some of a file's chunks.
 
     Args:
-        stream: of the file.
-        indices: of the chunks.
+        stream: the open file.
+        indices: the index entries of the chunks.
 
     Raises:
-        ValueError: a chunk is not what it says to be; parsers raise more than that.
+        ValueError: a chunk is too large or damaged; its parsers raise further exceptions.
     """
-    left = _allowance(Path(stream.name))
+    allowance = _Allowance(Path(stream.name))
     for index in indices:
         stream.seek(index.chunk_start_offset + _HEAD_BYTES)
-        chunk = Chunk.read(ReadDataStream(stream))
-        yield opened(chunk, min(left, _MAX_CHUNK_BYTES))
-        left -= chunk.uncompressed_size
+        yield allowance.opened(Chunk.read(ReadDataStream(stream)))
 
 
-def _allowance(path: Path) -> int:
-    return _MAX_CHUNK_BYTES + _MAX_GROWTH * path.stat().st_size
+class _Allowance:
+    """The number of bytes to which the chunks of a file may still grow."""
+
+    def __init__(self, path: Path) -> None:
+        self._left_bytes = _MAX_CHUNK_BYTES + _MAX_GROWTH * path.stat().st_size
+
+    def opened(self, chunk: Chunk) -> list[McapRecord]:
+        """Return a chunk's records; raises as `opened` does."""
+        records = opened(chunk, min(self._left_bytes, _MAX_CHUNK_BYTES))
+        self._left_bytes -= chunk.uncompressed_size
+        return records
 
 
 def _check_magic(stream: IO[bytes], path: Path) -> None:

@@ -1,7 +1,7 @@
-"""The test kit: benches, a scripted drone, faults for any drone, a hand clock, a pytest plug-in.
+"""The test kit: benches, a scripted drone, faults, a manual clock, a pytest plug-in.
 
-Names are imported when they are first used: the plug-in is loaded by every pytest run on a machine
-where the package is installed, and must cost nothing there.
+Names are imported on first use, because every pytest run on a machine with the package loads the
+plug-in.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone, InjectedError
     from uav_bt.testing.tree_bench import TickOutcome, TreeBench, load_tree, parse_tree
     from uav_bt.tree.observer import NodeEvent
+    from uav_bt.tree.scripted import Mock
 
 __all__ = [
     "FAULTS",
@@ -30,6 +31,7 @@ __all__ = [
     "InjectedError",
     "LeafBench",
     "ManualClock",
+    "Mock",
     "NodeEvent",
     "ScriptedDrone",
     "ScriptedDroneConfig",

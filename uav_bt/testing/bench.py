@@ -1,4 +1,4 @@
-"""A workbench for one leaf, and the board, clock, policies and drone around it."""
+"""A test bench for one leaf: a board, a clock, policies and a drone around it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from uav_bt.types import (
 
 
 class BenchWorld:
-    """A tree with everything it needs to be ticked, all in the test's hands.
+    """A tree with everything that a tick needs, under the test's control.
 
     Args:
         tree: the tree.
@@ -38,7 +38,7 @@ class BenchWorld:
     def __init__(self, tree: MissionTree) -> None:
         self.clock = ManualClock()
         self.tree = tree
-        self.policies: dict[str, LeafPolicy] = {}  # ahead of the installed ones
+        self.policies: dict[str, LeafPolicy] = {}  # with precedence over the installed ones
         self.segmenter: Segmenter | None = None
         self.mark, self.clearances = LandingMark(), Clearances()
         self.seed = 0
@@ -58,7 +58,7 @@ class BenchWorld:
         return self.tree.variables
 
     def allow_stale(self) -> None:
-        """From now on a stale value reads as none, as in flight."""
+        """Let stale values read as None from now on, as in flight."""
         self.strict_board.allow_stale = True
 
     # --- the drone --------------------------------------------------------------------------------
@@ -76,15 +76,15 @@ class BenchWorld:
         link_share: float = 1.0,
         pilot_has_control: bool = False,
     ) -> None:
-        """Write what the runner writes before each tick, for a drone in the air that sees black.
+        """Write the board values of a drone in the air with a black image, as the runner does.
 
         Args:
-            height_m: above ground and take-off point.
-            gimbal_pitch_rad: 0 level, negative down.
-            attitude: of the body; default: level, heading 0.
-            forward_mps: velocity along the heading; a drone with a velocity is FLYING.
-            right_mps: velocity to the right of the heading.
-            down_mps: velocity downwards.
+            height_m: height above the ground and above the take-off point, m.
+            gimbal_pitch_rad: camera pitch, rad; 0 is level, negative is down.
+            attitude: attitude of the body; default: level, heading 0.
+            forward_mps: velocity along the heading, m/s; a drone with a velocity is FLYING.
+            right_mps: velocity to the right of the heading, m/s.
+            down_mps: velocity downwards, m/s.
             battery_share: charge, 0 to 1.
             link_share: quality of the radio link, 0 to 1.
             pilot_has_control: whether a person has taken over.
@@ -122,7 +122,7 @@ class BenchWorld:
         self._frames += 1
 
     def finish_movement(self, state: MovementState = MovementState.DONE) -> None:
-        """Let the drone say how the movement that was proposed in the last tick has ended.
+        """Report the end of the movement that was proposed in the last tick.
 
         Raises:
             MissionError: no `MoveBy` was proposed in the last tick.
@@ -148,10 +148,10 @@ class BenchWorld:
     # --- the tree ---------------------------------------------------------------------------------
 
     def setup(self) -> None:
-        """Set the tree up; the first tick does so by itself.
+        """Set the tree up; otherwise the first tick does.
 
         Raises:
-            InputError: a leaf cannot use what it was given.
+            InputError: a leaf cannot use its ports' values.
             NodeFailedError: another exception in a leaf's `on_setup`.
         """
         context = MissionContext(
@@ -174,7 +174,7 @@ class BenchWorld:
         self.proposals.clear()
 
     def halt(self) -> None:
-        """Halt what runs, as a parent does that turns to another branch, or the operator."""
+        """Halt the running nodes, as a parent or the operator does."""
         self.tree.halt()
 
     def _policy(self, name: str) -> LeafPolicy:
@@ -184,7 +184,7 @@ class BenchWorld:
 
 
 class LeafBench(BenchWorld):
-    """One leaf, alone.
+    """A bench for a single leaf.
 
         bench = LeafBench(Explore, policy="segmentation")
         bench.hover(height_m=1.5)
@@ -193,8 +193,8 @@ class LeafBench(BenchWorld):
         assert bench.proposed == MoveBy(id=1, forward_m=0.3)
         bench.finish_movement()
 
-    Whatever a leaf must not do fails the test: undeclared, mistyped or stale reading and writing
-    raise `NodeFailedError` from `BoardAccessError`.
+    Access to the board that is undeclared, mistyped or stale raises `NodeFailedError` from
+    `BoardAccessError`.
 
     Args:
         leaf: the leaf's class.
@@ -212,7 +212,7 @@ class LeafBench(BenchWorld):
         """Forget the last tick's proposals, tick the leaf once and return its answer.
 
         Args:
-            advance_s: how much time passes before.
+            advance_s: time that passes before the tick, s.
 
         Raises:
             NodeFailedError: the leaf raised.
@@ -223,6 +223,6 @@ class LeafBench(BenchWorld):
 
     @property
     def feedback(self) -> str:
-        """What the status line would show."""
+        """The leaf's text for the status line."""
         message: str = self.leaf.feedback_message
         return message

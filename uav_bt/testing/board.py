@@ -1,4 +1,4 @@
-"""The board of a test: isolated, and an error where a flight would cope."""
+"""The board of a test, which raises where a flight's board returns None."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ T = TypeVar("T")
 
 
 class StrictBlackboard(Blackboard):
-    """A board on which reading a stale value is an error, as is reading an undeclared key.
+    """A board that raises when a stale value or an undeclared key is read.
 
-    In flight a stale value reads as none, and a leaf copes. In a test it mostly means that the test
-    forgot to refresh its board, and would pass for the wrong reason.
+    In flight a stale value reads as None, and leaves must handle it. In a test it mostly means that
+    the test forgot to refresh its board, and would pass for the wrong reason.
 
     Args:
-        clock: the mission's; it dates what is written.
-        keys: which keys there are from the start.
+        clock: the mission's clock, which dates the values.
+        keys: the keys that are declared from the start.
     """
 
     def __init__(self, clock: Clock, keys: Iterable[Key[Any]]) -> None:
@@ -29,7 +29,7 @@ class StrictBlackboard(Blackboard):
         self.allow_stale = False
 
     def read(self, key: Key[T]) -> Reading[T]:
-        """Return a fresh value, or a reading of nothing for one that was never written.
+        """Return a fresh value, or an empty reading if none was ever written.
 
         Raises:
             BoardAccessError: the key is not declared, or was declared with another type, or the
@@ -57,13 +57,13 @@ class StrictBlackboard(Blackboard):
 
 
 class BenchBoard:
-    """The test's own access to the board: everything, by key."""
+    """The test's unrestricted access to the board, by key."""
 
     def __init__(self, board: Blackboard) -> None:
         self._board = board
 
     def __setitem__(self, key: Key[T], value: T) -> None:
-        """Write as the key's writer would, captured now or at the value's own `captured_s`.
+        """Write a value, captured at its `captured_s` or else now.
 
         Raises:
             BoardAccessError: the value has another type than the key.
@@ -72,18 +72,18 @@ class BenchBoard:
         self._board.write(key, value, captured_s=getattr(value, "captured_s", None))
 
     def __getitem__(self, key: Key[T]) -> T:
-        """Return what was written last, however old.
+        """Return the last value, of any age.
 
         Raises:
-            KeyError: nothing was.
+            KeyError: the key has no value.
         """
         value: T = self._board.snapshot()[key.name][0]
         return value
 
     def __contains__(self, key: Key[Any]) -> bool:
-        """Return whether the key holds anything."""
+        """Return whether the key has a value."""
         return key.name in self._board.snapshot()
 
     def __delitem__(self, key: Key[Any]) -> None:
-        """Drop what the key holds."""
+        """Delete the key's value."""
         self._board.forget(key)

@@ -1,4 +1,4 @@
-"""Which branches of tree files a test run has been through."""
+"""Coverage of the branches of tree files over a test run."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _OUTCOMES: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class FileCoverage:
-    """What became of one tree file."""
+    """The coverage of one tree file."""
 
     path: Path
     nodes: int = 0
     ticked: int = 0
     branches: int = 0
     taken: int = 0
-    missing: tuple[str, ...] = ()  # a line for each node that has branches that were not taken
+    missing: tuple[str, ...] = ()  # a line for each node with branches that were not taken
     refused: str = ""  # why the file could not be measured
 
     @property
@@ -54,8 +54,8 @@ def percentage(files: Iterable[FileCoverage]) -> int:
 class TreeCoverage:
     """Watches the trees that are made from some files, over a whole test run.
 
-    Nodes are known by their place in the file: a subtree that stands in several places counts as
-    one, wherever it is ticked.
+    Nodes are identified by their position in the file, so that a subtree that is used in several
+    places counts once.
 
     Args:
         files: the files.
@@ -67,7 +67,7 @@ class TreeCoverage:
         self._kinds: dict[str, NodeKind] = {}
 
     def watch(self, tree: MissionTree) -> None:
-        """Follow a tree from now on, when it comes from one of the files."""
+        """Watch a tree from now on, if it comes from one of the files."""
         seen = dict(self._places(tree))
         if not seen:
             return
@@ -90,7 +90,7 @@ class TreeCoverage:
     # --- between processes ------------------------------------------------------------------------
 
     def export(self) -> dict[str, Any]:
-        """Return what was seen as plain values, to be merged in another process."""
+        """Return the results as plain values, for another process to merge."""
         return {
             "seen": {
                 str(path): {at: sorted(outcomes) for at, outcomes in places.items()}
@@ -100,7 +100,7 @@ class TreeCoverage:
         }
 
     def merge(self, exported: Mapping[str, Any]) -> None:
-        """Add what another process has seen."""
+        """Add the results of another process."""
         for text, places in exported["seen"].items():
             seen = self._seen.setdefault(Path(text), {})
             for at, outcomes in places.items():

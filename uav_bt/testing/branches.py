@@ -1,4 +1,4 @@
-"""The branches of a tree file: what each of its nodes can answer, and which can be halted.
+"""The branches of a tree file: the possible outcomes of each of its nodes.
 
 A branch is a node with an outcome. Which outcomes a node has follows from its kind, its conditions
 and the outcomes of its children: a `Sequence` of leaves that never fail does not fail either, so
@@ -21,7 +21,7 @@ from uav_bt.tree.loading.source import Element, parse_source, read_source, walk
 
 
 class Outcome(enum.Enum):
-    """What can come of a node's activation."""
+    """The outcome of a node's activation."""
 
     SUCCESS = "SUCCESS"
     FAILURE = "FAILURE"
@@ -47,7 +47,7 @@ _NONE: Final[frozenset[Outcome]] = frozenset()
 _Outcomes = frozenset[Outcome]
 _Rule = Callable[[Element, list[_Outcomes]], _Outcomes]
 
-# The format's leaves that do not answer both, and those that do but never run.
+# Leaves of the format with other outcomes than SUCCESS, FAILURE and HALTED.
 _LEAVES: Final[dict[str, _Outcomes]] = {
     "AlwaysSuccess": _S,
     "AlwaysFailure": _F,
@@ -85,7 +85,7 @@ def _parallel(_element: Element, children: list[_Outcomes]) -> _Outcomes:
 def _choice(_element: Element, children: list[_Outcomes]) -> _Outcomes:
     """IfThenElse, WhileDoElse: the first child chooses between the others."""
     if len(children) < 2:
-        return _S | _F  # too few for the loader, too
+        return _S | _F  # the loader refuses this, too
     asked, yes = children[0], children[1]
     no = children[2] if len(children) > 2 else _F
     return (yes if asked >= _S else _NONE) | (no if asked >= _F else _NONE)
@@ -148,7 +148,7 @@ _RULES: Final[dict[str, _Rule]] = {
     ),
 }
 
-# What a condition attribute adds to the answers of its node.
+# The outcomes that a condition attribute adds to its node.
 _ADDED: Final[dict[str, _Outcomes]] = {
     "_successIf": _S,
     "_failureIf": _F,
@@ -158,12 +158,12 @@ _ADDED: Final[dict[str, _Outcomes]] = {
 
 
 class _Analysis:
-    """Works out the outcomes of a document's nodes."""
+    """Derives the outcomes of a document's nodes."""
 
     def __init__(self, document: Document, kinds: Mapping[str, NodeKind]) -> None:
         self._document = document
         self._kinds = kinds
-        self._open: set[str] = set()  # trees whose outcomes are being worked out
+        self._open: set[str] = set()  # trees that are being analysed, against endless recursion
 
     def outcomes(self, element: Element) -> _Outcomes:
         found = self._own(element)
@@ -204,17 +204,16 @@ def tree_branches(
 ) -> list[NodeBranches]:
     """Return all nodes of a file with their outcomes, in the order of the file.
 
-    Nodes of included files belong to those. The file need not be loadable by itself or with the
-    registry: an unknown node without children is taken for a leaf, a subtree of a tree that is
-    elsewhere for one that can succeed and fail.
+    Nodes of included files are left out. The file need not load with the registry: an unknown node
+    without children counts as a leaf, and a subtree without its tree can succeed and fail.
 
     Args:
         path: the file.
         registry: node classes, for the kinds of leaves.
-        kinds: further kinds by node id; they come first.
+        kinds: further kinds by node id, with precedence over the registry.
 
     Raises:
-        TreeError: the file is no tree file.
+        TreeError: the file has no trees, or cannot be read.
     """
     findings = Findings()
     document = outline(parse_source(read_source(path), path), registry, findings)

@@ -1,4 +1,4 @@
-"""The part of the pytest plug-in that measures tree files; registered when it is asked for."""
+"""The part of the pytest plug-in that measures the coverage of tree files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uav_bt.testing.tree_files import is_tree_file
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.shipped import tree_files
 
-_OUTPUT: Final = "uav_bt_tree_coverage"  # what a worker process hands over
+_OUTPUT: Final = "uav_bt_tree_coverage"  # key of a worker process's results
 
 
 def coverage_plugin(
@@ -24,12 +24,12 @@ def coverage_plugin(
 
     Args:
         targets: files, or folders with all tree files in them.
-        fail_under: the minimum percentage, as given; empty: none.
-        folder: where pytest was started; shown paths are relative to it.
-        reports: False in a worker process, which hands over what it has seen.
+        fail_under: text of the minimum percentage; empty: no minimum.
+        folder: the folder in which pytest was started; shown paths are relative to it.
+        reports: False in a worker process, which sends its results to the main process.
 
     Raises:
-        UsageError: a file does not exist, or the percentage is none.
+        UsageError: a file does not exist, or the percentage cannot be read.
     """
     try:
         files = [file for target in targets for file in _files(folder / target)]
@@ -72,9 +72,9 @@ class CoveragePlugin:
     """Watches every tree that is made during the run, and reports at its end.
 
     Args:
-        coverage: of the files that count.
+        coverage: the measured files.
         minimum: the share of branches below which the run fails, percent.
-        reports: False in a worker process, which hands over what it has seen.
+        reports: False in a worker process, which sends its results to the main process.
     """
 
     def __init__(self, coverage: TreeCoverage, minimum: float, *, reports: bool) -> None:
@@ -85,12 +85,12 @@ class CoveragePlugin:
         MissionTree.made_hooks.append(coverage.watch)
 
     def pytest_unconfigure(self) -> None:
-        """Watch new trees no longer."""
+        """Stop watching new trees."""
         MissionTree.made_hooks.remove(self._coverage.watch)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any, error: object) -> None:
-        """Take what a worker process has seen; one that crashed has nothing to hand over."""
+        """Merge the results of a worker process; one that crashed has none."""
         del error
         output = getattr(node, "workeroutput", {})
         if _OUTPUT in output:
@@ -98,7 +98,7 @@ class CoveragePlugin:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """Hand over, or work out the results and judge them."""
+        """Send the results to the main process, or evaluate them there."""
         if not self._reports:
             # pytest-xdist gives a worker's configuration this dictionary.
             session.config.workeroutput[_OUTPUT] = self._coverage.export()  # type: ignore[attr-defined]
@@ -109,14 +109,14 @@ class CoveragePlugin:
         try:
             registry = NodeRegistry.installed()
         except InputError:
-            # A broken package is its own tests' business; the format's nodes are always there.
+            # Other tests report a broken package; the nodes of the format are always there.
             registry = NodeRegistry()
         self._results = self._coverage.results(registry)
         if percentage(self._results) < self._minimum and session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Print what was covered and what was not."""
+        """Print the covered and the missing branches."""
         if not self._reports:
             return
         write = terminalreporter.write_line

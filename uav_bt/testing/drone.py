@@ -1,4 +1,4 @@
-"""A drone that does what a test says: no physics, no rendering, every command written down."""
+"""A drone for tests, without physics or rendering, that records every command."""
 
 from __future__ import annotations
 
@@ -84,26 +84,26 @@ class ScriptedDroneConfig:
     take_off_ticks: int = 5  # commands until it hovers
     landing_ticks: int = 5  # commands until the motors stop
     take_off_height_m: float = 1.0  # the ANAFI climbs to about a metre by itself
-    tick_s: float = 0.1  # velocity piloting moves it by this much of a second per command
+    tick_s: float = 0.1  # duration of one command of velocity piloting
 
     def __post_init__(self) -> None:
         if min(self.movement_ticks, self.take_off_ticks, self.landing_ticks) < 1:
             raise ValueRangeError(f"ticks must be 1 or more: {self}")
 
     def create(self) -> ScriptedDrone:
-        """Return an unconnected drone that answers so."""
+        """Return an unconnected drone with this configuration."""
         return ScriptedDrone(config=self)
 
 
 class ScriptedDrone:
     """A `Drone` for tests.
 
-    With `observations` it shows those, one per `observe`, the last one for ever. Without, it is its
-    own ideal world: a movement is done after some ticks, exactly.
+    With `observations` it shows one of them per `observe`, and repeats the last. Without them it
+    simulates an ideal drone: each movement is done exactly, after a number of ticks.
 
     Args:
-        observations: what to observe; empty: what follows from the commands.
-        config: how it answers.
+        observations: the observations to show; empty: those that follow from the commands.
+        config: the durations of its movements.
         clock: the mission's clock.
     """
 
@@ -123,8 +123,8 @@ class ScriptedDrone:
         self.live = False
         self.tick_s = None
         self.connected = False
-        self.commands: list[Command] = []  # everything it was sent, in order
-        self.x_m = 0.0  # world, from where it took off
+        self.commands: list[Command] = []  # all commands that were sent, in order
+        self.x_m = 0.0  # world, relative to the take-off point
         self.y_m = 0.0
         self._script = list(observations)
         self._shown = 0
@@ -142,10 +142,10 @@ class ScriptedDrone:
         self.connected = False
 
     def observe(self) -> Observation:
-        """Return the script's next observation, or the state of now and a frame of bright stripes.
+        """Return the script's next observation, or the present state and a frame of bright stripes.
 
-        The stripes wander from frame to frame: an image that stays the same while the drone moves
-        would be taken for a frozen video.
+        The stripes move from frame to frame, because the runner takes an image that does not change
+        while the drone moves for a frozen video.
         """
         if self._script:
             self._shown = min(self._shown + 1, len(self._script))
@@ -158,7 +158,7 @@ class ScriptedDrone:
         return Observation(frame=frame, state=self.state)
 
     def send(self, command: Command) -> Command:
-        """Write the command down and do it."""
+        """Record the command and carry it out."""
         self.commands.append(command)
         if command.gimbal is not None:
             self.state = replace(self.state, gimbal_pitch_rad=command.gimbal.pitch_rad)
@@ -225,7 +225,7 @@ class ScriptedDrone:
             return
         reported = self.state.movement
         if reported and reported.id == move.id and reported.state is not MovementState.RUNNING:
-            return  # it has ended; proposed again, it is not flown again
+            return  # an ended movement is not flown again
         if self._move is None or self._move.id != move.id:
             self._interrupt()
             self._move = move

@@ -1,4 +1,4 @@
-"""What happened in a tree, tick by tick, and assertions on it."""
+"""The log of a tree's events, tick by tick, and assertions on it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from uav_bt.protocols import Clock
 from uav_bt.tree import MissionTree, Node
 from uav_bt.tree.observer import NodeEvent, observe
 
-# A failure message shows at most so many events, the last ones.
-_SHOWN: Final = 200
+_SHOWN: Final = 200  # the last events in a failure message; chosen
 _LOGGED: Final = (
     NodeEvent.STARTED,
     NodeEvent.RAN,
@@ -28,9 +27,9 @@ _TICKED: Final = (NodeEvent.STARTED, NodeEvent.RAN)
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happened to a node."""
+    """An event of a node."""
 
-    tick: int  # counted from 1; a halt between two ticks belongs to the first of them
+    tick: int  # counted from 1; a halt between two ticks has the number of the first
     time_s: float  # of the mission clock
     path: str
     kind: NodeEvent
@@ -41,10 +40,10 @@ class Event:
 
 
 class EventLog:
-    """Writes down what happens in a tree, and checks it.
+    """Records the events of a tree, and checks them.
 
-    A node is named by its path, its name or its node id; where several nodes carry a name, any of
-    them is meant. The assertions count events of a node: at least one, or exactly `times`, in the
+    A node is named by its path, its name or its node id; a name of several nodes stands for any of
+    them. The assertions count events of a node: at least one, or exactly `times`, in the
     whole log or in one `tick`. Every failing assertion shows the whole log.
 
     Args:
@@ -54,7 +53,7 @@ class EventLog:
 
     def __init__(self, tree: MissionTree, clock: Clock) -> None:
         self.events: list[Event] = []
-        self.tick = 0  # the number of the tick that is going on, counted up by the bench
+        self.tick = 0  # number of the present tick, set by the bench
         self._clock = clock
         self._paths: dict[str, set[str]] = {}
         for node in tree.nodes():
@@ -71,15 +70,15 @@ class EventLog:
     # --- questions --------------------------------------------------------------------------------
 
     def of(self, node: str, *kinds: NodeEvent | str, tick: int | None = None) -> tuple[Event, ...]:
-        """Return what happened to a node.
+        """Return the events of a node.
 
         Args:
             node: its path, name or node id.
-            kinds: which kinds of events; none: all.
-            tick: only in this tick.
+            kinds: the kinds of events; default: all.
+            tick: only the events of this tick.
 
         Raises:
-            UnknownNameError: the tree has no such node, or there is no such kind.
+            UnknownNameError: the node or the kind is unknown.
         """
         paths = self._find(node)
         wanted = {_kind(one) for one in kinds} or set(_LOGGED)
@@ -96,7 +95,7 @@ class EventLog:
             raise UnknownNameError("node", node, self._paths) from None
 
     def table(self) -> str:
-        """Return the log as text, a line each event."""
+        """Return the log as text, a line per event."""
         events = self.events[-_SHOWN:]
         lines = [" tick     time  event      node", *(str(event) for event in events)]
         left_out = len(self.events) - len(events)
@@ -111,12 +110,12 @@ class EventLog:
     def assert_started(
         self, node: str, *, times: int | None = None, tick: int | None = None
     ) -> None:
-        """Fail unless a node began, at all or so many times, in any tick or that one."""
+        """Fail unless a node began."""
         __tracebackhide__ = True
         self._assert(node, (NodeEvent.STARTED,), times, tick)
 
     def assert_ran(self, node: str, *, times: int | None = None, tick: int | None = None) -> None:
-        """Fail unless a node was ticked, be it for the first time or again."""
+        """Fail unless a node was ticked."""
         __tracebackhide__ = True
         self._assert(node, _TICKED, times, tick)
 
@@ -144,7 +143,7 @@ class EventLog:
     def assert_skipped(
         self, node: str, *, times: int | None = None, tick: int | None = None
     ) -> None:
-        """Fail unless a node was passed over by itself or by its conditions."""
+        """Fail unless a node answered SKIPPED or was skipped by a condition."""
         __tracebackhide__ = True
         self._assert(node, (NodeEvent.SKIPPED,), times, tick)
 
@@ -164,11 +163,10 @@ class EventLog:
             log.assert_order("look_around started", "Avoid started", "look_around halted")
 
         Args:
-            steps: a node and what happened to it: started, ran, succeeded, failed, skipped, halted
-                or raised.
+            steps: a node and an event: started, ran, succeeded, failed, skipped, halted or raised.
 
         Raises:
-            UnknownNameError: the tree has no such node, or nothing of that kind can happen.
+            UnknownNameError: the node or the event is unknown.
         """
         __tracebackhide__ = True
         wanted = [self._step(step) for step in steps]

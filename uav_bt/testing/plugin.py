@@ -1,7 +1,7 @@
-"""The pytest plug-in: fixtures and options that come with the package.
+"""The pytest plug-in: fixtures and options of the package.
 
-Heavy imports wait until a fixture or an option is used: pytest loads this module in every run on
-this machine.
+Heavy imports wait until a fixture or an option is used, because pytest loads this module in every
+run on the machine.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--tree-coverage-fail-under",
         default="",
         metavar="PERCENT",
-        help="fail the run when less than so many percent of the branches were taken",
+        help="fail the run when the branch coverage is below this percentage",
     )
     parser.addini("uav_bt_check_trees", "as --check-trees", type="bool", default=False)
     parser.addini("uav_bt_tree_coverage", "as --tree-coverage", type="paths", default=[])
@@ -44,7 +44,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Start measuring tree files when that is asked for."""
+    """Measure the coverage of tree files when an option asks for it."""
     targets = [Path(target) for target in config.getoption("tree_coverage")]
     targets = targets or list(config.getini("uav_bt_tree_coverage"))
     if not targets:
@@ -62,7 +62,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Collect tree files when that is asked for."""
+    """Collect tree files as tests when an option asks for it."""
     if file_path.suffix != ".xml":
         return None
     config = parent.config
@@ -91,7 +91,7 @@ def manual_clock() -> testing.ManualClock:
 
 @pytest.fixture
 def strict_board(manual_clock: testing.ManualClock) -> testing.StrictBlackboard:
-    """Return an empty board of its own, on the manual clock, that refuses wrong access."""
+    """Return an empty board on the manual clock that refuses wrong access."""
     from uav_bt.board import MISSION_KEYS  # noqa: PLC0415  # see the module's docstring
 
     return testing.StrictBlackboard(manual_clock, MISSION_KEYS)

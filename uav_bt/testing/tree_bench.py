@@ -1,4 +1,4 @@
-"""A workbench for a whole tree file: leaves mocked by scripts, ticked by hand, events to check."""
+"""A test bench for a tree file: mocked leaves, ticks by hand, and a log of events."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from uav_bt.tree import parse_tree as parse_mission
 from uav_bt.tree.loading.loader import TreeOptions
 from uav_bt.types import DroneState, GimbalTo, Movement
 
-_SHOWN: Final = 40  # answers in a failure message
+_SHOWN: Final = 40  # answers in a failure message; chosen
 
 
 @dataclass(frozen=True, kw_only=True)
 class TickOutcome:
-    """What one tick came to."""
+    """The result of one tick."""
 
     tick: int  # counted from 1
     time_s: float  # of the mission clock
     status: Status  # of the root
-    movement: Movement | None  # proposed in this tick
-    proposed_by: str | None  # the path of the leaf
-    gimbal: GimbalTo | None
+    movement: Movement | None  # the movement proposed in this tick
+    proposed_by: str | None  # the path of the leaf that proposed it
+    gimbal: GimbalTo | None  # the camera direction proposed in this tick
 
 
 class TreeBench(BenchWorld):
-    """A tree, its surroundings and what happens in it.
+    """A tree with a board, a clock and a drone in the test's hands, and a log of its events.
 
         bench = load_tree("mission.xml", mocks={"TakeOff": "RRS", "Land": "S"})
         bench.tick_until(Status.SUCCESS, max_ticks=10)
         bench.log.assert_order("TakeOff succeeded", "Land started")
 
-    A tick comes `tick_s` after the one before, as in a mission. The state that a test
-    gave once (`hover`, `observe`) is observed again before every tick, until `lose_telemetry`.
+    Ticks are `tick_s` apart, as in a mission. The state that a test has given (`hover`, `observe`)
+    is observed again before every tick, until `lose_telemetry`.
 
     Args:
         tree: the tree.
@@ -56,17 +56,17 @@ class TreeBench(BenchWorld):
         self.tick_s = tick_s
         self.log = EventLog(tree, self.clock)
         self.outcomes: list[TickOutcome] = []
-        # Called before each tick, when time has passed: refresh there what grows old on the board.
+        # Called before each tick, after the time has advanced, to refresh values on the board.
         self.before_tick: Callable[[TreeBench], None] | None = None
         self._telemetry: DroneState | None = None
 
     def observe(self, state: DroneState) -> None:
-        """Observe a state now and before every tick that follows."""
+        """Observe a state now and before every following tick."""
         self._telemetry = state
         super().observe(state)
 
     def lose_telemetry(self) -> None:
-        """Observe no new state; the last one grows old."""
+        """Observe no new state from now on; the last one gets old."""
         self._telemetry = None
 
     def advance(self, seconds: float) -> None:
@@ -78,10 +78,10 @@ class TreeBench(BenchWorld):
         self.clock.advance(seconds)
 
     def tick(self) -> Status:
-        """Tick the tree once and return what the root answered.
+        """Tick the tree once and return the root's answer.
 
         Raises:
-            NodeFailedError: a node raised; nothing runs any more.
+            NodeFailedError: a node raised; the tree has been halted.
         """
         if self.outcomes:
             self.clock.advance(self.tick_s)
@@ -108,14 +108,14 @@ class TreeBench(BenchWorld):
         """Tick until the root answers a status.
 
         Args:
-            status: the root's answer that ends it.
-            max_ticks: how many ticks at most.
+            status: the answer to wait for.
+            max_ticks: the limit.
 
         Returns:
-            How many ticks that took.
+            The number of ticks.
 
         Raises:
-            AssertionError: it did not within so many ticks.
+            AssertionError: the root did not give that answer within the limit.
             NodeFailedError: a node raised.
         """
         __tracebackhide__ = True
@@ -131,7 +131,7 @@ class TreeBench(BenchWorld):
 
     @property
     def answers(self) -> str:
-        """What the root answered so far, a letter a tick, as in scripts: R, S, F and K."""
+        """The root's answers until now, a letter per tick, as in scripts: R, S, F and K."""
         return "".join(outcome.status.letter for outcome in self.outcomes)
 
 
@@ -148,8 +148,8 @@ def load_tree(
         path: the file.
         registry: the nodes that may occur; default: all installed.
         tick_s: time between two ticks.
-        options: `mocks`, scripts such as `RRS` for leaves, `overrides` and the other keyword
-            arguments of `uav_bt.tree.parse_tree`.
+        options: `mocks`, scripts such as `RRS` or mocks with outputs, `overrides` and the other
+            keyword arguments of `uav_bt.tree.parse_tree`.
 
     Raises:
         TreeError: the file was refused, or a mock or an override does not fit.
@@ -176,5 +176,5 @@ def parse_tree(
 
 
 def _nodes(registry: NodeRegistry | None) -> NodeRegistry:
-    # A test may give policies of its own: `bench.policies`.
+    # A test may define policies: `bench.policies`.
     return (NodeRegistry.installed() if registry is None else registry).with_any_policy()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, ClassVar, Final
 
@@ -11,6 +12,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import RUNNING, SUCCESS, Status
 
@@ -68,40 +70,76 @@ class AnswerScript:
         return RUNNING in self.once or RUNNING in self.again
 
 
+ALL_LEAVES: Final = "*"
+"""Selector of mocks: all leaves that have no other answers, except those of the format."""
+
+
+@dataclass(frozen=True)
+class Mock:
+    """What takes the place of a leaf: its answers, and the values that it writes."""
+
+    answers: str | None = None  # see `AnswerScript`; None: those of a less exact selector
+    outputs: Mapping[str, object] = field(default_factory=dict)  # by port; written on each SUCCESS
+    place: Place | None = None  # where it was written; default: in the code
+
+    def over(self, other: Mock | None) -> Mock:
+        """Return this mock, completed by that of a less exact selector."""
+        if other is None:
+            return self
+        answers = other.answers if self.answers is None else self.answers
+        return Mock(answers, {**other.outputs, **self.outputs}, self.place)
+
+
 class ScriptedLeaf(Leaf):
     """Answers by its script and does nothing else.
 
     Args:
         name: the instance's name; default: the node's id.
-        script: the script's text; see `AnswerScript`.
+        script: the script's text, see `AnswerScript`; or a mock with outputs.
         given: values of the ports.
 
     Raises:
-        ValueRangeError: the script cannot be read, or a condition's script has an R.
+        ValueRangeError: the script cannot be read, a condition's script has an R, or an output does
+            not fit.
     """
 
-    mocked: ClassVar[type[Leaf | ExpandedNode] | None] = None  # whose place it takes
+    mocked: ClassVar[type[Leaf | ExpandedNode] | None] = None  # the class that it replaces
 
-    def __init__(self, name: str | None = None, script: str = "S", /, **given: object) -> None:
+    def __init__(
+        self, name: str | None = None, script: str | Mock = "S", /, **given: object
+    ) -> None:
         super().__init__(name, **given)
-        self.script = self.check_script(script)
-        self.outputs: dict[Port[Any], Any] = {}  # written at each success
+        mock = Mock(script) if isinstance(script, str) else script
+        self.script, self.outputs = self.check(mock)
         self._ticks = 0
 
     @classmethod
-    def check_script(cls, text: str) -> AnswerScript:
-        """Return a script that leaves of this class can have.
+    def check(cls, mock: Mock) -> tuple[AnswerScript, dict[Port[Any], Any]]:
+        """Return the script and the output values that a mock gives to leaves of this class.
 
         Raises:
-            ValueRangeError: it cannot be read, or a condition's script has an R.
+            ValueRangeError: there are no answers, the script cannot be read, a condition's script
+                has an R, or an output does not fit.
         """
-        script = AnswerScript.parse(text)
+        if mock.answers is None:
+            raise ValueRangeError(f"it has outputs, but {cls.node_id} has no answers")
+        script = AnswerScript.parse(mock.answers)
         if cls.condition and script.runs:
             raise ValueRangeError(
                 f"the condition {cls.node_id} answers at once, "
-                f"so its script cannot have an R; got '{text}'"
+                f"so its script cannot have an R; got '{mock.answers}'"
             )
-        return script
+        ports = {port.name: port for port in cls.ports if port.direction != "input"}
+        outputs = {}
+        for name, value in mock.outputs.items():
+            if name not in ports:
+                known = ", ".join(ports) or "none"
+                raise ValueRangeError(f"{cls.node_id} has no output '{name}' (known: {known})")
+            try:
+                outputs[ports[name]] = ports[name].convert(value)
+            except ValueError as error:
+                raise ValueRangeError(f"output '{name}': {error}") from error
+        return script, outputs
 
     def on_setup(self, mission: MissionContext) -> None:
         """Begin the script."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
-import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ from typing import Any
 import pytest
 
 from tests.uav_bt.campaign.campaign_world import FLY, plan
-from uav_bt.campaign.worker_process import FAILED, FLOWN, REFUSED
-from uav_bt.campaign.workers import Worker, WorkerPool
+from uav_bt.campaign.workers import FAILED, FLOWN, REFUSED, WorkerPool
+
+HERE = Path(__file__).parents[3]
 
 
 def task(fate: str, seed: int = 0) -> dict[str, Any]:
@@ -21,97 +23,136 @@ def task(fate: str, seed: int = 0) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def worker() -> Iterator[Worker]:
-    one = Worker(FLY)
+def worker() -> Iterator[WorkerPool]:
+    one = WorkerPool(FLY, workers=1)
     yield one
     one.close()
 
 
-def test_a_worker_flies_one_task_after_the_other_in_one_process(worker: Worker) -> None:
-    first, second = (worker.fly(task("lands", seed), 60.0)[FLOWN] for seed in (0, 1))
+def flown(pool: WorkerPool, fate: str, seed: int = 0, timeout_s: float = 60.0) -> dict[str, Any]:
+    return pool.fly(task(fate, seed), timeout_s).result(90.0)
+
+
+def test_a_worker_flies_one_task_after_the_other_in_one_process(worker: WorkerPool) -> None:
+    first, second = (flown(worker, "lands", seed)[FLOWN] for seed in (0, 1))
     assert (first["seed"], second["seed"]) == (0, 1)
     assert first["wall_s"] == second["wall_s"]
 
 
 def test_what_a_flight_leaves_behind_is_gone_before_the_next(
-    worker: Worker, tmp_path: Path
+    worker: WorkerPool, tmp_path: Path
 ) -> None:
     collected = tmp_path / "collected"
     for fate in (f"leaves a cycle to {collected}", "lands"):
-        assert FLOWN in worker.fly(task(fate), 60.0)
+        assert FLOWN in flown(worker, fate)
     assert collected.exists()
 
 
-def test_what_libraries_print_does_not_land_among_the_answers(worker: Worker) -> None:
-    assert worker.fly(task("is chatty"), 60.0)[FLOWN]["outcome"] == "success"
+def test_what_libraries_print_does_not_land_among_the_answers(worker: WorkerPool) -> None:
+    assert flown(worker, "is chatty")[FLOWN]["outcome"] == "success"
 
 
-def test_a_fault_is_told_with_where_it_came_from(worker: Worker) -> None:
-    answer = worker.fly(task("raises"), 60.0)
+def test_a_fault_is_told_with_where_it_came_from(worker: WorkerPool) -> None:
+    answer = flown(worker, "raises")
     assert answer[FAILED] == "RuntimeError: out of luck"
     assert "campaign_world.py" in answer["details"]
 
 
-def test_refused_input_is_no_failed_flight(worker: Worker) -> None:
-    assert worker.fly(task("is refused"), 60.0) == {REFUSED: "no such weights"}
+def test_refused_input_is_no_failed_flight(worker: WorkerPool) -> None:
+    assert flown(worker, "is refused") == {REFUSED: "no such weights"}
 
 
-def test_a_crash_is_told_by_its_signal_and_its_last_words(worker: Worker) -> None:
-    answer = worker.fly(task("crashes"), 60.0)
+def test_a_crash_is_told_by_its_signal_and_its_last_words(worker: WorkerPool) -> None:
+    answer = flown(worker, "crashes")
     assert answer[FAILED] == "its process was ended by SIGABRT"
     assert "a library's last words" in answer["details"]
 
 
-def test_a_process_that_leaves_is_told_by_its_exit_code(worker: Worker) -> None:
-    assert worker.fly(task("exits"), 60.0)[FAILED] == (
-        "its process ended by itself, with exit code 3"
+def test_a_process_that_leaves_is_told_by_its_exit_code(worker: WorkerPool) -> None:
+    assert flown(worker, "exits")[FAILED] == ("its process ended by itself, with exit code 3")
+
+
+def test_a_flight_that_hangs_is_stopped(worker: WorkerPool) -> None:
+    assert flown(worker, "hangs", timeout_s=0.2)[FAILED].startswith(
+        "no end after 0.2 s of wall time"
     )
 
 
-def test_a_flight_that_hangs_is_stopped(worker: Worker) -> None:
-    assert worker.fly(task("hangs"), 0.2)[FAILED].startswith("no end after 0.2 s of wall time")
-
-
-def test_after_a_lost_process_the_next_task_flies_in_a_new_one(worker: Worker) -> None:
-    before = worker.fly(task("lands"), 60.0)[FLOWN]["wall_s"]
-    lost = worker.fly(task("exits"), 60.0)
-    answer = worker.fly(task("lands"), 60.0)
+def test_after_a_lost_process_the_next_task_flies_in_a_new_one(worker: WorkerPool) -> None:
+    before = flown(worker, "lands")[FLOWN]["wall_s"]
+    lost = flown(worker, "exits")
+    answer = flown(worker, "lands")
     assert FAILED in lost
     assert answer[FLOWN]["wall_s"] != before
 
 
-def test_closing_stops_what_still_flies() -> None:
-    pool = WorkerPool(FLY)
-    answers: list[dict[str, Any]] = []
-    asked = threading.Thread(target=lambda: answers.append(pool.fly(task("hangs"), 600.0)))
-    asked.start()
-    while not pool.flying:
-        asked.join(0.01)
+def test_closing_stops_what_flies_and_what_waits() -> None:
+    pool = WorkerPool(FLY, workers=1)
+    answers = [pool.fly(task("hangs"), 600.0) for _ in range(2)]
     pool.close()
-    asked.join(60.0)
-    assert not asked.is_alive()
-    assert FAILED in answers[0]
-    assert pool.fly(task("lands"), 60.0) == {FAILED: "the campaign was stopped"}
+    assert [one.result(10.0) for one in answers] == [{FAILED: "the campaign was stopped"}] * 2
 
 
 @pytest.mark.parametrize("fate", ["lands", "crashes", "hangs"])
-def test_a_worker_leaves_no_temporary_files(
+def test_a_pool_leaves_no_temporary_files(
     fate: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not even one that was killed in flight, which could not tidy up."""
+    """Not even those of a worker that was killed in flight."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    worker = Worker(FLY)
-    (folder,) = tmp_path.glob("uav-bt-worker-*")
-    answer = worker.fly({**task(fate), "litters": True}, 20.0 if fate != "hangs" else 5.0)
+    pool = WorkerPool(FLY, workers=1)
+    (folder,) = tmp_path.glob("uav-bt-workers-*")
+    timeout_s = 20.0 if fate != "hangs" else 5.0
+    answer = pool.fly({**task(fate), "litters": True}, timeout_s).result(90.0)
     assert (FLOWN in answer) == (fate == "lands")
-    assert list(folder.iterdir())
-    worker.close()
+    assert [path.is_dir() for path in folder.iterdir()] == [True]
+    pool.close()
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_worker_whose_campaign_is_gone_tidies_up_itself(tmp_path: Path) -> None:
-    folder = tmp_path / "worker"
-    folder.mkdir()
-    command = [sys.executable, "-m", "uav_bt.campaign.worker_process", FLY, str(folder)]
-    subprocess.run(command, stdin=subprocess.DEVNULL, timeout=60, check=True)  # noqa: S603
-    assert not folder.exists()
+KILLED = """
+import os, signal
+from pathlib import Path
+from tests.uav_bt.campaign.campaign_world import FLY
+from tests.uav_bt.campaign.test_campaign_workers import task
+from uav_bt.campaign.workers import WorkerPool
+
+pool = WorkerPool(FLY, workers=1)
+pool.fly({**task("lands"), "litters": True}, 60.0).result()
+pool.fly({**task("hangs"), "litters": True}, 60.0)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_workers_whose_campaign_was_killed_end_and_tidy_up(tmp_path: Path) -> None:
+    killed = subprocess.run(  # noqa: S603
+        [sys.executable, "-c", KILLED],
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+        timeout=90,
+        check=False,
+    )
+    assert killed.returncode == -9
+    deadline_s = time.monotonic() + 20.0
+    while list(tmp_path.glob("uav-bt-workers-*")) and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    assert list(tmp_path.glob("uav-bt-workers-*")) == []
+
+
+def test_a_script_without_a_main_guard_is_told_what_it_needs(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from tests.uav_bt.campaign.campaign_world import FLY, plan\n"
+        "from uav_bt.campaign.fly import run\n"
+        "from pathlib import Path\n"
+        f"run(plan(), Path({str(tmp_path / 'out')!r}), fly=FLY)\n"
+    )
+    done = subprocess.run(  # noqa: S603
+        [sys.executable, str(script)],
+        env={**os.environ, "PYTHONPATH": str(HERE)},
+        capture_output=True,
+        text=True,
+        timeout=90,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert 'must call it below `if __name__ == "__main__":`' in done.stderr
+    assert (tmp_path / "out" / "flights.jsonl").read_text() == ""

@@ -74,7 +74,7 @@ def test_a_worker_lets_go_of_its_pools() -> None:
     task = next(plan().tasks()).to_json()
     first = module._fly(FLY, task, 60.0)["flown"]["wall_s"]
     assert module._fly(FLY, task, 60.0)["flown"]["wall_s"] == first
-    module._close_pool(FLY)
+    module._close_pools(FLY)
     second = module._fly(FLY, task, 60.0)["flown"]["wall_s"]
-    module._close_pool(FLY)
+    module._close_pools(FLY)
     assert second != first

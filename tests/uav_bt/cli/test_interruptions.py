@@ -114,20 +114,20 @@ CASES = {
         by=(TERM,),
         after_s=1.0,
     ),
-    "view, filming": Case(
-        "view flight.mcap --video old.mp4",
-        "old.mp4.part",
+    "view, saving": Case(
+        "view flight.mcap --save old.rrd",
+        "old.rrd.*.part",
         "stopped by Ctrl-C",
         after_s=1.0,
-        kept=("old.mp4", "flight.mcap"),
+        kept=("old.rrd", "flight.mcap"),
     ),
-    "view, filming, SIGTERM": Case(
-        "view flight.mcap --video old.mp4",
-        "old.mp4.part",
+    "view, saving, SIGTERM": Case(
+        "view flight.mcap --save old.rrd",
+        "old.rrd.*.part",
         "stopped by SIGTERM",
         by=(TERM,),
         after_s=1.0,
-        kept=("old.mp4", "flight.mcap"),
+        kept=("old.rrd", "flight.mcap"),
     ),
     "replay, importing": Case(
         "replay flight.mcap", "begun", "stopped by Ctrl-C", after_s=0.1, kept=("flight.mcap",)
@@ -187,7 +187,7 @@ def world(tmp_path: Path, flown: Path) -> Path:
     tree_file(tmp_path, LONG, "long.xml")
     (tmp_path / "script.yaml").write_text("leaves: {HoverFor: RS}\n")
     (tmp_path / "flight.mcap").write_bytes(flown.read_bytes())
-    for name in ("old.json", "old.mp4", "old.html", "old.safetensors", "flights.jsonl"):
+    for name in ("old.json", "old.mp4", "old.rrd", "old.html", "old.safetensors", "flights.jsonl"):
         (tmp_path / name).write_bytes(OLD)
     (tmp_path / "record.mcap").write_bytes(OLD)
     (tmp_path / "photos").mkdir()
@@ -209,7 +209,7 @@ def until(pattern: str, process: subprocess.Popen[bytes], files: tuple[Path, ...
     """
     for _ in range(1200):
         said = "".join(file.read_text(errors="replace") for file in files)
-        if re.search(pattern, said) or (files[0].parent / pattern).exists():
+        if re.search(pattern, said) or any(files[0].parent.glob(pattern)):
             return
         assert process.poll() is None, [file.read_text() for file in files]
         time.sleep(0.05)

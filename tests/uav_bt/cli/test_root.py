@@ -143,7 +143,7 @@ def test_a_command_of_another_group_is_named(arguments: list[str], hint: str) ->
         ("nncf", ["net", "export", "depth"], "train"),
         ("torch", ["net", "train", "segmentation"], "train"),
         ("onnx", ["net", "export", "depth"], "train"),
-        ("joblib", ["campaign", "land_only"], "campaign"),
+        ("pebble", ["campaign", "land_only"], "campaign"),
     ],
 )
 def test_a_missing_package_is_named_with_its_extra(

@@ -80,7 +80,9 @@ def test_a_shipped_mission_is_simulated_by_name(tmp_path: Path) -> None:
 
 def test_bad_input_is_refused_with_file_and_line(hop: Path, tmp_path: Path) -> None:
     script = script_file(tmp_path, "default: S\nleaves:\n  Take: S")
-    assert_refused(run("simulate", hop, "--script", script), f"{script}:3: the tree has no leaf")
+    assert_refused(
+        run("simulate", hop, "--script", script), f"{script}:3:1: mock of 'Take': the tree"
+    )
     script = script_file(tmp_path, "leaves: {TakeOff: S}")
     assert_refused(run("simulate", hop, "--script", script), f"{hop}:3:", "Land 'Land': has no")
     assert_refused(run("simulate", hop, "--script", tmp_path / "absent.yaml"), "absent.yaml")

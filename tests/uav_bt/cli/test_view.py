@@ -28,13 +28,18 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sinks.sys, "platform", "linux")
 
 
-def test_view_and_film_are_kept(record: Path, tmp_path: Path) -> None:
-    view, film = tmp_path / "flight.rrd", tmp_path / "flight.mp4"
-    result = run("view", record, "--save", view, "--video", film, "--to", 2)
+def test_a_view_is_saved(record: Path, tmp_path: Path) -> None:
+    view = tmp_path / "flight.rrd"
+    result = run("view", record, "--save", view, "--to", 2)
     assert result.exit_code == 0, result.output
-    assert f"view: {view}" in result.stdout
-    assert f"video: {film}" in result.stdout
-    assert sorted(tmp_path.iterdir()) == [film, view]
+    assert result.stdout == f"view: {view}\n"
+    assert list(tmp_path.iterdir()) == [view]
+
+
+def test_the_deleted_option_video_names_what_makes_the_film(record: Path, tmp_path: Path) -> None:
+    refused = run("view", record, "--video", tmp_path / "flight.mp4")
+    assert_refused(refused, "view has no --video", "uav-bt fly --video FILE", ".film(FILE)")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_record_that_was_cut_short_is_kept_and_told_about(record: Path, tmp_path: Path) -> None:
@@ -70,9 +75,8 @@ def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
     [
         (["--from", 3, "--to", 2, "--save", "x.rrd"], ["--from", "--to"]),
         (["--save", "absent/x.rrd"], ["--save"]),
-        (["--speed", 0, "--video", "x.mp4"], ["--speed"]),
         (["--save", "x.txt"], [".rrd"]),
-        (["--from", 500, "--video", "x.mp4"], ["no tick"]),
+        (["--from", 500, "--save", "x.rrd"], ["no tick"]),
     ],
 )
 def test_a_view_that_cannot_be_is_refused(

@@ -14,7 +14,7 @@ from tests.uav_bt.record.record_world import tree_file
 from uav_bt.campaign import planning
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Answers
-from uav_bt.campaign.worker_process import FAILED, FLOWN
+from uav_bt.campaign.workers import FAILED, FLOWN
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning.collecting import CollectionPlan, collect, nodes_under_policy
 from uav_bt.mission.judge import Outcome

@@ -10,8 +10,17 @@ from tests.uav_bt.tree.tree_world import World, document
 from uav_bt.board import ELAPSED
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, TreeError, ValueRangeError
-from uav_bt.tree import Leaf, MissionTree, NodeKind, NodeRegistry, Port, Status, load_tree
-from uav_bt.tree.scripted import AnswerScript, ScriptedLeaf, mock_class
+from uav_bt.tree import (
+    Leaf,
+    MissionTree,
+    NodeKind,
+    NodeRegistry,
+    Port,
+    Status,
+    load_tree,
+    parse_tree,
+)
+from uav_bt.tree.scripted import AnswerScript, Mock, ScriptedLeaf, mock_class
 
 OWN = Key("own", float, "a plug-in's own key")
 
@@ -111,6 +120,34 @@ def test_the_most_exact_selector_counts(tmp_path: Path, world: World) -> None:
     assert [tree.tick() for _ in range(2)] == [Status.RUNNING, Status.SUCCESS]
     texts = [leaf.script for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
     assert texts == [AnswerScript.parse(text) for text in ("S", "RS", "F", "S")]
+
+
+def test_a_star_mocks_all_leaves_that_have_no_other_answers(tmp_path: Path, world: World) -> None:
+    tree = loaded_by(tmp_path, world, {"*": "S", "out": "F"})
+    texts = [leaf.script for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
+    assert texts == [AnswerScript.parse(text) for text in ("S", "F", "S", "S")]
+
+
+def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
+    class Measure(Leaf):
+        """Needs a sensor."""
+
+        ports = (Port("depth_m", float, direction="output", doc="depth, m"),)
+
+    text = document('<Sequence><Measure name="m" depth_m="{d}"/><AlwaysSuccess/></Sequence>')
+    mocks = {"Measure": Mock(outputs={"depth_m": "2.5"}), "m": "RS"}
+    tree = parse_tree(text, NodeRegistry([Measure]), mocks=mocks)
+    tree.setup(world.context)
+    assert tree.tick() is Status.RUNNING
+    assert "d" not in tree.variables.snapshot()
+    assert tree.tick() is Status.SUCCESS
+    assert tree.variables["d"] == 2.5
+    with pytest.raises(
+        TreeError, match=r"Measure 'm': mock of 'm': Measure has no output 'dept_m'"
+    ):
+        parse_tree(text, NodeRegistry([Measure]), mocks={"m": Mock("S", {"dept_m": 1})})
+    with pytest.raises(TreeError, match="it has outputs, but Measure has no answers"):
+        parse_tree(text, NodeRegistry([Measure]), mocks={"m": Mock(outputs={"depth_m": 1})})
 
 
 @pytest.mark.parametrize(

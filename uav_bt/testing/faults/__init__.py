@@ -1,4 +1,4 @@
-"""Faults of drones, to see whether a mission bears them."""
+"""Faults of drones, to test how missions react to them."""
 
 from uav_bt.testing.faults.drone import FaultyDrone
 from uav_bt.testing.faults.fault import Fault

@@ -1,6 +1,6 @@
-"""A drone that something goes wrong with: any drone, with one fault from a phase of the mission on.
+"""A wrapper that adds one fault to any drone, from a phase of the mission on.
 
-Fly it in place of the drone that it wraps, and let it follow the flight, so that it knows the
+Fly it in place of the wrapped drone, and make it a listener of the flight, so that it knows the
 phase::
 
     drone = FaultyDrone(twin, Fault.parse("video-lost@explore+1~30"))
@@ -25,12 +25,12 @@ from uav_bt.testing.faults.kind import FaultMoment
 from uav_bt.types import Command, Frame, Observation, Truth
 from uav_bt.types.ground import Ground
 
-_PAST: Final = 64  # observations that late frames are taken from: 6 s at the usual tick
+_PAST: Final = 64  # kept observations for late frames: 6 s at the usual tick; chosen
 
 
 @runtime_checkable
 class Disturbed(Protocol):
-    """A simulated drone that can be pushed about."""
+    """A simulated drone that accepts disturbances."""
 
     def disturb(
         self,
@@ -38,7 +38,7 @@ class Disturbed(Protocol):
         wind_mps2: tuple[float, float] = (0.0, 0.0),
         drift_mps: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Let a steady wind push it, or its own estimate drift, from now on; world x and y."""
+        """Apply a steady wind, or a drift of the drone's estimate, from now on; world x and y."""
         ...
 
 
@@ -46,11 +46,11 @@ class FaultyDrone(DroneWrapper):
     """Flies another drone with one fault.
 
     Args:
-        drone: what flies; not connected yet.
-        fault: what goes wrong.
+        drone: the drone to fly; not connected yet.
+        fault: the fault to add.
 
     Raises:
-        InputError: the fault is one of the air, and the drone knows none.
+        InputError: the fault is a disturbance, and the drone has no method for it.
     """
 
     def __init__(self, drone: Drone, fault: Fault) -> None:
@@ -60,17 +60,19 @@ class FaultyDrone(DroneWrapper):
                 f"twin; {type(drone).__name__} has none"
             )
         self.fault = fault
-        self.began_s: float | None = None  # mission time of its first effect; None before
+        self.began_s: float | None = None  # mission time of the first effect; None before it
         super().__init__(drone)
         self._phase_s: float | None = None
         self._before: Observation | None = None
         self._past: deque[Observation] = deque(maxlen=_PAST)
         self._command: Command | None = None
-        self._shown: tuple[Frame, Frame] | None = None  # as delivered, and what it truly shows
+        self._shown: tuple[Frame, Frame] | None = (
+            None  # the delivered frame, and the camera's frame of the same image
+        )
 
     @property
     def referee(self) -> Referee | None:
-        """The inner drone's referee; its masks and depths are of what a frame shows."""
+        """The inner drone's referee; its masks and depths match the delivered image."""
         inner = self._drone.referee
         return None if inner is None else _FaultyReferee(inner, self)
 
@@ -85,10 +87,10 @@ class FaultyDrone(DroneWrapper):
             self._phase_s = self.clock.now()
 
     def observe(self) -> Observation:
-        """Return what the inner drone observes, as the fault changes it.
+        """Return the inner drone's observation as the fault changes it.
 
         Raises:
-            InjectedError: that is what the fault does.
+            InjectedError: the fault raises here.
         """
         seen = self._drone.observe()
         self._past.append(seen)
@@ -104,10 +106,10 @@ class FaultyDrone(DroneWrapper):
         return shown
 
     def send(self, command: Command) -> Command:
-        """Send a command as the fault changes it; return it as the mission meant it.
+        """Send a command as the fault changes it; return the mission's own command.
 
         Raises:
-            InjectedError: that is what the fault does.
+            InjectedError: the fault raises here.
         """
         self._command = command
         at, kind = self._moment(), self.fault.kind
@@ -121,7 +123,7 @@ class FaultyDrone(DroneWrapper):
         """Follow the flight's phase.
 
         Raises:
-            InjectedError: that is what the fault does.
+            InjectedError: the fault raises here.
         """
         if self._phase_s is None and record.phase == self.fault.phase:
             self._phase_s = record.time_s
@@ -130,7 +132,7 @@ class FaultyDrone(DroneWrapper):
             kind.follow()
 
     def source_of(self, frame: Frame) -> Frame:
-        """Return the camera's own frame whose view a delivered frame shows."""
+        """Return the camera's frame whose image a delivered frame has."""
         if self._shown is not None and self._shown[0].image is frame.image:
             return self._shown[1]
         return frame
@@ -143,7 +145,7 @@ class FaultyDrone(DroneWrapper):
         return next(same, self._past[-1].frame or shown)
 
     def _moment(self) -> FaultMoment | None:
-        """Return what the fault's effect depends on, None while there is none."""
+        """Return the inputs of the fault's effect; None while it has no effect."""
         fault, now_s = self.fault, self.clock.now()
         if self._phase_s is None:
             return None
@@ -163,7 +165,7 @@ class FaultyDrone(DroneWrapper):
 
 
 class _FaultyReferee:
-    """Knows the truth, and what a delivered frame truly shows."""
+    """Referee whose masks and depths match the delivered frames."""
 
     def __init__(self, referee: Referee, drone: FaultyDrone) -> None:
         self._referee = referee

@@ -1,4 +1,4 @@
-"""A fault as a value and as a text: what goes wrong, how badly and when."""
+"""A fault as a value and as a text: kind, level, and time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.testing.faults.kind import FaultKind
 from uav_bt.testing.faults.table import FAULTS
 
-START: Final = "start"  # in place of a phase: from connecting on
+START: Final = "start"  # in place of a phase: from the connection on
 _TEXT: Final = re.compile(
     r"(?P<kind>[\w-]+)(=(?P<level>[^@~]+))?"
     r"(@(?P<phase>[^+~=@]+)(\+(?P<delay>[^~]+))?)?(~(?P<duration>.+))?"
@@ -21,16 +21,16 @@ _TEXT: Final = re.compile(
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """What goes wrong, how badly and when.
+    """A kind of fault with its level and its time.
 
     Raises:
         ValueRangeError: the delay or the duration is negative, or a kind without a level has one.
     """
 
     kind: FaultKind
-    level: float | None = None  # None: the kind's own
-    phase: str = START  # the mission's phase with whose first tick it begins
-    delay_s: float = 0.0  # after the phase's begin
+    level: float | None = None  # None: the kind's default
+    phase: str = START  # it begins with the first tick of this phase of the mission
+    delay_s: float = 0.0  # time from the start of the phase to the fault
     duration_s: float = math.inf
 
     def __post_init__(self) -> None:
@@ -48,7 +48,7 @@ class Fault:
             kinds: by name.
 
         Raises:
-            UnknownNameError: there is no such kind.
+            UnknownNameError: the kind is unknown.
             ValueRangeError: the text has another form, or a number is out of its range.
         """
         found = _TEXT.fullmatch(text)

@@ -1,4 +1,4 @@
-"""Faults of images: what they show, and when they come."""
+"""Faults of images: their content and their delay."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ def _newest(seen: Observation, at: FaultMoment, limit_s: float) -> Observation:
 
 
 def late(seen: Observation, at: FaultMoment) -> Observation:
-    """Show the newest frame that is old enough; the oldest remembered where none is."""
+    """Show the newest frame that is old enough, or else the oldest of those kept."""
     return seen if seen.frame is None else _newest(seen, at, seen.frame.captured_s - at.level)
 
 
 def slow(seen: Observation, at: FaultMoment) -> Observation:
-    """Show so many frames a second."""
+    """Show `level` frames per second."""
     if seen.frame is None:
         return seen
     return _newest(seen, at, math.floor(seen.frame.captured_s * at.level) / at.level)

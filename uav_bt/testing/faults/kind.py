@@ -1,4 +1,4 @@
-"""What a fault is: effects on what is observed, sent or followed, and what they depend on."""
+"""Kinds of faults: their effects, and the inputs of these effects."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from uav_bt.types import Command, Observation
 
 
 class InjectedError(RuntimeError):
-    """What a fault raises: an error that nobody foresaw."""
+    """The error that a fault raises: one that no code expects."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FaultMoment:
-    """What an effect depends on."""
+    """The inputs of an effect."""
 
-    level: float  # how bad it is, in the kind's unit; NaN where there are no degrees
-    since_s: float  # since the fault's first effect, which has 0
-    before: Observation  # the last one without the fault
-    past: tuple[Observation, ...]  # of the drone itself, oldest first, the present one included
-    command: Command | None  # the mission's latest
+    level: float  # strength, in the kind's unit; NaN for a kind without a level
+    since_s: float  # time since the fault's first effect
+    before: Observation  # the last observation without the fault
+    past: tuple[Observation, ...]  # without the fault, oldest first, up to the present one
+    command: Command | None  # the mission's latest command
 
 
 Observe = Callable[[Observation, FaultMoment], Observation]
@@ -29,13 +29,15 @@ Send = Callable[[Command, FaultMoment], Command]
 
 @dataclass(frozen=True, kw_only=True)
 class FaultKind:
-    """A kind of fault, and what it does; all effects are optional."""
+    """A kind of fault with its effects, all of them optional."""
 
     name: str
-    what: str  # for people
-    level: float | None = None  # where it has degrees: the usual one
-    observe: Observe | None = None  # changes what is observed
-    send: Send | None = None  # changes what is sent
-    disturb: Callable[[float], Mapping[str, tuple[float, float]]] | None = None  # pushes the drone
+    what: str  # description for people
+    level: float | None = None  # default strength; None: it has no strength
+    observe: Observe | None = None  # changes the observation
+    send: Send | None = None  # changes the command
+    disturb: Callable[[float], Mapping[str, tuple[float, float]]] | None = (
+        None  # disturbs the drone
+    )
     follow: Callable[[], None] | None = None  # happens in every tick
-    in_image: bool = False  # exact masks do not show it: it takes a network's view
+    in_image: bool = False  # only networks notice it; exact masks stay as they are

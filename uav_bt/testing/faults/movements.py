@@ -1,4 +1,4 @@
-"""Faults of movements: what arrives of a command, what becomes of it, and what raises."""
+"""Faults of movements: lost or changed commands, wrong reports, and exceptions."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def interrupted(state: DroneState, at: FaultMoment) -> DroneState:
 
 
 def instead(unwanted: type[Movement], movement: Movement) -> Send:
-    """Let the drone do something else than what it is asked for."""
+    """Return an effect that replaces commands of one kind by another movement."""
 
     def send(command: Command, _at: FaultMoment) -> Command:
         refused = isinstance(command.movement, unwanted)
@@ -56,7 +56,7 @@ def instead(unwanted: type[Movement], movement: Movement) -> Send:
 
 
 def unheard(_command: Command, _at: FaultMoment) -> Command:
-    """Return what a drone does that hears nothing."""
+    """Return the command of a drone that receives none."""
     return Command(movement=Release())
 
 
@@ -71,5 +71,5 @@ def unturned(command: Command, _at: FaultMoment) -> Command:
 
 
 def cut(command: Command, at: FaultMoment) -> Command:
-    """Return a cut of the motors, later the command."""
+    """Return a cut of the motors for 0.5 s, then the command."""
     return Command(movement=CutMotors()) if at.since_s < 0.5 else command

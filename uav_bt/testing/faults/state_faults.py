@@ -1,4 +1,4 @@
-"""Faults of telemetry: of the state, and of what frames carry of it."""
+"""Faults of telemetry: in the state, and in the telemetry of frames."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def height(report: Report, height_m: float) -> Report:
 
 
 def raised(report: Report, by_m: float) -> Report:
-    """Return telemetry from higher up."""
+    """Return telemetry with greater heights."""
     return replace(
         report,
         altitude_m=report.altitude_m + by_m,
@@ -36,13 +36,13 @@ def raised(report: Report, by_m: float) -> Report:
 
 
 def turned(report: Report, by_rad: float) -> Report:
-    """Return telemetry with another heading."""
+    """Return telemetry with a changed heading."""
     yaw_rad = wrap_angle(report.attitude.yaw_rad + by_rad)
     return replace(report, attitude=replace(report.attitude, yaw_rad=yaw_rad))
 
 
 def tilted(report: Report, angle_rad: float) -> Report:
-    """Return telemetry with one angle for all of attitude."""
+    """Return telemetry with one angle for roll, pitch and yaw."""
     attitude = Attitude(roll_rad=angle_rad, pitch_rad=angle_rad, yaw_rad=angle_rad)
     return replace(report, attitude=attitude)
 
@@ -53,7 +53,7 @@ def pointed(report: Report, pitch_rad: float) -> Report:
 
 
 def dated(report: Report, later_s: float) -> Report:
-    """Return telemetry with a later stamp."""
+    """Return telemetry with a later timestamp."""
     changes: dict[str, Any] = {"captured_s": report.captured_s + later_s}
     if isinstance(report, DroneState) and report.measured is not None:
         changes["measured"] = report.measured.shifted(later_s)
@@ -64,12 +64,12 @@ class Change(Protocol):
     """Changes the telemetry of states and of frames alike."""
 
     def __call__(self, report: Report, by: float, /) -> Report:
-        """Return it changed."""
+        """Return the changed telemetry."""
         ...
 
 
 def both(change: Change, amount: Callable[[FaultMoment], float] = lambda at: at.level) -> Observe:
-    """Return an effect on the state and on what frames carry of it."""
+    """Return an effect on the state and on the telemetry of frames."""
 
     def observe(seen: Observation, at: FaultMoment) -> Observation:
         by = amount(at)
@@ -98,12 +98,12 @@ def faster(state: DroneState, by_mps: float) -> DroneState:
 
 
 def jumped(state: DroneState, at: FaultMoment) -> DroneState:
-    """One sample so fast that dead reckoning over a tick of 0.1 s is off by the level."""
+    """Return one sample with a velocity that shifts dead reckoning by the level in 0.1 s."""
     return faster(state, at.level / 0.1) if at.since_s == 0.0 else state
 
 
 def drained(state: DroneState, at: FaultMoment) -> DroneState:
-    """Return the state with the charge of a battery that runs empty."""
+    """Return the state with a battery that drains."""
     full = 1.0 if at.before.state.battery is None else at.before.state.battery
     return replace(state, battery=max(0.0, full - at.level * at.since_s))
 

@@ -1,6 +1,6 @@
-"""The kinds of faults: one table, a few lines for each; kinds of your own are more such values.
+"""The table of the kinds of faults. Tests may define further `FaultKind` values.
 
-A kind without a level has no degrees: its effects get NaN, which is what those named so show.
+The effects of a kind without a level get NaN as their level; the kinds named `...-nan` report it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from uav_bt.types import FlyingState, Hover, Land, MoveBy, Release, TakeOff
 _KINDS: Final = (
     FaultKind(
         name="frozen",
-        what="the image stands still, with fresh stamps and telemetry",
+        what="the image stops, with fresh timestamps and telemetry",
         observe=image(images.frozen),
     ),
     FaultKind(
@@ -38,27 +38,29 @@ _KINDS: Final = (
     ),
     FaultKind(
         name="noise",
-        what="noise of so many grey levels",
+        what="white noise, grey levels",
         level=80.0,
         observe=image(images.noisy),
         in_image=True,
     ),
     FaultKind(
         name="covered",
-        what="a covered lens: blurred, and so much of the light",
+        what="a covered lens: blurred, with this share of the light",
         level=0.08,
         observe=image(images.covered),
         in_image=True,
     ),
-    FaultKind(name="late", what="frames so many seconds old", level=1.0, observe=images.late),
-    FaultKind(name="slow", what="so many frames a second", level=4.0, observe=images.slow),
+    FaultKind(name="late", what="late frames, age in s", level=1.0, observe=images.late),
+    FaultKind(name="slow", what="slow video, frames/s", level=4.0, observe=images.slow),
     FaultKind(
         name="video-lost",
         what="no new frame comes",
         observe=lambda seen, at: replace(seen, frame=at.before.frame),
     ),
     FaultKind(
-        name="no-frame", what="there is no frame", observe=lambda seen, _: replace(seen, frame=None)
+        name="no-frame",
+        what="observations without a frame",
+        observe=lambda seen, _: replace(seen, frame=None),
     ),
     FaultKind(
         name="half-size",
@@ -86,57 +88,57 @@ _KINDS: Final = (
     FaultKind(name="height-nan", what="heights NaN", observe=both(state_faults.height)),
     FaultKind(
         name="height-absurd",
-        what="heights of so many metres",
+        what="absurd heights, m",
         level=1.0e4,
         observe=both(state_faults.height),
     ),
     FaultKind(
         name="height-bias",
-        what="heights so many metres too great",
+        what="heights too great, by m",
         level=0.3,
         observe=both(state_faults.raised),
     ),
     FaultKind(name="attitude-nan", what="attitude NaN", observe=both(state_faults.tilted)),
     FaultKind(
         name="attitude-absurd",
-        what="all angles of so many radians",
+        what="absurd angles, rad",
         level=100.0,
         observe=both(state_faults.tilted),
     ),
     FaultKind(
         name="yaw-jump",
-        what="the heading off by so many radians",
+        what="a wrong heading, off by rad",
         level=0.8,
         observe=both(state_faults.turned),
     ),
     FaultKind(
         name="yaw-drift",
-        what="the heading wanders by so many radians a second",
+        what="the heading drifts, rad/s",
         level=0.035,
         observe=both(state_faults.turned, lambda at: at.level * at.since_s),
     ),
     FaultKind(name="velocity-nan", what="velocity NaN", observe=of_state(state_faults.velocity)),
     FaultKind(
         name="velocity-absurd",
-        what="so many metres a second",
+        what="an absurd velocity, m/s",
         level=500.0,
         observe=of_state(state_faults.velocity),
     ),
     FaultKind(
         name="velocity-bias",
-        what="so many metres a second too fast forward",
+        what="forward velocity too great, by m/s",
         level=-0.2,
         observe=of_state(lambda state, at: state_faults.faster(state, at.level)),
     ),
     FaultKind(
         name="position-jump",
-        what="dead reckoning jumps so many metres forward, once",
+        what="dead reckoning jumps forward once, m",
         level=1.0,
         observe=of_state(state_faults.jumped),
     ),
     FaultKind(
         name="time-jump",
-        what="all stamps so many seconds later",
+        what="later timestamps, by s",
         level=5.0,
         observe=both(state_faults.dated),
     ),
@@ -147,7 +149,7 @@ _KINDS: Final = (
     ),
     FaultKind(
         name="gimbal-absurd",
-        what="a camera's pitch of so many radians",
+        what="an absurd camera pitch, rad",
         level=50.0,
         observe=both(state_faults.pointed),
     ),
@@ -163,13 +165,13 @@ _KINDS: Final = (
     ),
     FaultKind(
         name="battery-low",
-        what="so much charge left",
+        what="a low battery, share of the charge",
         level=0.05,
         observe=of_state(lambda state, at: replace(state, battery=at.level)),
     ),
     FaultKind(
         name="battery-drains",
-        what="so much charge lost a second",
+        what="a draining battery, share of the charge per s",
         level=0.1,
         observe=of_state(state_faults.drained),
     ),
@@ -206,13 +208,13 @@ _KINDS: Final = (
     ),
     FaultKind(
         name="wind",
-        what="a steady wind of so many m/s2, towards world x",
+        what="a steady wind towards world x, m/s2",
         level=0.2,
         disturb=lambda level: {"wind_mps2": (level, 0.0)},
     ),
     FaultKind(
         name="drift",
-        what="so many m/s towards world x that its own estimate misses",
+        what="drift of the estimate towards world x, m/s",
         level=0.1,
         disturb=lambda level: {"drift_mps": (level, 0.0)},
     ),

@@ -108,8 +108,8 @@ class Simulation:
         self._halted: list[str] = []
         self._given: dict[str, Any] = {}  # values that the script wrote to the board
         self.tree.setup(MissionContext(board=self._board, clock=self._clock))
-        for name, scalar in script.variables.items():
-            self.tree.variables[name] = scalar.value
+        for name, value in script.variables.items():
+            self.tree.variables[name] = value
         self._write_board()
         observe(self.tree.leaves(), self._note)
 

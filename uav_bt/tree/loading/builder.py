@@ -24,10 +24,10 @@ from uav_bt.tree.loading.plans import GivenValue, Plan, name_of
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.node import Node, child_paths
-from uav_bt.tree.nodes import SubTree
+from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
 from uav_bt.tree.port import Port
-from uav_bt.tree.scripted import mock_class
+from uav_bt.tree.scripted import ALL_LEAVES, Mock, mock_class
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
 _FIXED: Final = frozenset({"ID", "_autoremap", "name"})  # these say which nodes there are
@@ -60,14 +60,14 @@ class Builder:
         overrides: Mapping[str, Mapping[str, str]],
         *,
         by_key: Mapping[Key[Any], Mapping[str, str]],
-        mocks: Mapping[str, str],
+        mocks: Mapping[str, str | Mock],
     ) -> Node:
         """Return the root node.
 
         Args:
             overrides: attribute values by node, which is named by its name or its path.
             by_key: attribute values by board key, for the leaves that write it and have the port.
-            mocks: scripts by leaf, which is named by its path, its name or its node's id.
+            mocks: scripts or mocks by the leaf's path, name or node id, or by `*`.
 
         Raises:
             TreeError: the tree grows too large, an override or a mock does not fit, or a leaf
@@ -84,7 +84,7 @@ class Builder:
         plans = list(plan.walk())
         self._apply_by_key(by_key, plans)
         self._apply(overrides, plans)
-        self._mock(mocks, plans)
+        self._mock(mocks, plan, plans)
         self._findings.raise_any(self._document.path)
         self.given = list(plan.given())
         self._check_policies()
@@ -160,35 +160,51 @@ class Builder:
                 finding.path, finding.position, f"{lead}{finding.message}", finding.node
             )
 
-    def _mock(self, mocks: Mapping[str, str], plans: list[Plan]) -> None:
-        if not mocks:
-            return
+    def _mock(self, mocks: Mapping[str, str | Mock], root: Plan, plans: list[Plan]) -> None:
+        given = {name: Mock(one) if isinstance(one, str) else one for name, one in mocks.items()}
+        others = given.pop(ALL_LEAVES, None)
         leaves = [plan for plan in plans if plan.mockable is not None]
-        named: dict[str, list[Plan]] = {}
-        for plan in leaves:
-            for name in reversed(plan.names):  # the most exact name counts, and so comes last
-                plan.mock = mocks.get(name, plan.mock)
-            for name in set(plan.names):
-                named.setdefault(name, []).append(plan)
-        for target, script in mocks.items():
-            hits = named.get(target, [])
-            for plan in hits:
-                self._check_mock(target, script, plan)
-            if not hits:
-                self._findings.add(
-                    self._document.path,
-                    Position(1, 1),
-                    self._no_such_leaf(target, plans, leaves),
-                )
+        named = {name for plan in leaves for name in plan.names} if given else set()
+        for target, mock in given.items():
+            if target not in named:
+                self._refuse_mock(target, mock, self._no_such_leaf(target, plans, named))
+        for plan in leaves if given else ():
+            for name in reversed(plan.names):  # the most exact selector comes last and counts
+                if name in given:
+                    plan.mock = given[name].over(plan.mock)
+            if plan.mock is not None and plan.mock.answers is not None:
+                plan.children.clear()  # of a node that is made of a tree
+        for plan in root.walk() if mocks else ():
+            self._finish_mock(plan, given, others)
 
-    def _no_such_leaf(self, target: str, plans: list[Plan], leaves: list[Plan]) -> str:
+    def _finish_mock(self, plan: Plan, given: Mapping[str, Mock], others: Mock | None) -> None:
+        is_ours = issubclass(plan.node, Leaf) and plan.node not in BUILTIN_NODES
+        if is_ours and others is not None:
+            plan.mock = others if plan.mock is None else plan.mock.over(others)
+        if plan.mock is None or plan.mockable is None:
+            return
+        try:
+            mock_class(plan.mockable).check(plan.mock)
+        except ValueRangeError as error:
+            target = next((name for name in plan.names if name in given), ALL_LEAVES)
+            self._refuse_mock(target, plan.mock, str(error), plan.element)
+
+    def _refuse_mock(
+        self, target: str, mock: Mock, message: str, element: Element | None = None
+    ) -> None:
+        place = mock.place or Place(self._document.path, Position(1, 1))
+        if mock.place is None and element is not None:
+            place = Place(element.path, element.position)
+        label = "" if element is None else element.label
+        self._findings.add(place.path, place.position, f"mock of '{target}': {message}", label)
+
+    def _no_such_leaf(self, target: str, plans: list[Plan], known: set[str]) -> str:
         for plan in plans:
             tag = plan.element.tag
             if target in (plan.path, plan.name) or target == tag:
-                return f"mock of '{target}': only leaves can be mocked, this is a {tag}"
-        known = {name for plan in leaves for name in plan.names}
+                return f"only leaves can be mocked, this is a {tag}"
         hint = hint_for(target, known, self._registry.successors(target))
-        return f"mock of '{target}': the tree has no leaf of that path, name or node id{hint}"
+        return f"the tree has no leaf of that path, name or node id{hint}"
 
     def _check_policies(self) -> None:
         """Refuse names of policies that are not registered; one in a variable shows in flight."""
@@ -203,15 +219,6 @@ class Builder:
                 self._findings.add(
                     value.element.path, where, message, value.path, rule=Rule.NOT_INSTALLED
                 )
-
-    def _check_mock(self, target: str, script: str, plan: Plan) -> None:
-        if plan.mockable is None:
-            return
-        plan.children.clear()  # of a node that is made of a tree
-        try:
-            mock_class(plan.mockable).check_script(script)
-        except ValueRangeError as error:
-            self._findings.note(plan.element, f"mock of '{target}': {error}")
 
     def _make(self, plan: Plan) -> Node:
         self.places[plan.path] = Place(plan.element.path, plan.element.position)

@@ -31,6 +31,7 @@ from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.scripted import Mock
 
 _log = logging.getLogger(__name__)
 
@@ -41,7 +42,7 @@ class TreeOptions(TypedDict, total=False):
     tree_id: str | None
     overrides: Mapping[str, Mapping[str, str]] | None
     by_key: Mapping[Key[Any], Mapping[str, str]] | None
-    mocks: Mapping[str, str] | None
+    mocks: Mapping[str, str | Mock] | None
     lookup: Lookup | None
 
 
@@ -69,7 +70,7 @@ def parse_tree(
     tree_id: str | None = None,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
     by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
-    mocks: Mapping[str, str] | None = None,
+    mocks: Mapping[str, str | Mock] | None = None,
     lookup: Lookup | None = None,
 ) -> MissionTree:
     """Load a tree from a tree file's text. Warnings are logged.
@@ -83,9 +84,10 @@ def parse_tree(
         overrides: attribute values that replace the file's, by a node's name or path.
         by_key: attribute values that replace the file's in all leaves that write a board key,
             beneath the overrides. A leaf without the port is left unchanged.
-        mocks: scripts of leaves that scripted ones replace (`uav_bt.tree.scripted`), by path, name
-            or node id. If several fit a leaf, the first in this order counts. Name, path, kind,
-            ports and conditions stay those of the file.
+        mocks: scripts, or mocks with outputs, of leaves that scripted ones replace
+            (`uav_bt.tree.scripted`), by path, name or node id. If several fit a leaf, the first in
+            this order counts. `*` stands for all leaves without other answers, except those of the
+            format. Name, path, kind, ports and conditions stay those of the file.
         lookup: where to look for trees and included files; default: the file's folder.
 
     Raises:
@@ -146,7 +148,7 @@ class _Read:
         overrides: Mapping[str, Mapping[str, str]],
         *,
         by_key: Mapping[Key[Any], Mapping[str, str]],
-        mocks: Mapping[str, str],
+        mocks: Mapping[str, str | Mock],
     ) -> MissionTree:
         """Return the main tree.
 

@@ -15,6 +15,7 @@ from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, parse_reference, port_text
+from uav_bt.tree.scripted import Mock
 
 
 @dataclass
@@ -28,7 +29,7 @@ class Plan:
     attributes: dict[str, str]
     door: Plan | None  # the node that stands for the tree that this one is in; None: the main tree
     children: list[Plan] = field(default_factory=list)
-    mock: str | None = None  # the script of the leaf that takes its place
+    mock: Mock | None = None  # the leaf that takes its place
 
     def walk(self) -> Iterator[Plan]:
         """Iterate over this node and all below, parents first."""

@@ -28,13 +28,16 @@ def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
             "board: {phase: explore}\n",
         )
     )
-    assert script.leaves == {
-        "TakeOff": Scalar("RRS", 2),
-        "Main/step/Explore": Scalar("(RRS)", 3),
+    answers = {selector: (mock.answers, mock.outputs) for selector, mock in script.mocks.items()}
+    assert answers == {
+        "TakeOff": ("RRS", {}),
+        "Main/step/Explore": ("(RRS)", {}),
+        "Measure": (None, {"depth_m": 1.5, "text": "far"}),
+        "*": ("S", {}),
     }
-    assert script.default == "S"
-    assert script.outputs == {"Measure": {"depth_m": Scalar(1.5, 6), "text": Scalar("far", 6)}}
-    assert script.variables["laps"] == Scalar(3, 7)
+    places = [mock.place for mock in script.mocks.values()]
+    assert [place.position.line for place in places if place] == [2, 3, 6, 4]
+    assert script.variables == {"laps": 3, "on": True}
     assert script.board == {"phase": Scalar("explore", 8)}
 
 

@@ -177,18 +177,39 @@ def test_leaves_without_answers_are_all_named_with_their_places(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("script", "line", "message"),
     [
-        ("default: S\nleaves:\n  Flyy: S", 3, "the tree has no leaf 'Flyy'; did you mean 'Fly'?"),
+        ("default: S\nleaves:\n  Flyy: S", 3, "the tree has no leaf of that path, name or node id"),
+        ("default: S\nleaves:\n  Flyy: S", 3, "did you mean 'Fly'?"),
         ("default: S\nleaves:\n  Sees: RS", 3, "the condition Sees answers at once"),
-        ("default: R", None, "the condition Sees answers at once"),
-        ("default: S\noutputs:\n  Mesure: {depth_m: 1}", 3, "no leaf 'Mesure'"),
+        ("default: R", 1, "the condition Sees answers at once"),
+        (
+            "default: S\noutputs:\n  Mesure: {depth_m: 1}",
+            3,
+            "mock of 'Mesure': the tree has no leaf",
+        ),
         ("default: S\noutputs:\n  Measure: {dept_m: 1}", 3, "has no output 'dept_m'"),
         ("default: S\noutputs:\n  Measure: {depth_m: far}", 3, "expected a number, got 'far'"),
+        ("leaves: {Sees: S, Fly: S}\noutputs:\n  Measure: {depth_m: 1}", 3, "has no answers"),
+    ],
+)
+def test_answers_that_do_not_fit_the_tree_are_refused_with_their_line(
+    tmp_path: Path, script: str, line: int, message: str
+) -> None:
+    with pytest.raises(TreeError) as error:
+        simulation(tmp_path, "<Sequence><Sees/><Fly/><Measure/></Sequence>", script)
+    (finding,) = error.value.findings
+    assert finding.startswith(f"{tmp_path / 'script.yaml'}:{line}:1: ")
+    assert message in finding
+
+
+@pytest.mark.parametrize(
+    ("script", "line", "message"),
+    [
         ("default: S\nboard:\n  phas: x", 3, "unknown board key 'phas'; did you mean 'phase'?"),
         ("default: S\nboard:\n  helipad: 1", 3, "'helipad' holds HelipadFix, got int"),
     ],
 )
-def test_a_script_that_does_not_fit_is_refused_with_its_line(
-    tmp_path: Path, script: str, line: int | None, message: str
+def test_board_values_that_do_not_fit_are_refused_with_their_line(
+    tmp_path: Path, script: str, line: int, message: str
 ) -> None:
     with pytest.raises(FileError) as error:
         simulation(tmp_path, "<Sequence><Sees/><Fly/><Measure/></Sequence>", script)
