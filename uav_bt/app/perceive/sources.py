@@ -160,4 +160,4 @@ def _images_in(folder: Path) -> list[Path]:
 def _natural(path: Path) -> tuple[list[tuple[int, str]], str]:
     """Sort key that puts image_9 before image_10."""
     parts = re.split(r"(\d+)", path.name)
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts], path.name
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], path.name
