@@ -115,6 +115,27 @@ def test_unreadable_images_are_named_and_left_out(tmp_path: Path) -> None:
     assert "e.png: cannot be read: Is a directory" in told
 
 
+def test_formats_that_are_not_read_are_named(tmp_path: Path) -> None:
+    image(tmp_path / "a.png")
+    for name in ("1.avif", "2.heic", "3.heic", "4.heic"):
+        (tmp_path / name).touch()
+    (line,) = FolderSource(tmp_path).skipped
+    assert "4 of a format that is not read (avif, heic): 1.avif, 2.heic, 3.heic and 1 more" in line
+    (tmp_path / "a.png").unlink()
+    with pytest.raises(FileError, match=r"holds no images .*; it holds 4 of a format"):
+        FolderSource(tmp_path)
+    source = open_source(str(tmp_path / "2.heic"))
+    assert list(source.images()) == []
+    assert "convert them to PNG" in source.skipped[0]
+
+
+def test_twelve_bits_in_a_sixteen_bit_file_are_scaled(tmp_path: Path) -> None:
+    deep = np.full((18, 32, 3), (160, 480, 3200), np.uint16)  # blue, green, red of 4095
+    assert cv2.imwrite(str(tmp_path / "deep.png"), deep)
+    (one,) = FolderSource(tmp_path).images()
+    assert one.image[0, 0].tolist() == [200, 30, 10]
+
+
 def test_a_superscript_digit_in_a_name_is_no_number(tmp_path: Path) -> None:
     image(tmp_path / "1\u00b23.png")
     assert [one.name for one in FolderSource(tmp_path).images()] == ["1\u00b23.png"]
