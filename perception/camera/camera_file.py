@@ -28,16 +28,18 @@ import cv2
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, TypeAdapter, ValidationError
 
 from perception.camera.calibration import LayoutTrial
+from perception.camera.foreign_camera import foreign_camera
 from perception.camera.orientation import UPRIGHT, Orientation
-from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import write_whole
 from uav_bt.types import CameraModel
 from uav_bt.yaml_file import read_yaml
 
 _DISTORTIONS: Final = (0, 4, 5, 8, 12, 14)  # how many numbers OpenCV's models have
+_REMEDY: Final = "`uav-bt lab calibrate` makes one"
 _ASPECT_SLACK: Final = 0.01  # of the aspect: 1280x720 and 854x480 are both 16:9
 
 
@@ -73,7 +75,7 @@ def load_camera(
     orientation: Orientation = UPRIGHT,
     forward_offset_m: float = CameraModel.forward_offset_m,
 ) -> CameraModel:
-    """Read a camera file.
+    """Read a camera file, our own or one of ROS, OpenCV or Kalibr.
 
     Args:
         path: the YAML file.
@@ -86,13 +88,23 @@ def load_camera(
         FileError: the file is absent or malformed.
         ValueRangeError: it was calibrated at another aspect than that of the images.
     """
-    file = read_yaml(
-        path, _CameraFile, "camera file", remedy="`uav-bt lab calibrate` makes one"
-    ).value
+    file = _foreign(path) or read_yaml(path, _CameraFile, "camera file", remedy=_REMEDY).value
     camera = file.camera(forward_offset_m)
     if file.frames == "raw":
         camera = orientation.camera(camera)
     return camera if size_px is None else fitted_camera(camera, *size_px, source=str(path))
+
+
+def _foreign(path: Path) -> _CameraFile | None:
+    content = foreign_camera(path) if path.is_file() else None
+    if content is None:
+        return None
+    try:
+        return _CAMERA_FILE.validate_python(content)
+    except ValidationError as error:
+        item = error.errors(include_url=False)[0]
+        place = ".".join(map(str, item["loc"]))
+        raise FileError(path, f"{place}: {item['msg']}, got '{item['input']}'") from error
 
 
 _Row = tuple[float, float, float]
@@ -142,6 +154,9 @@ class _CameraFile:
                 forward_offset_m if self.forward_offset_m is None else self.forward_offset_m
             ),
         )
+
+
+_CAMERA_FILE: Final = TypeAdapter(_CameraFile)
 
 
 def fitted_camera(
