@@ -111,12 +111,23 @@ def test_a_path_is_taken_as_it_is(tmp_path: Path) -> None:
     assert app.resolve_tree(str(path)) == path
 
 
-@pytest.mark.parametrize("name", ["land_only", "land_only.xml", "trees/land_only.xml"])
 def test_a_shipped_mission_is_found_by_its_name_from_anywhere(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert app.resolve_tree(name).samefile(TREES / "land_only.xml")
+    assert app.resolve_tree("land_only").samefile(TREES / "land_only.xml")
+
+
+@pytest.mark.parametrize("name", ["land_only.xml", "trees/land_only.xml", "trees/land_only"])
+def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another mission would fly than the one that the user has in mind."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        FileError, match="a shipped mission has no suffix; did you mean 'land_only'"
+    ):
+        app.resolve_tree(name)
 
 
 def test_a_file_of_ones_own_comes_before_a_shipped_one(
