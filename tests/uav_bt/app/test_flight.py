@@ -37,6 +37,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone, blank_frame
+from uav_bt.tree import Leaf, NodeRegistry, Status
 from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Observation, Truth
 from uav_bt.types.ground import Ground
 
@@ -582,6 +583,27 @@ def test_a_flight_in_another_thread_takes_no_handlers(hangar: Hangar, tmp_path: 
     thread.join(timeout=60.0)
     assert [report.outcome for report in reports] == ["success"]
     assert set(within) == {before}
+
+
+def test_leaves_close_what_they_opened_when_the_flight_is_over(
+    hangar: Hangar, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A device that is gone by then is a warning: the flight has its result."""
+
+    class Device(Leaf):
+        """Opens a device for the whole mission."""
+
+        def update(self) -> Status:
+            return Status.SUCCESS
+
+        def on_shutdown(self) -> None:
+            raise OSError("the device is gone")
+
+    tree = tree_file(tmp_path, f"<Sequence><Device/>{HOP}</Sequence>")
+    registry = NodeRegistry.installed().with_nodes(Device)
+    report = app.fly(tree, SCRIPTED, registry=registry)
+    assert report.outcome == "success"
+    assert "Device' failed: OSError: the device is gone" in caplog.text
 
 
 # --- flights of the twin --------------------------------------------------------------------------
