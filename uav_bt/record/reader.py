@@ -36,7 +36,7 @@ class StoredMessage:
 
 
 class RecordReader:
-    """One record. Opening reads its beginning only.
+    """One record. Opening reads its beginning, and the index of what other tools moved to the end.
 
     Args:
         path: the file.
@@ -101,7 +101,30 @@ class RecordReader:
                 if topics[record.channel_id] == channels.TREE.topic:
                     self.tree = decode(TreeNote, parse_json(record.data))
                 elif topics[record.channel_id] != channels.CALIBRATION.topic:
+                    break
+        if self.finished:
+            self._read_moved()
+
+    def _read_moved(self) -> None:
+        """Take metadata and attachments that stand behind the messages, as MCAP allows."""
+        with self.path.open("rb") as stream:
+            try:
+                summary = self._indexed(stream).get_summary()
+                if START not in {index.name for index in summary.metadata_indexes}:
                     return
+                names = {index.name for index in summary.attachment_indexes}
+                if self.metadata and names <= self.attachments.keys():
+                    return
+                indexed = self._indexed(stream)
+                found = {record.name: record for record in indexed.iter_metadata()}
+                attached = list(self._indexed(stream).iter_attachments())
+            except Exception:  # noqa: BLE001 - a damaged index: what stands at the beginning counts
+                return
+        self.metadata = dict(found[START].metadata)
+        for record in attached:
+            self.attachments[record.name] = Attachment(
+                name=record.name, media_type=record.media_type, data=record.data
+            )
 
     def _check_version(self) -> None:
         if not self.metadata:
@@ -168,10 +191,18 @@ class RecordReader:
         from mcap.records import Channel, Message  # noqa: PLC0415 - an extra
 
         topics: dict[int, str] = {}
+        last_ns = 0
         for record in self._scan:
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
+                if record.log_time < last_ns - _NS:  # a second: what the flight's writer holds back
+                    raise FileError(
+                        self.path,
+                        f"its messages are not in the order of time (topic "
+                        f"{topics[record.channel_id]}); `mcap sort` puts them in order",
+                    )
+                last_ns = max(last_ns, record.log_time)
                 yield StoredMessage(
                     topic=topics[record.channel_id], time_ns=record.log_time, data=record.data
                 )
@@ -186,6 +217,9 @@ class RecordReader:
         with self.path.open("rb") as stream:
             try:
                 summary = self._indexed(stream).get_summary()
+                if not summary.chunk_indexes:  # without chunks: the whole file is read
+                    yield from self._found_by_scan()
+                    return
                 chunks = _matching(summary, topics, start_ns, end_ns)
                 for record in chain.from_iterable(indexed_chunks(stream, chunks)):
                     if isinstance(record, Message):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Final
@@ -143,7 +144,12 @@ class RecordScan:
         return offset, head[0], stream.read(length)
 
     def _parsed(self, offset: int, kind: int, content: bytes) -> list[McapRecord]:
-        read = _READERS.get(kind)
+        if kind == Opcode.MESSAGE:  # outside a chunk, which is optional
+            read: Callable[[ReadDataStream], McapRecord] | None = partial(
+                Message.read, length=len(content)
+            )
+        else:
+            read = _READERS.get(kind)
         if read is None:
             return []  # indexes, and what a later MCAP may bring
         try:
