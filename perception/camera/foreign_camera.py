@@ -10,9 +10,9 @@ import yaml
 
 from uav_bt.errors import FileError
 from uav_bt.files import read_bounded, reading
+from uav_bt.yaml_file import MAX_BYTES
 from uav_bt.yaml_values import BoundedLoader
 
-_MAX_BYTES: Final = 250_000  # chosen, as of all YAML files that are read; a camera has one thousand
 _MATRIX: Final = "tag:yaml.org,2002:opencv-matrix"
 _OPENCV_HEAD: Final = "%YAML:1.0"  # OpenCV writes it, YAML wants a space
 # Models whose numbers are OpenCV's k1, k2, p1, p2, k3, ...
@@ -26,9 +26,12 @@ class _Loader(BoundedLoader):
     """Takes OpenCV's matrices as the mappings that they are."""
 
 
-_Loader.add_constructor(
-    _MATRIX, lambda loader, node: yaml.SafeLoader.construct_mapping(loader, node, deep=True)
-)
+def _matrix(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+    content: dict[Any, Any] = loader.construct_mapping(node, deep=True)
+    return content
+
+
+_Loader.add_constructor(_MATRIX, _matrix)
 
 
 def foreign_camera(path: Path) -> dict[str, Any] | None:
@@ -44,7 +47,7 @@ def foreign_camera(path: Path) -> dict[str, Any] | None:
         FileError: the file cannot be read, lacks a value, or has a lens model that is not OpenCV's.
     """
     with reading(path):
-        text = read_bounded(path, _MAX_BYTES).decode()
+        text = read_bounded(path, MAX_BYTES).decode()
     try:
         content = yaml.load(text.replace(_OPENCV_HEAD, "", 1), Loader=_Loader)  # noqa: S506
     except (yaml.YAMLError, ValueError):

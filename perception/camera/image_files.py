@@ -74,6 +74,6 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise FileError(path, "is not a readable image")
     if image.dtype == np.uint16:
-        image = image >> max(int(image.max()).bit_length() - 8, 0)
+        image = np.right_shift(image.astype(np.uint16), max(int(image.max()).bit_length() - 8, 0))
     grey_or_rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB) if colour else image
     return np.asarray(grey_or_rgb, dtype=np.uint8)

@@ -248,19 +248,22 @@ class RecordReader:
         Raises:
             FileError: a message is damaged in a way that checksums do not show.
         """
+        # A tick's messages have one time; a tool that sorts by time may change their order.
         found: dict[str, bytes] = {}
+        time_ns = None
         statuses = self._statuses_before(from_s)
         for message in self.messages(from_s=from_s, to_s=to_s):
-            if message.topic == channels.TICK.topic and found:
-                moment = self._moment(found, statuses)
-                statuses = moment.statuses
-                yield moment
-                found = {}
-            if found or message.topic == channels.TICK.topic:
-                found[message.topic] = message.data
-            elif message.topic == channels.TREE_STATUS.topic:
-                statuses = self._statuses(message)  # how it stood when a part begins
-        if channels.STATE.topic in found and channels.COMMANDS.topic in found:
+            again = message.topic == channels.TICK.topic and message.topic in found
+            if message.time_ns != time_ns or again:
+                if channels.TICK.topic in found:
+                    moment = self._moment(found, statuses)
+                    statuses = moment.statuses
+                    yield moment
+                elif channels.TREE_STATUS.topic in found:  # how it stood when a part begins
+                    statuses = self._statuses(found[channels.TREE_STATUS.topic])
+                found, time_ns = {}, message.time_ns
+            found[message.topic] = message.data
+        if {channels.TICK.topic, channels.STATE.topic, channels.COMMANDS.topic} <= found.keys():
             yield self._moment(found, statuses)
 
     def _statuses_before(self, from_s: float | None) -> tuple[str, ...]:
@@ -271,7 +274,7 @@ class RecordReader:
                 pass
         if last is None:
             return ("IDLE",) * len(self.tree.nodes)
-        return self._statuses(last)
+        return self._statuses(last.data)
 
     def _moment(self, found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         try:
@@ -279,9 +282,9 @@ class RecordReader:
         except (InputError, ArithmeticError, TypeError, ValueError) as error:
             raise self._damaged("tick", error) from error
 
-    def _statuses(self, message: StoredMessage) -> tuple[str, ...]:
+    def _statuses(self, data: bytes) -> tuple[str, ...]:
         try:
-            return decode(StatusNote, parse_json(message.data)).statuses
+            return decode(StatusNote, parse_json(data)).statuses
         except InputError as error:
             raise self._damaged("tick", error) from error
 

@@ -287,7 +287,13 @@ def test_what_cannot_be_played_is_one_error(
 
 
 def rewritten(
-    source: Path, out: Path, *, chunks: bool = True, last: bool = False, by_topic: bool = False
+    source: Path,
+    out: Path,
+    *,
+    chunks: bool = True,
+    last: bool = False,
+    by_topic: bool = False,
+    by_time: bool = False,
 ) -> Path:
     """Write the same messages and metadata in another order that MCAP allows."""
     with source.open("rb") as old, out.open("wb") as new:
@@ -323,6 +329,8 @@ def rewritten(
         ]
         if by_topic:
             messages.sort(key=lambda item: item[0])
+        if by_time:  # those of one time in the order of their topics' names
+            messages.sort(key=lambda item: (item[2].log_time, item[0]))
         for _, number, each in messages:
             writer.add_message(
                 channel_ids[number], each.log_time, each.data, each.publish_time, each.sequence
@@ -333,7 +341,7 @@ def rewritten(
     return out
 
 
-@pytest.mark.parametrize("layout", [{"last": True}, {"chunks": False}], ids=str)
+@pytest.mark.parametrize("layout", [{"last": True}, {"chunks": False}, {"by_time": True}], ids=str)
 def test_a_record_in_another_legal_layout_is_the_same_record(
     whole: Path, tmp_path: Path, layout: dict[str, bool]
 ) -> None:
@@ -344,6 +352,8 @@ def test_a_record_in_another_legal_layout_is_the_same_record(
     assert second.end == first.end
     assert second.damages == ()
     assert moments_of(other) == moments_of(whole)
+    for ours, theirs in zip(first.moments(), second.moments(), strict=True):
+        assert (ours.commands, ours.statuses) == (theirs.commands, theirs.statuses)
     part = [moment.tick.time_s for moment in second.moments(from_s=1.0, to_s=2.0)]
     assert part == [moment.tick.time_s for moment in first.moments(from_s=1.0, to_s=2.0)]
 
