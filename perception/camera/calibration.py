@@ -69,7 +69,7 @@ class Calibration:
     best: LayoutTrial
     trials: tuple[LayoutTrial, ...]  # by falling number of corners
     skipped: Mapping[str, str]  # photograph -> why the best layout did not use it
-    warnings: tuple[str, ...]  # what is doubtful, and what to photograph next
+    warnings: tuple[str, ...]  # doubts, and which photographs to add
 
 
 def calibrate(
@@ -205,7 +205,7 @@ def _points(grid: Corners, square_m: float) -> NDArray[np.float32]:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Solved:
     error_px: float  # root mean square
-    camera: CameraModel | None  # None: it is no real one
+    camera: CameraModel | None  # None: no lens has these numbers
     deviations_px: tuple[float, ...]  # standard deviations of fx, fy, cx, cy
     views_px: NDArray[np.float64]  # (N,) error of each view
 

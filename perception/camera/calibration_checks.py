@@ -1,4 +1,4 @@
-"""What shows that a calibration is wrong although its reprojection error is low.
+"""Checks that find a wrong calibration although its reprojection error is low.
 
 A low error says that some camera explains the corners, not that they determine it. Copies of one
 photograph add no knowledge; standard deviations and the part of the image where corners were seen
@@ -27,7 +27,7 @@ _SAMPLES: Final = 64  # radii at which the distortion is checked; chosen
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationLimits:
-    """What is believed; all numbers are chosen, origin in brackets."""
+    """Limits of a camera that is believed; all numbers are chosen, the reason is in brackets."""
 
     error_px: float = 1.0  # root mean square; good calibrations are below 0.3 (the tests)
     aspect: float = 0.05  # of fx / fy beside 1: pixels of cameras are square
@@ -69,10 +69,10 @@ def fault(
     """Return why a camera is not believed; empty when it is.
 
     Args:
-        camera: what was solved for.
+        camera: the result of the solver.
         error_px: root mean square reprojection error.
         deviations_px: (4,) standard deviations of fx, fy, cx, cy.
-        limits: what is believed.
+        limits: of a camera that is believed.
     """
     if error_px > limits.error_px:
         return (
@@ -136,13 +136,13 @@ def doubts(
     boards: Mapping[str, Corners],
     limits: CalibrationLimits,
 ) -> tuple[str, ...]:
-    """Return what a user should improve, each with the number and what to photograph next.
+    """Return sentences about weak points, each with its number and the photographs to add.
 
     Args:
-        camera: what was solved for.
+        camera: the result of the solver.
         deviations_px: (4,) standard deviations of fx, fy, cx, cy.
         boards: corners of the photographs that went in.
-        limits: what is believed.
+        limits: of a camera that is believed.
     """
     found = []
     worst = float(np.max(deviations_px))

@@ -51,7 +51,7 @@ def foreign_camera(path: Path) -> dict[str, Any] | None:
     try:
         content = yaml.load(text.replace(_OPENCV_HEAD, "", 1), Loader=_Loader)  # noqa: S506
     except (yaml.YAMLError, ValueError):
-        return None  # the reader of our own files says what is wrong
+        return None  # the reader of our own files gives the error
     if not isinstance(content, Mapping):
         return None
     kalibr = content.get("cam0")

@@ -60,7 +60,7 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8
         bits that they use, as 12 bits in a 16-bit file.
 
     Raises:
-        FileError: the file cannot be read or is no image.
+        FileError: the file cannot be read or holds no image.
     """
     if path.suffix.lower() in FOREIGN_SUFFIXES:
         raise FileError(path, _conversion([path]))
@@ -69,7 +69,7 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8
     flags = cv2.IMREAD_ANYDEPTH | (cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE)
     if as_stored:
         flags |= cv2.IMREAD_IGNORE_ORIENTATION
-    # OpenCV raises on an empty buffer, and returns nothing for what is no image.
+    # OpenCV raises on an empty buffer, and returns nothing where no image is encoded.
     image = cv2.imdecode(encoded, flags) if encoded.size else None
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise FileError(path, "is not a readable image")

@@ -38,7 +38,7 @@ class Orientation:
 
         Raises:
             ShapeError: the matrix has another shape.
-            ValueRangeError: the angle is no multiple of 90 degrees.
+            ValueRangeError: the angle is between the multiples of 90 degrees.
         """
         if matrix.shape != (2, 2):
             raise ShapeError("display matrix", expected="2x2", actual=matrix.shape)

@@ -1,4 +1,4 @@
-"""What a depth network of another tool gives: depth or disparity, and how it wants its image.
+"""Mapping of a depth network of another tool: depth or disparity, and the form of its image.
 
 The mapping is a YAML file of the network's name beside it, `net.yaml` beside `net.onnx`:
 
@@ -25,7 +25,7 @@ _OURS: Final = ["framework", "weights_sha256"]  # metadata that `uav-bt net trai
 
 @dataclass(frozen=True, kw_only=True)
 class DepthMapping:
-    """What the output of a depth network means, and how it wants its image."""
+    """Meaning of a depth network's output, and the form of its image."""
 
     output: Literal["depth", "disparity"]  # along the optical axis; 1/depth, both up to a factor
     input: InputFormat = field(default_factory=InputFormat)
@@ -40,7 +40,7 @@ def depth_mapping(path: Path, model: Any) -> DepthMapping:
 
     Raises:
         FileError: the mapping file is malformed.
-        WeightsError: there is no mapping file, and another tool made the network.
+        WeightsError: the mapping file is absent, and another tool made the network.
     """
     beside = path.with_suffix(".yaml")
     if beside.is_file():

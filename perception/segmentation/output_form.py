@@ -1,4 +1,4 @@
-"""What the output of a segmentation network is: class scores, class numbers or one class."""
+"""Forms of a segmentation network's output: class scores, class numbers or one class."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from uav_bt.errors import ValueRangeError
 
 
 class OutputForm(Enum):
-    """What a network answers for each pixel."""
+    """The answer of a network for each pixel."""
 
     SCORES_FIRST = auto()  # 1xCxHxW: a score for each class
     SCORES_LAST = auto()  # 1xHxWxC
@@ -21,7 +21,7 @@ class OutputForm(Enum):
 def output_form(
     shape: Sequence[int], size_px: tuple[int, int], mapping: ClassMapping, *, whole_numbers: bool
 ) -> OutputForm:
-    """Return what an output of this shape is.
+    """Return the form of an output of this shape.
 
     Scores come before or after rows and columns. Rows and columns have the aspect of the input,
     which shows where they are. Where both places fit, the class list decides: the mapping must not
@@ -30,11 +30,11 @@ def output_form(
     Args:
         shape: of the output; the first number is the batch, 1.
         size_px: width and height of the network's input.
-        mapping: what the user says about the network.
+        mapping: of the network's classes.
         whole_numbers: the output's elements are integers.
 
     Raises:
-        ValueRangeError: the shape is no segmentation, or the place of the scores is unclear.
+        ValueRangeError: the shape fits no form, or the place of the scores is unclear.
     """
     if len(shape) not in (3, 4) or shape[0] != 1:
         raise ValueRangeError(f"the output must be 1xCxHxW, 1xHxWxC or 1xHxW, got {_sizes(shape)}")

@@ -97,14 +97,14 @@ def open_context(width_px: int, height_px: int) -> Any:
     make = _import_for(kind, f"mujoco.{module}").GLContext
     try:
         context = make(width_px, height_px)
-    except ValueError as error:  # a device variable that is no number
+    except ValueError as error:  # a device variable without a number
         raise no_gl(error) from error
     _drawn_in.add(os.getpid())
     return context
 
 
 def no_gl(error: Exception) -> MissingDependencyError:
-    """Return the error that says what to change or install, for a failure inside OpenGL."""
+    """Return the error with the remedy for a failure inside OpenGL."""
     return MissingDependencyError(f"OpenGL by {choose_gl()} failed ({error}): {_remedy(error)}")
 
 

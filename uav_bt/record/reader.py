@@ -88,6 +88,7 @@ class RecordReader:
         from mcap.records import Channel, Message, Metadata  # noqa: PLC0415
 
         topics: dict[int, str] = {}
+        first_ns = None
         for record in self._scan:
             if isinstance(record, Metadata) and record.name == START:
                 self.metadata = dict(record.metadata)
@@ -98,10 +99,11 @@ class RecordReader:
             elif isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
+                first_ns = record.log_time if first_ns is None else first_ns
+                if record.log_time > first_ns:  # the tree is among the first messages
+                    break
                 if topics[record.channel_id] == channels.TREE.topic:
                     self.tree = decode(TreeNote, parse_json(record.data))
-                elif topics[record.channel_id] != channels.CALIBRATION.topic:
-                    break
         if self.finished:
             self._read_moved()
 
@@ -109,15 +111,15 @@ class RecordReader:
         """Take metadata and attachments that stand behind the messages, as MCAP allows."""
         with self.path.open("rb") as stream:
             try:
-                summary = self._indexed(stream).get_summary()
+                indexed = self._indexed(stream)
+                summary = indexed.get_summary()
                 if START not in {index.name for index in summary.metadata_indexes}:
                     return
                 names = {index.name for index in summary.attachment_indexes}
                 if self.metadata and names <= self.attachments.keys():
                     return
-                indexed = self._indexed(stream)
                 found = {record.name: record for record in indexed.iter_metadata()}
-                attached = list(self._indexed(stream).iter_attachments())
+                attached = list(indexed.iter_attachments())
             except Exception:  # noqa: BLE001 - a damaged index: what stands at the beginning counts
                 return
         self.metadata = dict(found[START].metadata)
@@ -196,7 +198,7 @@ class RecordReader:
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
-                if record.log_time < last_ns - _NS:  # a second: what the flight's writer holds back
+                if record.log_time < last_ns - _NS:  # a second: the writer holds back less
                     raise FileError(
                         self.path,
                         f"its messages are not in the order of time (topic "

@@ -204,7 +204,7 @@ class MissionTree:
         self._ready = True
 
     def shutdown(self) -> None:
-        """Let leaves close what they opened; those too whose predecessors raise.
+        """Shut all leaves down, also where an earlier one raises.
 
         Raises:
             NodeFailedError: a leaf's `on_shutdown` raised; the first of them.

@@ -300,7 +300,7 @@ def rewritten(
         reader = make_reader(old)
         summary = reader.get_summary()
         assert summary is not None
-        writer = Writer(new, use_chunking=chunks)
+        writer = Writer(new, chunk_size=20_000, use_chunking=chunks)
         writer.start()
         known = {
             number: writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -349,6 +349,7 @@ def test_a_record_in_another_legal_layout_is_the_same_record(
     first, second = RecordReader(whole), RecordReader(other)
     assert second.metadata == first.metadata
     assert second.attachments == first.attachments
+    assert second.tree == first.tree
     assert second.end == first.end
     assert second.damages == ()
     assert moments_of(other) == moments_of(whole)

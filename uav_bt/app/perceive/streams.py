@@ -127,7 +127,7 @@ class VideoSource:
         """Iterate over every n-th image; damaged images are left out and counted.
 
         Raises:
-            FileError: the orientation in the file is no multiple of 90 degrees.
+            FileError: the orientation in the file is between the multiples of 90 degrees.
         """
         shape: tuple[int, ...] | None = None
         with self._opened() as container:

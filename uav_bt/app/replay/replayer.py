@@ -171,7 +171,7 @@ def assemble_recorded(
 
 
 def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) -> None:
-    """Refuse a record without what the tree perceives: it would differ for want of it."""
+    """Refuse a record that lacks the tree's frames or class maps: every replay would differ."""
     perceives = any(FRAME in leaf.reads for leaf in mission.leaves())
     segments = any(CLASS_MAP in leaf.writes for leaf in mission.leaves())
     needed = {
