@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.orientation import UPRIGHT, Orientation
 from uav_bt.errors import FileError
 from uav_bt.files import reading
 
@@ -16,6 +17,19 @@ IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".web
 FOREIGN_SUFFIXES: Final = (".arw", ".avif", ".cr2", ".cr3", ".dng", ".heic", ".heif", ".nef")
 """Formats of phones and cameras that are named and not read."""
 
+_JPEG_MARK: Final = b"\xff\xd8"
+_EXIF_MARK: Final = b"Exif\0\0"
+_EXIF_BYTES: Final = 65_536 + 64  # a JPEG segment's longest, behind the one before it
+_ORIENTATION_TAG: Final = 0x0112
+_EXIF: Final = {  # EXIF 2.3, table 4: value of the tag
+    2: Orientation(flip_columns=True),
+    3: Orientation(flip_columns=True, flip_rows=True),
+    4: Orientation(flip_rows=True),
+    5: Orientation(transpose=True),
+    6: Orientation(transpose=True, flip_columns=True),
+    7: Orientation(transpose=True, flip_columns=True, flip_rows=True),
+    8: Orientation(transpose=True, flip_rows=True),
+}
 _NAMED: Final = 3  # files that a message lists
 
 
@@ -77,3 +91,24 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8
         image = np.right_shift(image.astype(np.uint16), max(int(image.max()).bit_length() - 8, 0))
     grey_or_rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB) if colour else image
     return np.asarray(grey_or_rgb, dtype=np.uint8)
+
+
+def exif_orientation(path: Path) -> Orientation:
+    """Return how a JPEG file's EXIF data turn its stored rows; upright where they say nothing.
+
+    Raises:
+        FileError: the file cannot be read.
+    """
+    with reading(path), path.open("rb") as file:
+        head = file.read(_EXIF_BYTES)
+    begin = head.find(_EXIF_MARK)
+    if not head.startswith(_JPEG_MARK) or begin < 0:
+        return UPRIGHT
+    tiff = head[begin + len(_EXIF_MARK) :]
+    order: Literal["little", "big"] = "little" if tiff.startswith(b"II") else "big"
+    place = int.from_bytes(tiff[4:8], order)
+    count = int.from_bytes(tiff[place : place + 2], order)
+    for entry in range(place + 2, place + 2 + 12 * count, 12):  # tag, type, count, value
+        if int.from_bytes(tiff[entry : entry + 2], order) == _ORIENTATION_TAG:
+            return _EXIF.get(int.from_bytes(tiff[entry + 8 : entry + 10], order), UPRIGHT)
+    return UPRIGHT

@@ -9,7 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.image_files import FOREIGN_SUFFIXES, IMAGE_SUFFIXES, image_files, read_image
+from perception.camera.image_files import (
+    FOREIGN_SUFFIXES,
+    IMAGE_SUFFIXES,
+    exif_orientation,
+    image_files,
+    read_image,
+)
 from uav_bt.app.perceive.streams import (
     CAMERA,
     FOLDER_RATE,
@@ -135,7 +141,13 @@ class FolderSource:
                 continue
             shape = image.shape
             time_s = index / FOLDER_RATE if self._times_s is None else self._times_s[index]
-            yield TimedImage(image=image, index=index, time_s=float(time_s), name=path.name)
+            yield TimedImage(
+                image=image,
+                index=index,
+                time_s=float(time_s),
+                name=path.name,
+                orientation=exif_orientation(path),
+            )
 
     def _read(self, path: Path) -> Image | None:
         try:
