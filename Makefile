@@ -21,11 +21,12 @@ fly: $(VENV)/.for-flying
 	@$(BIN)/uav-bt fly $(TREE) --scene $(SCENE) --seed $(SEED) \
 		--report $(OUT)/report.json --video $(OUT)/mission.mp4
 
-# The tests come last, and come also when the style is wrong, so that one run tells everything.
+# The tests come last, and come also when the style is wrong, so that one run tells everything. A shell
+# that has sourced ROS has packages for another Python on PYTHONPATH, and pytest loads their plug-ins.
 test: $(VENV)/.for-developing
 	@failed=0; \
 	$(MAKE) --no-print-directory lint || failed=1; \
-	$(BIN)/python -m pytest $(PYTEST_ARGS) || failed=1; \
+	env -u PYTHONPATH $(BIN)/python -m pytest $(PYTEST_ARGS) || failed=1; \
 	exit $$failed
 
 lint: $(VENV)/.for-developing

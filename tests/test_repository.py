@@ -247,3 +247,20 @@ def test_ci_runs_what_a_person_runs() -> None:
     assert [words[-1] for words in made] == ["test", "fly"]
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert all(f"make {words[-1]}" in readme for words in made)
+
+
+def test_extras_that_exclude_each_other_are_declared_for_uv() -> None:
+    """Olympe pins an old protobuf, which `onnx` does not take; uv resolves all extras together."""
+    extras = PROJECT["project"]["optional-dependencies"]
+    (conflict,) = PROJECT["tool"]["uv"]["conflicts"]
+    excluded = {entry["extra"] for entry in conflict}
+    needs_onnx = {name for name, needs in extras.items() if any("onnx>" in one for one in needs)}
+    assert excluded == {"olympe", "dev", *needs_onnx}
+
+
+def test_make_test_takes_no_plugins_from_a_sourced_shell() -> None:
+    """A shell that has sourced ROS has pytest plug-ins for another Python on PYTHONPATH."""
+    (line,) = (
+        line for line in (ROOT / "Makefile").read_text("utf-8").splitlines() if "-m pytest" in line
+    )
+    assert line.strip().startswith("env -u PYTHONPATH ")

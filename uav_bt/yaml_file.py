@@ -29,7 +29,7 @@ from uav_bt.yaml_values import BoundedLoader, Places, RefusedValueError, Steps, 
 
 T = TypeVar("T")
 
-_MAX_BYTES: Final = 250_000  # a site or a scene has one thousand
+MAX_BYTES: Final = 250_000  # a site or a scene has one thousand
 _MAX_PROBLEMS: Final = 50
 _EXPECTED: Final = {
     **dict.fromkeys(("float_type", "float_parsing"), "a number"),
@@ -90,7 +90,7 @@ def read_yaml(
     with reading(path, failure):
         if not path.exists():
             raise failure(path, f"there is no such {what}{'; ' if remedy else ''}{remedy}")
-        text = read_bounded(path, _MAX_BYTES, failure).decode()
+        text = read_bounded(path, MAX_BYTES, failure).decode()
     places = Places()
     try:
         root = yaml.compose(text, Loader=BoundedLoader)

@@ -39,7 +39,7 @@ class EstimateDepth(Leaf):
             "model",
             str,
             default="depth",
-            doc="'depth', 'depth-fp32', an ONNX file, or 'contact' (no network)",
+            doc="'depth', 'depth-fp32', an ONNX file (and its mapping), or 'contact' (no network)",
             look_up=depth_file,
         ),
         Port(

@@ -4,19 +4,21 @@ As the paper does it: every corner layout that the photographs allow is tried, a
 lowest reprojection error is kept. A layout of few corners is easily explained, by a wrong camera
 too: its own error says little. So each camera is also measured on the same corners, all that were
 found in all photographs, with only the board's pose fitted anew; the layout with the lowest error
-there wins, and of those within a fiftieth of it the one with the most corners.
+there wins, and of those within a fiftieth of it the one with the most corners. A camera that the
+photographs do not determine, or that no lens explains, is refused (`calibration_checks`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.calibration_checks import CalibrationLimits, distinct, doubts, fault
 from perception.camera.checkerboards import MIN_CORNERS, Corners, Photographs, find_boards, shows
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.progress import Advance, silent
@@ -34,6 +36,7 @@ class CalibrationConfig:
     stray_factor: float = 3.0  # a photograph this many times worse than the median is left out
     stray_floor_px: float = 0.5  # but not when it is this good
     tie: float = 0.02  # errors closer than this are equal: then more corners win
+    limits: CalibrationLimits = field(default_factory=CalibrationLimits)
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.square_m) and self.square_m > 0.0):
@@ -50,6 +53,8 @@ class LayoutTrial:
     error_px: float  # root mean square reprojection error of its own corners
     common_error_px: float  # of all corners found in all photographs
     camera: CameraModel
+    deviations_px: tuple[float, ...] = ()  # standard deviations of fx, fy, cx, cy
+    fault: str = ""  # why the camera is not believed; empty when it is
 
     @property
     def corners(self) -> int:
@@ -64,6 +69,7 @@ class Calibration:
     best: LayoutTrial
     trials: tuple[LayoutTrial, ...]  # by falling number of corners
     skipped: Mapping[str, str]  # photograph -> why the best layout did not use it
+    warnings: tuple[str, ...]  # doubts, and which photographs to add
 
 
 def calibrate(
@@ -75,22 +81,25 @@ def calibrate(
     """Find the camera's intrinsics.
 
     Args:
-        photographs: by name, what reads the image as (H, W) grey; all of one size.
+        photographs: by name, what reads the image as (H, W) grey; those of another size than most
+            are left out.
         config: what is tried.
         advance: called with the progress.
 
     Raises:
-        ShapeError: the images differ in size.
-        InputError: too few photographs show a board.
+        InputError: too few photographs show a board, or no camera that they give is believed.
     """
     config = config or CalibrationConfig()
-    boards, size_px, unreadable = find_boards(photographs, advance)
+    found, size_px, unusable = find_boards(photographs, advance)
+    boards, copies = distinct(found, config.limits)
+    unusable |= copies
     layouts = _layouts(boards, config)
     if not layouts:
         raise InputError(
             f"a calibration needs at least {config.min_images} photographs that show a "
             f"checkerboard of {MIN_CORNERS} inner corners or more, got {len(boards)} of "
-            f"{len(photographs)}; take more, in good light, with the whole board in view"
+            f"{len(photographs)}{f' ({len(copies)} are copies of others)' if copies else ''}; take "
+            "more, in good light, from different sides, with the whole board in view"
         )
     trials = []
     for done, (columns, rows) in enumerate(layouts, start=1):
@@ -103,12 +112,29 @@ def calibrate(
             "no layout of the boards gives a plausible camera; photograph the board from several "
             "sides, tilted, not only from the front"
         )
-    lowest = min(trial.common_error_px for trial in trials)
-    near = [trial for trial in trials if trial.common_error_px <= lowest * (1.0 + config.tie)]
+    believed = [trial for trial in trials if not trial.fault]
+    if not believed:
+        nearest = min(trials, key=lambda trial: trial.common_error_px)
+        raise InputError(
+            f"no camera explains the photographs; the best layout is {nearest.columns}x"
+            f"{nearest.rows} corners in {len(nearest.images)} of {len(photographs)} photographs, "
+            f"and {nearest.fault}"
+        )
+    lowest = min(trial.common_error_px for trial in believed)
+    near = [trial for trial in believed if trial.common_error_px <= lowest * (1.0 + config.tie)]
     best = max(near, key=lambda trial: trial.corners)
     trials.sort(key=lambda trial: -trial.corners)
-    skipped = _skipped(photographs, boards, best, config) | unreadable
-    return Calibration(best=best, trials=tuple(trials), skipped=skipped)
+    return Calibration(
+        best=best,
+        trials=tuple(trials),
+        skipped=_skipped(photographs, boards, best, config) | unusable,
+        warnings=doubts(
+            best.camera,
+            best.deviations_px,
+            {name: boards[name] for name in best.images},
+            config.limits,
+        ),
+    )
 
 
 def _layouts(boards: Mapping[str, Corners], config: CalibrationConfig) -> list[tuple[int, int]]:
@@ -138,22 +164,26 @@ def _try_layout(
         if shows(grid, columns, rows)
     }
     names = _spread(list(views), config.max_images)
-    error_px, camera, per_view = _solve([views[name] for name in names], size_px, config)
-    limit_px = max(config.stray_floor_px, config.stray_factor * float(np.median(per_view)))
-    kept = [name for name, view_px in zip(names, per_view, strict=True) if view_px <= limit_px]
+    solved = _solve([views[name] for name in names], size_px, config)
+    limit_px = max(config.stray_floor_px, config.stray_factor * float(np.median(solved.views_px)))
+    kept = [
+        name for name, view_px in zip(names, solved.views_px, strict=True) if view_px <= limit_px
+    ]
     if len(kept) < config.min_images:
         return None
     if len(kept) < len(names):
-        error_px, camera, _ = _solve([views[name] for name in kept], size_px, config)
-    if camera is None:
+        solved = _solve([views[name] for name in kept], size_px, config)
+    if solved.camera is None:
         return None
     return LayoutTrial(
         columns=columns,
         rows=rows,
         images=tuple(kept),
-        error_px=error_px,
-        common_error_px=_common_error(boards, camera, config),
-        camera=camera,
+        error_px=solved.error_px,
+        common_error_px=_common_error(boards, solved.camera, config),
+        camera=solved.camera,
+        deviations_px=solved.deviations_px,
+        fault=fault(solved.camera, solved.error_px, solved.deviations_px, config.limits),
     )
 
 
@@ -172,11 +202,16 @@ def _points(grid: Corners, square_m: float) -> NDArray[np.float32]:
     return np.asarray(flat * np.float32(square_m))
 
 
-def _solve(
-    views: list[Corners], size_px: tuple[int, int], config: CalibrationConfig
-) -> tuple[float, CameraModel | None, NDArray[np.float64]]:
-    """Return error, camera (None when it is no real one) and the error of each view."""
-    error, matrix, distortion, _, _, _, _, per_view = cv2.calibrateCameraExtended(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Solved:
+    error_px: float  # root mean square
+    camera: CameraModel | None  # None: no lens has these numbers
+    deviations_px: tuple[float, ...]  # standard deviations of fx, fy, cx, cy
+    views_px: NDArray[np.float64]  # (N,) error of each view
+
+
+def _solve(views: list[Corners], size_px: tuple[int, int], config: CalibrationConfig) -> _Solved:
+    error, matrix, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
         [_points(grid, config.square_m) for grid in views],
         [grid.reshape(-1, 1, 2) for grid in views],
         size_px,
@@ -186,7 +221,12 @@ def _solve(
         flags=cv2.CALIB_FIX_K3,
     )
     camera = _camera(np.asarray(matrix, np.float64), np.asarray(distortion, np.float64), size_px)
-    return float(error), camera, np.asarray(per_view, np.float64).ravel()
+    return _Solved(
+        error_px=float(error),
+        camera=camera,
+        deviations_px=tuple(float(value) for value in np.ravel(deviations)[:4]),
+        views_px=np.asarray(per_view, np.float64).ravel(),
+    )
 
 
 def _camera(

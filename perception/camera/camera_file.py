@@ -7,33 +7,39 @@
     - [0.0, 931.2, 359.5]
     - [0.0, 0.0, 1.0]
     distortion: [0.0, 0.0, 0.0, 0.0, 0.0]
+    frames: raw
     reprojection_error_px: 0.08
     corners: [24, 13]
     images_used: 312
 
-The first four are needed, the others tell where they come from. `forward_offset_m` may be added:
-how far the lens is ahead of the drone's centre. `Undistorter` takes the distortion out of images.
+The first four are needed. `frames` says whether the camera is that of images as they are stored
+(`raw`, also where the key is absent) or as a player turns them by the orientation in the file
+(`turned`). The others say where the numbers come from. `forward_offset_m` may be added: how far the
+lens is ahead of the drone's centre. `Undistorter` takes the distortion out of images.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import cv2
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, TypeAdapter, ValidationError
 
 from perception.camera.calibration import LayoutTrial
-from uav_bt.errors import ShapeError, ValueRangeError
+from perception.camera.foreign_camera import foreign_camera
+from perception.camera.orientation import UPRIGHT, Orientation
+from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import write_whole
 from uav_bt.types import CameraModel
 from uav_bt.yaml_file import read_yaml
 
 _DISTORTIONS: Final = (0, 4, 5, 8, 12, 14)  # how many numbers OpenCV's models have
+_REMEDY: Final = "`uav-bt lab calibrate` makes one"
 _ASPECT_SLACK: Final = 0.01  # of the aspect: 1280x720 and 854x480 are both 16:9
 
 
@@ -54,6 +60,7 @@ def write_camera(path: Path, trial: LayoutTrial) -> None:
         "height_px": camera.height_px,
         "K": matrix,
         "distortion": list(camera.distortion),
+        "frames": "raw",
         "reprojection_error_px": round(trial.error_px, 4),
         "corners": [trial.columns, trial.rows],
         "images_used": len(trial.images),
@@ -65,25 +72,39 @@ def load_camera(
     path: Path,
     *,
     size_px: tuple[int, int] | None = None,
+    orientation: Orientation = UPRIGHT,
     forward_offset_m: float = CameraModel.forward_offset_m,
 ) -> CameraModel:
-    """Read a camera file.
+    """Read a camera file, our own or one of ROS, OpenCV or Kalibr.
 
     Args:
         path: the YAML file.
         size_px: width and height of the images it is for; the camera is scaled to it. As
             calibrated when None.
+        orientation: from the stored images to those it is for.
         forward_offset_m: of the lens ahead of the drone's centre, where the file does not say it.
 
     Raises:
         FileError: the file is absent or malformed.
         ValueRangeError: it was calibrated at another aspect than that of the images.
     """
-    file = read_yaml(
-        path, _CameraFile, "camera file", remedy="`uav-bt lab calibrate` makes one"
-    ).value
+    file = _foreign(path) or read_yaml(path, _CameraFile, "camera file", remedy=_REMEDY).value
     camera = file.camera(forward_offset_m)
+    if file.frames == "raw":
+        camera = orientation.camera(camera)
     return camera if size_px is None else fitted_camera(camera, *size_px, source=str(path))
+
+
+def _foreign(path: Path) -> _CameraFile | None:
+    content = foreign_camera(path) if path.is_file() else None
+    if content is None:
+        return None
+    try:
+        return _CAMERA_FILE.validate_python(content)
+    except ValidationError as error:
+        item = error.errors(include_url=False)[0]
+        place = ".".join(map(str, item["loc"]))
+        raise FileError(path, f"{place}: {item['msg']}, got '{item['input']}'") from error
 
 
 _Row = tuple[float, float, float]
@@ -95,6 +116,7 @@ class _CameraFile:
     height_px: Annotated[int, Field(gt=0)]
     K: tuple[_Row, _Row, _Row]
     distortion: tuple[float, ...]
+    frames: Literal["raw", "turned"] = "raw"
     forward_offset_m: float | None = None
     # Where it comes from, for people:
     reprojection_error_px: Any = None
@@ -132,6 +154,9 @@ class _CameraFile:
                 forward_offset_m if self.forward_offset_m is None else self.forward_offset_m
             ),
         )
+
+
+_CAMERA_FILE: Final = TypeAdapter(_CameraFile)
 
 
 def fitted_camera(

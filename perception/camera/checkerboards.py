@@ -127,39 +127,44 @@ def find_boards(
     """Find the boards of many photographs of one camera.
 
     Args:
-        photographs: by name, what reads the image as (H, W) grey; all of one size.
+        photographs: by name, what reads the image as (H, W) grey. Those of another size than most
+            are left out.
         advance: called with the progress.
 
     Returns:
-        Each photograph's board, width and height of the photographs, and why some cannot be read.
+        Each photograph's board, width and height of the photographs, and why some cannot be used.
 
     Raises:
-        ShapeError: the images differ in size.
         InputError: none can be read.
     """
     boards: dict[str, Corners] = {}
-    unreadable: dict[str, str] = {}
-    shape: tuple[int, ...] = ()
+    unusable: dict[str, str] = {}
+    shapes: dict[str, tuple[int, ...]] = {}
     for done, (name, read) in enumerate(photographs.items(), start=1):
         try:
             image = read()
         except FileError as error:
-            unreadable[name] = str(error)
+            unusable[name] = str(error)
             continue
-        if shape and image.shape != shape:
-            expected = f"{shape[0]}x{shape[1]}, as the rest"
-            raise ShapeError(name, expected=expected, actual=image.shape)
-        shape = image.shape
+        shapes[name] = image.shape
         found = find_any_board(image)
         if found is not None:
             boards[name] = found
         advance("boards", done, len(photographs))
-    if not shape:
-        reason = next(iter(unreadable.values()), "there are none")
+    if not shapes:
+        reason = next(iter(unusable.values()), "there are none")
         raise InputError(f"none of {len(photographs)} photographs can be read: {reason}")
-    readable = {name: read for name, read in photographs.items() if name not in unreadable}
-    _look_again(readable, boards, advance)
-    return boards, (shape[1], shape[0]), unreadable
+    most = Counter(shapes.values()).most_common(1)[0][0]
+    for name, shape in shapes.items():
+        if shape != most:
+            boards.pop(name, None)
+            unusable[name] = (
+                f"is {shape[1]}x{shape[0]}, most photographs are {most[1]}x{most[0]} "
+                "(width x height)"
+            )
+    usable = {name: read for name, read in photographs.items() if name not in unusable}
+    _look_again(usable, boards, advance)
+    return boards, (most[1], most[0]), unusable
 
 
 def _look_again(photographs: Photographs, boards: dict[str, Corners], advance: Advance) -> None:

@@ -68,7 +68,7 @@ class OnnxControlStudent:
         self._frames = (1, config.views, 3, config.height_px, config.width_px)
         self._state = (1, state_size(config.views))
         self._check(model)
-        self._request = compile_model(model, threads).create_infer_request()
+        self._request = compile_model(model, threads, path).create_infer_request()
         # The first inference is the slow one.
         self._run(np.zeros(self._frames, np.float32), np.zeros(self._state, np.float32))
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.mapping import depth_mapping
 from perception.networks.named import SHIPPED_DEPTHS, depth_file
 from perception.networks.onnx_runtime import (
     accept_uint8,
@@ -25,32 +26,33 @@ _MAX_DEPTH: Final = 1e4  # of a disparity of zero: so far that nothing there mat
 class OnnxDepthEstimator:
     """A depth network in an ONNX file.
 
-    The network has one image as input, (1, 3, H, W) RGB in [0, 1] of a fixed size, and one output
-    (1, 1, h, w) or (1, h, w), h and w at most H and W: relative depth along the optical axis, or
-    its inverse. The same frame always gives the same depth, also with other work beside it.
+    The network has one image as input, (1, 3, H, W) RGB in [0, 1] or as its mapping says, and one
+    output (1, 1, h, w) or (1, h, w), h and w at most H and W: relative depth along the optical
+    axis, or disparity, which is turned over. The same frame always gives the same depth, also with
+    other work beside it.
 
     Args:
-        path: the ONNX file.
-        says: what the output means; a disparity is turned over.
+        path: the ONNX file; `DepthMapping` has the file beside it.
         threads: of inference.
 
     Raises:
-        WeightsError: the file is absent or damaged, or the network is no depth network.
-        UnknownNameError: `says` is neither.
+        WeightsError: the file is absent or damaged, the network is no depth network, or it is
+            unknown whether it gives depth or disparity.
+        FileError: the mapping beside it is malformed.
     """
 
-    def __init__(
-        self, path: Path, *, says: Literal["depth", "disparity"] = "depth", threads: int = 1
-    ) -> None:
-        if says not in ("depth", "disparity"):
-            raise UnknownNameError(
-                "meaning of a depth network's output", says, ("depth", "disparity")
-            )
+    def __init__(self, path: Path, *, threads: int = 1) -> None:
         self._path = path
-        self._inverse = says == "disparity"
         model = read_model(path, "`uav-bt net train depth`")
-        self._size = input_size(model, path)
-        self._request = compile_model(accept_uint8(model), threads).create_infer_request()
+        mapping = depth_mapping(path, model)
+        self._inverse = mapping.output == "disparity"
+        wanted = mapping.input
+        planar = wanted.layout == "nchw"
+        self._size = input_size(model, path, planar=planar, size_px=wanted.size)
+        model = accept_uint8(
+            model, planar=planar, mean=wanted.mean, scale=wanted.scale, colours=wanted.colours
+        )
+        self._request = compile_model(model, threads, path).create_infer_request()
         grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)
         self._output_px = self._check_output(self._run(grey))
 
@@ -110,7 +112,8 @@ def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEst
     Raises:
         UnknownNameError: it is neither.
         ValueRangeError: it is the earlier name of "contact".
-        WeightsError: the file cannot be used.
+        FileError: the mapping beside the file is malformed.
+        WeightsError: the file cannot be used, or it is unknown whether it gives depth or disparity.
     """
     path = depth_file(str(model))
     if path is None:

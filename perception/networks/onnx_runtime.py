@@ -33,15 +33,17 @@ def read_model(path: Path, remedy: str) -> Any:
         raise WeightsError(path, f"is not a readable ONNX network ({reason})") from error
 
 
-def compile_model(model: Any, threads: int) -> Any:
+def compile_model(model: Any, threads: int, path: Path) -> Any:
     """Return the network, compiled for one image at a time.
 
     Args:
         model: the network.
         threads: of inference.
+        path: its file, for messages.
 
     Raises:
         ValueRangeError: `threads` is less than 1.
+        WeightsError: the inference runtime cannot run the network.
     """
     if threads < 1:
         raise ValueRangeError(f"inference needs at least one thread, got {threads}")
@@ -55,31 +57,67 @@ def compile_model(model: Any, threads: int) -> Any:
         # Pinned, the workers of a campaign would all sit on the same core.
         "ENABLE_CPU_PINNING": False,
     }
-    return import_openvino().Core().compile_model(model, "CPU", settings)
+    try:
+        return import_openvino().Core().compile_model(model, "CPU", settings)
+    except RuntimeError as error:
+        reason = next(
+            (line for line in str(error).splitlines() if "node" in line.split(" ")),
+            str(error).strip().splitlines()[-1],
+        )
+        raise WeightsError(
+            path,
+            f"OpenVINO cannot run this network ({reason.strip()}); export it with other operators",
+        ) from error
 
 
-def input_size(model: Any, path: Path, *, planar: bool = True) -> tuple[int, int]:
-    """Return width and height of the one image that the network takes; its batch becomes one.
+def input_size(
+    model: Any, path: Path, *, planar: bool = True, size_px: tuple[int, int] | None = None
+) -> tuple[int, int]:
+    """Return width and height of the one image that the network takes.
+
+    Its batch becomes one. Where the file leaves width and height open, they become `size_px`.
 
     Args:
         model: the network.
         path: its file, for messages.
         planar: 1x3xHxW; otherwise 1xHxWx3.
+        size_px: width and height that the user wants; None for those of the file.
 
     Raises:
-        WeightsError: it takes something else.
+        WeightsError: the network takes something else, or the size is unknown.
     """
     if len(model.inputs) != 1 or not model.outputs:
         raise WeightsError(path, f"the network must have one input, it has {len(model.inputs)}")
     shape = model.input(0).get_partial_shape()
-    if shape.is_dynamic and len(shape) == 4 and shape[0].is_dynamic:
-        shape[0] = 1
-        model.reshape(shape)
+    given = str(shape)
     wanted = "1x3xHxW" if planar else "1xHxWx3"
-    if shape.is_dynamic or len(shape) != 4 or shape[1 if planar else 3] != 3 or shape[0] != 1:
-        raise WeightsError(path, f"the input must be {wanted} of fixed size, got {shape}")
-    height, width = (shape[2], shape[3]) if planar else (shape[1], shape[2])
-    return width.get_length(), height.get_length()
+    if len(shape) != 4:
+        raise WeightsError(path, f"the input must be {wanted}, got {given}")
+    channels, rows, columns = (1, 2, 3) if planar else (3, 1, 2)
+    open_axes = {0: 1, channels: 3}
+    if size_px is not None:
+        open_axes |= {columns: size_px[0], rows: size_px[1]}
+    for axis, length in open_axes.items():
+        if shape[axis].is_dynamic:
+            shape[axis] = length
+    if shape.is_dynamic:
+        raise WeightsError(
+            path,
+            f"the input {given} leaves its size open; add `input: {{size: [WIDTH, HEIGHT]}}` to "
+            "the network's mapping file",
+        )
+    if shape[channels] != 3 or shape[0] != 1:
+        raise WeightsError(path, f"the input must be {wanted}, got {given}")
+    if model.is_dynamic():
+        model.reshape(shape)
+    found_px = shape[columns].get_length(), shape[rows].get_length()
+    if size_px is not None and found_px != size_px:
+        raise WeightsError(
+            path,
+            f"the network takes images of {found_px[0]}x{found_px[1]}, the mapping says "
+            f"{size_px[0]}x{size_px[1]}; remove `size` from the mapping",
+        )
+    return found_px
 
 
 def accept_uint8(
@@ -87,22 +125,25 @@ def accept_uint8(
     *,
     planar: bool = True,
     mean: Sequence[float] = (0.0, 0.0, 0.0),
-    scale: Sequence[float] = (255.0, 255.0, 255.0),
+    scale: Sequence[float] | None = None,
     colours: Literal["rgb", "bgr"] = "rgb",
 ) -> Any:
-    """Let a network of floats take uint8 images: faster than to convert them first.
+    """Let a network take uint8 images: faster than to convert them first.
 
     Args:
         model: the network, of one input.
         planar: its input is 1x3xHxW; otherwise 1xHxWx3.
         mean: subtracted from the 0..255 colours, red green blue.
-        scale: divides the difference.
+        scale: divides the difference; by default 255 for an input of floats, and 1 for an input of
+            whole numbers, which scales inside.
         colours: their order in the network's input.
 
     Returns:
         The network with an input 1xHxWx3, uint8 RGB.
     """
     openvino = import_openvino()
+    if scale is None:
+        scale = (255.0,) * 3 if model.input(0).get_element_type().is_real() else (1.0,) * 3
     steps = openvino.preprocess.PrePostProcessor(model)
     bytes_by_row = openvino.Layout("NHWC")
     steps.input().tensor().set_element_type(openvino.Type.u8).set_layout(bytes_by_row)
@@ -116,8 +157,12 @@ def accept_uint8(
     return steps.build()
 
 
-def class_numbers(model: Any) -> Any:
-    """Add the choice of the best class to a network of class scores, 1xCxHxW: it is faster there.
+def class_numbers(model: Any, *, planar: bool = True) -> Any:
+    """Add the choice of the best class to a network of class scores: it is faster there.
+
+    Args:
+        model: the network.
+        planar: its output is 1xCxHxW; otherwise 1xHxWxC.
 
     Returns:
         The network with two outputs: the best class's number, 1x1xHxW int32 (the first of equals),
@@ -126,6 +171,10 @@ def class_numbers(model: Any) -> Any:
     openvino = import_openvino()
     ops = openvino.opset13
     scores = model.output(0).get_node().input_value(0)
+    if not planar:
+        scores = ops.transpose(scores, ops.constant(np.array([0, 3, 1, 2])))
+    if not scores.get_element_type().is_real():
+        scores = ops.convert(scores, "f32")
     best = ops.topk(
         scores, ops.constant(np.int64(1)), 1, "max", "none", index_element_type="i32"
     ).output(1)

@@ -6,9 +6,12 @@ A mapping is a YAML (or JSON) file beside the network:
 
     input:                    # optional; each entry has a default
       mean: [0, 0, 0]         # taken from the 0..255 colours, red green blue
-      scale: [255, 255, 255]  # then divided by these
+      scale: [255, 255, 255]  # then divided by these; 1 by default for an input of whole numbers
       colours: rgb            # or bgr
       layout: nchw            # or nhwc
+      size: [224, 112]        # width, height; where the file leaves them open
+    output: nchw              # or nhwc; where the sizes do not show it
+    threshold: 0.5            # of a network of one class, class 0; other pixels become the default
     default: background       # optional: what classes become that are not listed
     classes:                  # the network's class number: our class, or one of the four groups
       0: background
@@ -28,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import PlainValidator
 
+from perception.networks.input_format import InputFormat
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, CLASS_NAMES, HELIPAD_BOX, class_id
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Segmenter
@@ -45,7 +49,6 @@ GROUP_ALIASES: Final[Mapping[str, int]] = MappingProxyType(
 """The class that stands for a group when a network does not tell its classes apart."""
 
 _MAX_CLASSES: Final = 65536  # a class number beyond this is a mistake, not a network
-_Triple = tuple[float, float, float]
 
 
 def _class_of(name: object) -> int:
@@ -57,34 +60,15 @@ _OurClass = Annotated[int, PlainValidator(_class_of)]  # files have names
 
 
 @dataclass(frozen=True, kw_only=True)
-class InputFormat:
-    """How a network wants its image."""
-
-    mean: _Triple = (0.0, 0.0, 0.0)  # subtracted from the 0..255 colours, red green blue
-    scale: _Triple = (255.0, 255.0, 255.0)  # divides the difference
-    colours: Literal["rgb", "bgr"] = "rgb"
-    layout: Literal["nchw", "nhwc"] = "nchw"
-
-    def __post_init__(self) -> None:
-        if len(self.mean) != 3 or len(self.scale) != 3 or 0.0 in self.scale:
-            raise ValueRangeError(
-                f"mean and scale need three numbers, scale none of them zero, got {self.mean}, "
-                f"{self.scale}"
-            )
-        if self.colours not in ("rgb", "bgr") or self.layout not in ("nchw", "nhwc"):
-            raise ValueRangeError(
-                "colours must be rgb or bgr and layout nchw or nhwc, "
-                f"got {self.colours}, {self.layout}"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
 class ClassMapping:
     """A network's class numbers in our class ids."""
 
     classes: Mapping[int, _OurClass]  # theirs to ours
     default: _OurClass = BACKGROUND  # ours, for theirs that are not listed
     input: InputFormat = field(default_factory=InputFormat)
+    output: Literal["nchw", "nhwc"] | None = None  # of class scores; None: as the sizes show
+    # Of the answer of a network of one class. None: 0.5, and the answer must be a probability.
+    threshold: float | None = None
 
     def __post_init__(self) -> None:
         if not self.classes:

@@ -21,24 +21,25 @@ from perception.networks.onnx_runtime import (
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping, read_mapping
+from perception.segmentation.output_form import OutputForm, output_form
 from perception.segmentation.teacher import Teacher, load_teacher
-from uav_bt.errors import UnknownNameError, WeightsError
+from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import ClassMap, Frame
 
 _SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 _SHARP: Final = RefineConfig()
+_PROBABLE: Final = 0.5  # chosen: more likely the class than not
 
 
 class OnnxSegmenter:
     """A segmentation network in an ONNX file, run by OpenVINO.
 
-    The network has one image as input, of a fixed size, and one output: class scores
-    (1, C, h, w) or class numbers (1, h, w) or (1, 1, h, w). The same frame always gives the same
-    class map, also with other work beside it.
+    The network has one image as input and one output, see `OutputForm`. The same frame always gives
+    the same class map, also with other work beside it.
 
     Args:
         path: the ONNX file.
-        mapping: what its classes mean, or the file that says so; None for a network that speaks
+        mapping: what its classes mean, or the file that says so; None for a network that gives
             our seventeen.
         threads: of inference.
 
@@ -56,20 +57,32 @@ class OnnxSegmenter:
         model = read_model(path, "`uav-bt net train segmentation`")
         wanted = self._mapping.input
         planar = wanted.layout == "nchw"
-        self._size = input_size(model, path, planar=planar)
+        self._size = input_size(model, path, planar=planar, size_px=wanted.size)
         model = accept_uint8(
             model, planar=planar, mean=wanted.mean, scale=wanted.scale, colours=wanted.colours
         )
         shape = model.output(0).get_partial_shape()
-        if shape.is_dynamic or len(shape) not in (3, 4) or shape[0] != 1:
-            raise WeightsError(path, f"the output must be 1xCxHxW or 1xHxW, got {shape}")
-        self._scores = len(shape) == 4 and shape[1] != 1
-        # Class numbers do not say how many there can be: the table then covers what is mapped.
-        count = shape[1].get_length() if self._scores else max(self._mapping.classes) + 1
+        if shape.is_dynamic:
+            raise WeightsError(path, f"the output must be of fixed size, got {shape}")
+        self._form = self._output_form([int(length) for length in shape.to_shape()], model)
+        self._scores = self._form in (OutputForm.SCORES_FIRST, OutputForm.SCORES_LAST)
+        if self._mapping.threshold is not None and self._form is not OutputForm.ONE_CLASS:
+            raise WeightsError(
+                path,
+                "the mapping has a threshold, but the network is not one of one class: its output "
+                "must have one channel of floats, and the mapping must list class 0 only",
+            )
+        planar_output = self._form is OutputForm.SCORES_FIRST
+        # Class numbers do not show how many classes there can be: the table covers the listed ones.
+        count = (
+            shape[1 if planar_output else 3].get_length()
+            if self._scores
+            else max(self._mapping.classes) + 1
+        )
         self._table = self._mapping.table(count)
         if self._scores:
-            model = class_numbers(model)
-        self._request = compile_model(model, threads).create_infer_request()
+            model = class_numbers(model, planar=planar_output)
+        self._request = compile_model(model, threads, path).create_infer_request()
         self._run(np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8))  # the slow first
 
     @property
@@ -96,16 +109,49 @@ class OnnxSegmenter:
         ours = self._table[np.where(known, numbers, 0)]
         return np.where(known, ours, np.uint8(self._mapping.default))
 
+    def _output_form(self, shape: list[int], model: Any) -> OutputForm:
+        kind = model.output(0).get_element_type()
+        whole_numbers = not kind.is_real() and kind.to_string() != "boolean"
+        try:
+            return output_form(shape, self._size, self._mapping, whole_numbers=whole_numbers)
+        except ValueRangeError as error:
+            raise WeightsError(self._path, str(error)) from error
+
     def _run(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[Any], bool]:
         """Return class numbers, (h, w), and whether the network's answer is all finite."""
         self._request.infer([np.ascontiguousarray(rgb[None])])
         output = np.asarray(self._request.get_output_tensor(0).data)
-        numbers = output.reshape(output.shape[-2:])
         if self._scores:
+            numbers = output.reshape(output.shape[-2:])
             return numbers, bool(self._request.get_output_tensor(1).data)
-        if not np.isfinite(numbers).all():
-            return numbers, False
-        return numbers.astype(np.int64), True
+        rows_first = output.ndim == 3 or output.shape[1] != 1
+        answer = output.reshape(output.shape[1:3] if rows_first else output.shape[2:])
+        if not np.isfinite(answer).all():
+            return answer, False
+        if self._form is OutputForm.ONE_CLASS:
+            return self._beyond_threshold(answer), True
+        if (answer != np.floor(answer)).any():
+            raise WeightsError(
+                self._path,
+                "class numbers must be whole numbers, and the network gives "
+                f"{answer[answer != np.floor(answer)][0]:.3g}; for the probability of one class, "
+                "list class 0 only in the mapping",
+            )
+        return answer.astype(np.int64), True
+
+    def _beyond_threshold(self, answer: NDArray[Any]) -> NDArray[np.int64]:
+        """Return class 0 where the answer is above the threshold, and 1, which is not listed."""
+        threshold = self._mapping.threshold
+        if threshold is None:
+            threshold = _PROBABLE
+            if answer.min() < 0 or answer.max() > 1:
+                raise WeightsError(
+                    self._path,
+                    "a network of one class must give probabilities within 0 and 1, got "
+                    f"{float(answer.min()):.3g} to {float(answer.max()):.3g}; if it gives scores "
+                    "before the sigmoid, add `threshold: 0` to the mapping file",
+                )
+        return np.where(answer > threshold, 0, 1)
 
 
 class TeacherSegmenter:

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from uav_bt.errors import MissingDependencyError, UnknownNameError
+from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
 
 _ADVICE = (
     "the twin needs OpenGL to draw what the drone sees, and this machine has none that works. "
@@ -30,6 +30,8 @@ _WHEEL_LIBRARIES = (
 )
 _KINDS = ("egl", "osmesa", "glfw", "glx")
 _OFF = ("disable", "disabled", "off", "false", "0")
+_DEVICE = "MUJOCO_EGL_DEVICE_ID"  # MuJoCo's, set by clusters for each job
+_drawn_in: set[int] = set()  # process ids that have opened a context; a fork inherits them
 _EGL_PLATFORM_DEVICE = 0x313F
 _EGL_OPENGL_API = 0x30A2
 _EGL_OFFSCREEN_OPENGL = (0x3033, 0x0001, 0x3040, 0x0008, 0x3038)  # pbuffer, OpenGL, end of list
@@ -77,20 +79,40 @@ def load_mujoco() -> None:
     _import_for(choose_gl(), "mujoco")
 
 
-def context_class() -> Any:
-    """Return MuJoCo's GL context class for the chosen way.
+def open_context(width_px: int, height_px: int) -> Any:
+    """Return a new GL context of MuJoCo's, for the chosen way.
 
     Raises:
         MissingDependencyError: there is no working OpenGL.
+        InputError: this process was forked from one that has drawn.
     """
+    # A driver's threads do not live on in a fork: its first call there waits for ever.
+    if _drawn_in and os.getpid() not in _drawn_in:
+        raise InputError(
+            "OpenGL was used before this process was forked, and would wait for ever here; start "
+            "processes with multiprocessing's 'spawn', or fly many missions by `uav-bt campaign`"
+        )
     kind = choose_gl()
     module = {"egl": "egl", "osmesa": "osmesa", "cgl": "cgl"}.get(kind, "glfw")
-    return _import_for(kind, f"mujoco.{module}").GLContext
+    make = _import_for(kind, f"mujoco.{module}").GLContext
+    try:
+        context = make(width_px, height_px)
+    except ValueError as error:  # a device variable without a number
+        raise no_gl(error) from error
+    _drawn_in.add(os.getpid())
+    return context
 
 
 def no_gl(error: Exception) -> MissingDependencyError:
-    """Return the error that says what to install, for a failure inside OpenGL."""
-    return MissingDependencyError(f"OpenGL by {choose_gl()} failed ({error}): {_ADVICE}")
+    """Return the error with the remedy for a failure inside OpenGL."""
+    return MissingDependencyError(f"OpenGL by {choose_gl()} failed ({error}): {_remedy(error)}")
+
+
+def _remedy(error: Exception) -> str:
+    device = os.environ.get(_DEVICE)
+    if device is not None and (isinstance(error, ValueError) or _DEVICE in str(error)):
+        return f"{_DEVICE}={device} names a device that this machine does not have; unset it"
+    return _ADVICE
 
 
 def _import_for(kind: str, module: str) -> Any:
@@ -98,9 +120,11 @@ def _import_for(kind: str, module: str) -> Any:
         raise MissingDependencyError("the twin needs MuJoCo; install it with `pip install mujoco`")
     try:
         return importlib.import_module(module)
-    except (ImportError, AttributeError, OSError, RuntimeError) as error:
+    except (ImportError, AttributeError, OSError, RuntimeError, ValueError) as error:
         # AttributeError is what PyOpenGL raises when a library it wants is not there.
-        raise MissingDependencyError(f"OpenGL by {kind} failed ({error}): {_ADVICE}") from error
+        raise MissingDependencyError(
+            f"OpenGL by {kind} failed ({error}): {_remedy(error)}"
+        ) from error
 
 
 def _what_works() -> str:

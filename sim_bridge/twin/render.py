@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.anafi import FOCAL_SHARE
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.gl import context_class, no_gl
+from sim_bridge.twin.gl import no_gl, open_context
 from sim_bridge.twin.model import LabModel
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import MoverState
@@ -35,6 +35,7 @@ class Renderer:
 
     Raises:
         MissingDependencyError: OpenGL does not work here, with what to install.
+        InputError: this process was forked from one that has drawn.
     """
 
     def __init__(self, lab: LabModel, *, samples: int = 0) -> None:
@@ -44,7 +45,7 @@ class Renderer:
         self._near = float(model.vis.map.znear * model.stat.extent)
         self._far = float(model.vis.map.zfar * model.stat.extent)
         try:
-            self._gl = context_class()(64, 64)  # only the off-screen buffer is drawn to
+            self._gl = open_context(64, 64)  # only the off-screen buffer is drawn to
             self._gl.make_current()
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         except (ImportError, AttributeError, RuntimeError, mujoco.FatalError) as error:

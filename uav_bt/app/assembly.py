@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
-from uav_bt.errors import DroneError, InputError
+from uav_bt.errors import DroneError, InputError, NodeFailedError
 from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.limits import Limits
@@ -43,6 +44,8 @@ from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types import ClassMap, Frame
 
 DroneT = TypeVar("DroneT", bound=Drone)
+
+_LOG: Final = logging.getLogger(__name__)
 
 _CEILING_SLACK_M = 0.6  # of the drone's own ceiling above the mission's
 _STILL_S = 2.0  # of a real camera; longer than video needs to repeat a whole image
@@ -142,7 +145,7 @@ class Flight(Generic[DroneT]):
 
     @contextmanager
     def connected(self) -> Iterator[None]:
-        """Connect the drone and set the mission up; disconnect the drone at the end.
+        """Connect the drone and set the mission up; shut down and disconnect at the end.
 
         Raises:
             DroneError: the drone cannot be reached.
@@ -154,6 +157,10 @@ class Flight(Generic[DroneT]):
             yield
         finally:
             # The flight is over: whatever goes wrong with saying good-bye changes nothing of it.
+            try:
+                self.mission.shutdown()
+            except NodeFailedError as error:
+                _LOG.warning("after the flight: %s", error)
             with suppress(DroneError):
                 self.drone.disconnect()
 

@@ -40,7 +40,7 @@ def obey(key: str, runner: MissionRunner) -> None:
 @contextmanager
 def pilot_keys(runner: MissionRunner) -> Iterator[None]:
     """Name the keys and obey them while a mission flies; without a terminal there are none."""
-    if not sys.stdin.isatty():
+    if sys.stdin is None or not sys.stdin.isatty():  # None: the standard input was closed
         yield
         return
     click.echo(KEYS_HELP, err=True)

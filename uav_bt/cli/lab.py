@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import click
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from behaviours.fly.heading_control import HeadingGains
 from perception.camera.calibration import Calibration, CalibrationConfig
 from perception.camera.calibration import calibrate as calibrate_camera
 from perception.camera.camera_file import write_camera
+from perception.camera.image_files import image_files, read_image
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app.film import map_of_scene
@@ -24,10 +26,9 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.ranges import Number
 from uav_bt.display.lab_map import draw_path_map
 from uav_bt.errors import FileError
-from uav_bt.files import reading, writing
+from uav_bt.files import writing
 
 _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach it are in their way
-_IMAGES: Final = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"}
 
 
 @click.command(cls=Command)
@@ -88,47 +89,46 @@ def calibrate(*, images: tuple[Path, ...], square_mm: float, out: Path) -> None:
 
     IMAGES are photographs or folders of them. The board's layout need not be known: every layout of
     inner corners that the photographs allow is tried, and the camera with the lowest reprojection
-    error is kept. What cannot be used is named.
+    error is kept. A camera that the photographs do not determine is refused. What cannot be used is
+    named. The EXIF orientation is ignored: the camera is that of the stored pixels.
     """
-    photographs = {str(path): _reader(path) for path in _files(images)}
+    files, foreign = _files(images)
+    photographs = {str(path): _reader(path) for path in files}
     config = CalibrationConfig(square_m=square_mm / 1000.0)
     with progress_bars() as advance:
         found = calibrate_camera(photographs, config, advance=advance)
     _print_calibration(found)
+    for line in foreign:
+        click.echo(f"skipped {line}")
+    for warning in found.warnings:
+        click.echo(f"warning: {warning}", err=True)
     write_camera(out, found.best)
     click.echo(f"camera file: {out}")
 
 
-def _files(paths: tuple[Path, ...]) -> list[Path]:
-    """Return all images of files and folders, each once.
+def _files(paths: tuple[Path, ...]) -> tuple[list[Path], list[str]]:
+    """Return all images of files and folders, each once, and lines about formats not read.
 
     Raises:
         FileError: a path is absent, or a folder holds no image.
     """
     found: dict[Path, None] = {}
+    foreign = []
     for path in paths:
         if path.is_dir():
-            inside = [file for file in sorted(path.iterdir()) if file.suffix.lower() in _IMAGES]
-            if not inside:
-                raise FileError(path, f"the folder holds no images ({', '.join(_IMAGES)})")
+            inside, line = image_files(path)
             found.update(dict.fromkeys(inside))
+            foreign += [f"in {path}: {line}"] if line else []
         elif path.is_file():
             found[path] = None
         else:
             raise FileError(path, "there is no such image")
-    return list(found)
+    return list(found), foreign
 
 
-def _reader(path: Path) -> Callable[[], Any]:
-    def read() -> Any:
-        with reading(path):
-            encoded = np.fromfile(path, dtype=np.uint8)
-        image = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE) if encoded.size else None
-        if image is None:
-            raise FileError(path, "is not a readable image")
-        return image
-
-    return read
+def _reader(path: Path) -> Callable[[], NDArray[np.uint8]]:
+    # As stored: a calibration is of the sensor's pixels, however the phone was held.
+    return lambda: read_image(path, colour=False, as_stored=True)
 
 
 def _print_calibration(found: Calibration) -> None:

@@ -36,10 +36,10 @@ class FlownTree:
         """Let the next tree fly, where there is one; to be called between two ticks.
 
         The old one is halted first. The new one begins at its root, on the same board, and its
-        leaves may go on from what those of the old one know.
+        leaves may go on from what those of the old one know. Then the old one is shut down.
 
         Raises:
-            NodeFailedError: a leaf raised when it was halted, or when it took over.
+            NodeFailedError: a leaf raised when it was halted, took over or was shut down.
         """
         tree = None if self._next_tree is None else self._next_tree()
         if tree is None:
@@ -48,3 +48,4 @@ class FlownTree:
         former, self.tree = self.tree, tree
         self.budgets.follow(tree)
         tree.inherit(former)
+        former.shutdown()

@@ -36,7 +36,7 @@ class StoredMessage:
 
 
 class RecordReader:
-    """One record. Opening reads its beginning only.
+    """One record. Opening reads its beginning, and the index of what other tools moved to the end.
 
     Args:
         path: the file.
@@ -88,6 +88,7 @@ class RecordReader:
         from mcap.records import Channel, Message, Metadata  # noqa: PLC0415
 
         topics: dict[int, str] = {}
+        first_ns = None
         for record in self._scan:
             if isinstance(record, Metadata) and record.name == START:
                 self.metadata = dict(record.metadata)
@@ -98,10 +99,34 @@ class RecordReader:
             elif isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
+                first_ns = record.log_time if first_ns is None else first_ns
+                if record.log_time > first_ns:  # the tree is among the first messages
+                    break
                 if topics[record.channel_id] == channels.TREE.topic:
                     self.tree = decode(TreeNote, parse_json(record.data))
-                elif topics[record.channel_id] != channels.CALIBRATION.topic:
+        if self.finished:
+            self._read_moved()
+
+    def _read_moved(self) -> None:
+        """Take metadata and attachments that stand behind the messages, as MCAP allows."""
+        with self.path.open("rb") as stream:
+            try:
+                indexed = self._indexed(stream)
+                summary = indexed.get_summary()
+                if START not in {index.name for index in summary.metadata_indexes}:
                     return
+                names = {index.name for index in summary.attachment_indexes}
+                if self.metadata and names <= self.attachments.keys():
+                    return
+                found = {record.name: record for record in indexed.iter_metadata()}
+                attached = list(indexed.iter_attachments())
+            except Exception:  # noqa: BLE001 - a damaged index: what stands at the beginning counts
+                return
+        self.metadata = dict(found[START].metadata)
+        for record in attached:
+            self.attachments[record.name] = Attachment(
+                name=record.name, media_type=record.media_type, data=record.data
+            )
 
     def _check_version(self) -> None:
         if not self.metadata:
@@ -168,10 +193,18 @@ class RecordReader:
         from mcap.records import Channel, Message  # noqa: PLC0415 - an extra
 
         topics: dict[int, str] = {}
+        last_ns = 0
         for record in self._scan:
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
+                if record.log_time < last_ns - _NS:  # a second: the writer holds back less
+                    raise FileError(
+                        self.path,
+                        f"its messages are not in the order of time (topic "
+                        f"{topics[record.channel_id]}); `mcap sort` puts them in order",
+                    )
+                last_ns = max(last_ns, record.log_time)
                 yield StoredMessage(
                     topic=topics[record.channel_id], time_ns=record.log_time, data=record.data
                 )
@@ -186,6 +219,9 @@ class RecordReader:
         with self.path.open("rb") as stream:
             try:
                 summary = self._indexed(stream).get_summary()
+                if not summary.chunk_indexes:  # without chunks: the whole file is read
+                    yield from self._found_by_scan()
+                    return
                 chunks = _matching(summary, topics, start_ns, end_ns)
                 for record in chain.from_iterable(indexed_chunks(stream, chunks)):
                     if isinstance(record, Message):
@@ -214,19 +250,22 @@ class RecordReader:
         Raises:
             FileError: a message is damaged in a way that checksums do not show.
         """
+        # A tick's messages have one time; a tool that sorts by time may change their order.
         found: dict[str, bytes] = {}
+        time_ns = None
         statuses = self._statuses_before(from_s)
         for message in self.messages(from_s=from_s, to_s=to_s):
-            if message.topic == channels.TICK.topic and found:
-                moment = self._moment(found, statuses)
-                statuses = moment.statuses
-                yield moment
-                found = {}
-            if found or message.topic == channels.TICK.topic:
-                found[message.topic] = message.data
-            elif message.topic == channels.TREE_STATUS.topic:
-                statuses = self._statuses(message)  # how it stood when a part begins
-        if channels.STATE.topic in found and channels.COMMANDS.topic in found:
+            again = message.topic == channels.TICK.topic and message.topic in found
+            if message.time_ns != time_ns or again:
+                if channels.TICK.topic in found:
+                    moment = self._moment(found, statuses)
+                    statuses = moment.statuses
+                    yield moment
+                elif channels.TREE_STATUS.topic in found:  # how it stood when a part begins
+                    statuses = self._statuses(found[channels.TREE_STATUS.topic])
+                found, time_ns = {}, message.time_ns
+            found[message.topic] = message.data
+        if {channels.TICK.topic, channels.STATE.topic, channels.COMMANDS.topic} <= found.keys():
             yield self._moment(found, statuses)
 
     def _statuses_before(self, from_s: float | None) -> tuple[str, ...]:
@@ -237,7 +276,7 @@ class RecordReader:
                 pass
         if last is None:
             return ("IDLE",) * len(self.tree.nodes)
-        return self._statuses(last)
+        return self._statuses(last.data)
 
     def _moment(self, found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         try:
@@ -245,9 +284,9 @@ class RecordReader:
         except (InputError, ArithmeticError, TypeError, ValueError) as error:
             raise self._damaged("tick", error) from error
 
-    def _statuses(self, message: StoredMessage) -> tuple[str, ...]:
+    def _statuses(self, data: bytes) -> tuple[str, ...]:
         try:
-            return decode(StatusNote, parse_json(message.data)).statuses
+            return decode(StatusNote, parse_json(data)).statuses
         except InputError as error:
             raise self._damaged("tick", error) from error
 

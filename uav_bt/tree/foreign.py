@@ -77,6 +77,11 @@ class ForeignLeaf(Leaf):
         del mission
         self.behaviour.setup_with_descendants()
 
+    def on_shutdown(self) -> None:
+        """Shut the behaviour down, and those below it."""
+        for behaviour in self.behaviour.iterate():
+            behaviour.shutdown()
+
     def update(self) -> Status:
         """Tick the behaviour and return its answer."""
         self._active = True

@@ -22,7 +22,8 @@ class Leaf(Node):
 
     When what runs: `on_setup` once, before the first tick; `initialise` when an activation begins;
     `update` every tick, returning at once; `terminate` exactly once per activation, with SUCCESS or
-    FAILURE when it ended by itself and with IDLE when it was halted. `terminate` commands
+    FAILURE when it ended by itself and with IDLE when it was halted; `on_shutdown` once, after the
+    last tick. `terminate` commands
     nothing: a tree starts its new branch before it stops the old one. In flight, a leaf that takes
     longer than `budget_s` is reported by name.
 
@@ -45,6 +46,7 @@ class Leaf(Node):
     def __init__(self, name: str | None = None, /, **given: object) -> None:
         super().__init__(name, **given)
         self._view: BoardView | None = None
+        self._is_open = False  # set up, and not shut down
 
     @classmethod
     def values_taken(cls, by_key: Mapping[Key[Any], Mapping[str, str]]) -> dict[str, str]:
@@ -61,6 +63,13 @@ class Leaf(Node):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load what lasts the whole mission; raise when it is missing."""
+
+    def on_shutdown(self) -> None:
+        """Close what `on_setup` opened: a device, a file, a thread.
+
+        Called once when the flight is over, or when another tree has replaced the leaf's in flight;
+        not for a leaf whose `on_setup` raised.
+        """
 
     def on_inherit(self, former: Self) -> None:
         """Take over the knowledge of a leaf of this class whose tree this one replaces in flight.
@@ -124,6 +133,20 @@ class Leaf(Node):
         except Exception as error:
             raise NodeFailedError(self.path, error, self.author) from error
 
+    def shutdown(self) -> None:
+        """Call `on_shutdown` of a leaf that is set up; `MissionTree` and py_trees' trees do.
+
+        Raises:
+            NodeFailedError: it raised.
+        """
+        if not self._is_open:
+            return
+        self._is_open = False
+        try:
+            self.on_shutdown()
+        except Exception as error:
+            raise NodeFailedError(self.path, error, self.author) from error
+
     # --- the engine's side ------------------------------------------------------------------------
 
     @property
@@ -148,6 +171,7 @@ class Leaf(Node):
                     writes.append(key)
         self._view = BoardView(mission.board, self.path, reads=reads, writes=writes)
         self.on_setup(mission)
+        self._is_open = True
 
     def _notify_work(self, observer: Observer) -> None:
         if self.condition or self.node_status in (IDLE, RUNNING):  # else it is not ticked again

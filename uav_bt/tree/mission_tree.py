@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final
 
 from uav_bt.board import Key
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import InputError, MissionError, NodeFailedError, did_you_mean
+from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError, did_you_mean
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.loading.lookup import Inclusion
@@ -182,6 +182,8 @@ class MissionTree:
     def setup(self, context: MissionContext) -> None:
         """Set all nodes up for a mission, in the order of the file.
 
+        Where a leaf raises, those before it are shut down.
+
         Raises:
             InputError: a leaf cannot use what it was given (a missing file, an unknown policy).
             NodeFailedError: another exception in a leaf's `on_setup`.
@@ -189,9 +191,31 @@ class MissionTree:
         for leaf in self.leaves():
             for key in (*leaf.reads, *leaf.writes):
                 context.board.declare(key)
-        for node in self.nodes():
-            node.setup(mission=context)
+        try:
+            for node in self.nodes():
+                node.setup(mission=context)
+        except UavBtError as failure:
+            try:
+                self.shutdown()
+            except NodeFailedError as second:
+                failure.add_note(f"while shutting the tree down, also: {second}")
+            raise
         self._ready = True
+
+    def shutdown(self) -> None:
+        """Shut all leaves down, also where an earlier one raises.
+
+        Raises:
+            NodeFailedError: a leaf's `on_shutdown` raised; the first of them.
+        """
+        first: NodeFailedError | None = None
+        for leaf in self.leaves():
+            try:
+                leaf.shutdown()
+            except NodeFailedError as error:
+                first = first or error
+        if first is not None:
+            raise first
 
     def inherit(self, former: MissionTree) -> None:
         """Hand the leaves the knowledge of a tree that this one replaces in flight.

@@ -12,7 +12,9 @@ from uav_bt.tree.loading.lookup import files_in, shipped_trees
 
 
 def resolve_tree(tree: str | Path) -> Path:
-    """Return a tree file: a path, or the name of a shipped mission.
+    """Return a tree file: a path, or the bare name of a shipped mission.
+
+    A name with a suffix or a folder is a file, so that no other mission flies in its place.
 
     Raises:
         FileError: there is neither.
@@ -21,13 +23,13 @@ def resolve_tree(tree: str | Path) -> Path:
     if path.is_file():
         return path
     shipped = shipped_missions()
-    # A name with a folder in it means that very file, which does not exist.
-    if path.parent in (Path(), Path("trees")) and path.stem in shipped:
-        return shipped[path.stem]
+    bare = not path.suffix and path.parent == Path()
+    if bare and path.name in shipped:
+        return shipped[path.name]
+    what = "nor a shipped mission of that name" if bare else "and a shipped mission has no suffix"
     raise FileError(
         path,
-        f"no such tree file, nor a shipped mission of that name{did_you_mean(path.stem, shipped)} "
-        f"({', '.join(shipped)})",
+        f"no such tree file, {what}{did_you_mean(path.stem, shipped)} ({', '.join(shipped)})",
     )
 
 

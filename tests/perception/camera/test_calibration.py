@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from perception.camera.calibration import Calibration, CalibrationConfig, calibrate
 from perception.camera.camera_file import Undistorter
-from perception.camera.checkerboards import Grey, find_any_board, find_board
+from perception.camera.checkerboards import Grey, find_any_board, find_board, find_boards
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from tests.perception.camera.board_world import board_poses, photograph
 from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
+from uav_bt.progress import silent
 from uav_bt.types import CameraModel
 
 SIZE = (960, 540)
@@ -188,9 +189,31 @@ def test_too_few_boards_are_refused_with_the_count(whole: list[Grey]) -> None:
         calibrate({})
 
 
-def test_pictures_of_different_sizes_are_refused(whole: list[Grey]) -> None:
-    with pytest.raises(ShapeError, match=r"1\.png must be 540x960"):
-        calibrate(named([whole[0], whole[1][:, :500]]))
+def test_pictures_of_other_sizes_are_left_out_and_named(whole: list[Grey]) -> None:
+    """Also where the first one is of another size."""
+    small = np.asarray(cv2.resize(whole[0], None, fx=0.5, fy=0.5), dtype=np.uint8)
+    boards, size_px, unusable = find_boards(named([small, *whole[:2]]), silent)
+    assert size_px == SIZE
+    assert set(boards) == {"1.png", "2.png"}
+    assert unusable == {"0.png": "is 480x270, most photographs are 960x540 (width x height)"}
+
+
+def test_copies_of_a_photograph_are_no_calibration(whole: list[Grey]) -> None:
+    """Their error is low, and the focal length can be anything."""
+    with pytest.raises(InputError, match=r"got 2 of 5 \(3 are copies of others\)"):
+        calibrate(named([whole[0]] * 4 + [whole[1]]))
+
+
+def test_boards_that_no_camera_explains_are_refused(whole: list[Grey]) -> None:
+    """Each photograph is squeezed in another way, as by a zoom that changed."""
+    squeezed = []
+    for index, image in enumerate(whole[:6]):
+        narrow = cv2.resize(image, None, fx=0.6 + 0.08 * index, fy=1.0)
+        canvas = np.full((540, 960), 120, np.uint8)
+        canvas[:, : narrow.shape[1]] = narrow
+        squeezed.append(canvas)
+    with pytest.raises(InputError, match="no camera explains the photographs"):
+        calibrate(named(squeezed))
 
 
 def test_colour_pictures_and_impossible_squares_are_refused() -> None:

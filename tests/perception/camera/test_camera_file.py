@@ -11,6 +11,7 @@ import yaml
 
 from perception.camera.calibration import LayoutTrial
 from perception.camera.camera_file import Undistorter, fitted_camera, load_camera, write_camera
+from perception.camera.orientation import Orientation
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 
@@ -50,7 +51,7 @@ def test_the_file_says_what_it_was_made_from(tmp_path: Path) -> None:
     written = content(tmp_path)
 
     assert list(written) == [
-        *("width_px", "height_px", "K", "distortion"),
+        *("width_px", "height_px", "K", "distortion", "frames"),
         *("reprojection_error_px", "corners", "images_used"),
     ]
     assert written["K"] == [[931.0, 0.0, 640.25], [0.0, 930.5, 359.0], [0.0, 0.0, 1.0]]
@@ -65,6 +66,18 @@ def test_a_camera_serves_other_sizes_of_its_aspect(tmp_path: Path) -> None:
 
     assert load_camera(path, size_px=(640, 360)) == CAMERA.resized(640, 360)
     assert load_camera(path, size_px=(854, 480)).fx_px == pytest.approx(931.0 * 854 / 1280)
+
+
+def test_a_camera_of_raw_frames_is_turned_with_them(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    write_camera(path, TRIAL)
+    quarter = Orientation(transpose=True, flip_columns=True)
+
+    turned = load_camera(path, size_px=(720, 1280), orientation=quarter)
+    assert (turned.fx_px, turned.fy_px) == (930.5, 931.0)
+    assert (turned.cx_px, turned.cy_px) == (719.0 - 359.0, 640.25)
+    path.write_text(yaml.safe_dump(content(tmp_path) | {"frames": "turned"}))
+    assert load_camera(path, orientation=quarter) == CAMERA
 
 
 @pytest.mark.parametrize("size", [(640, 480), (360, 640), (1280, 700)])

@@ -8,7 +8,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from perception.depth import runtime
-from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import FileError, UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.types import Frame
 
@@ -27,6 +27,12 @@ def _save(
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
     onnx.save(model, path)
+    path.with_suffix(".yaml").write_text("output: depth\n", encoding="utf-8")
+    return path
+
+
+def _disparity(path: Path) -> Path:
+    path.with_suffix(".yaml").write_text("output: disparity\n", encoding="utf-8")
     return path
 
 
@@ -69,7 +75,7 @@ def test_a_foreign_network_says_relative_depth(tmp_path: Path, rank: int) -> Non
 
 
 def test_a_disparity_is_turned_over_and_nought_is_far_away(tmp_path: Path) -> None:
-    estimator = runtime.OnnxDepthEstimator(_red(tmp_path / "n.onnx"), says="disparity")
+    estimator = runtime.OnnxDepthEstimator(_disparity(_red(tmp_path / "n.onnx")))
     rgb = _halves()
     rgb[:, :8, 0] = 0
     depth = estimator.depth(rgb)
@@ -126,7 +132,7 @@ def test_a_network_of_another_input_is_refused(tmp_path: Path) -> None:
         {},
         shape=(1, 1, 8, 16),
     )
-    with pytest.raises(WeightsError, match="the input must be 1x3xHxW of fixed size"):
+    with pytest.raises(WeightsError, match="the input must be 1x3xHxW, got"):
         runtime.OnnxDepthEstimator(path)
 
 
@@ -157,6 +163,51 @@ def test_no_threads_are_refused(tmp_path: Path) -> None:
         runtime.OnnxDepthEstimator(_red(tmp_path / "n.onnx"), threads=0)
 
 
-def test_an_unknown_meaning_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'disparity'"):
-        runtime.OnnxDepthEstimator(_red(tmp_path / "n.onnx"), says="disparit")  # type: ignore[arg-type]
+def test_a_network_without_a_mapping_may_give_depth_or_disparity_and_is_refused(
+    tmp_path: Path,
+) -> None:
+    path = _red(tmp_path / "n.onnx")
+    path.with_suffix(".yaml").unlink()
+    with pytest.raises(WeightsError, match=r"`output: disparity` into .*n\.yaml"):
+        runtime.load_depth_estimator(path)
+
+
+def test_a_network_that_this_package_exported_gives_depth(tmp_path: Path) -> None:
+    path = _red(tmp_path / "n.onnx", plus=0.1)
+    path.with_suffix(".yaml").unlink()
+    model = onnx.load(path)
+    helper.set_model_props(model, {"weights_sha256": "0" * 64})
+    onnx.save(model, path)
+    assert runtime.load_depth_estimator(path).depth(_halves())[0, 0] == pytest.approx(1.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("output: disparit", "n.yaml:1: output: expected 'depth' or 'disparity', got 'disparit'"),
+        ("input: {}", "n.yaml:1: lacks the key 'output'"),
+    ],
+)
+def test_a_malformed_mapping_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = _red(tmp_path / "n.onnx")
+    path.with_suffix(".yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(FileError, match=message):
+        runtime.load_depth_estimator(path)
+
+
+def test_the_mapping_says_how_the_image_is_wanted(tmp_path: Path) -> None:
+    """Blue is first, colours are from 0 to 255, and the file leaves the size open."""
+    red = np.zeros((1, 3, 1, 1), np.float32)
+    red[0, 0] = 1.0
+    nodes = [helper.make_node("Conv", ["x", "w"], ["y"])]
+    path = _save(
+        tmp_path / "n.onnx", nodes, ["n", 1, "h", "w"], {"w": red}, shape=("n", 3, "h", "w")
+    )
+    path.with_suffix(".yaml").write_text(
+        "output: depth\ninput: {scale: [1, 1, 1], colours: bgr, size: [16, 8]}\n",
+        encoding="utf-8",
+    )
+    estimator = runtime.OnnxDepthEstimator(path)
+    assert estimator.size_px == (16, 8)
+    rgb = np.full((16, 32, 3), (10, 20, 30), np.uint8)
+    np.testing.assert_allclose(estimator.depth(rgb), 30.0)

@@ -35,7 +35,7 @@ def test_colours_are_shifted_scaled_and_ordered_as_the_network_wants() -> None:
         _network([1, 3, 8, 16]), mean=(10.0, 0.0, 0.0), scale=(2.0, 1.0, 4.0), colours="bgr"
     )
     rgb = np.full((1, 8, 16, 3), (30, 40, 50), dtype=np.uint8)
-    seen = runtime.compile_model(model, 1)(rgb)[0]
+    seen = runtime.compile_model(model, 1, Path("net.onnx"))(rgb)[0]
     assert seen.shape == (1, 3, 8, 16)
     assert seen[0, :, 2, 5].tolist() == [12.5, 40.0, 10.0]
 
@@ -43,7 +43,7 @@ def test_colours_are_shifted_scaled_and_ordered_as_the_network_wants() -> None:
 def test_a_channels_last_network_gets_its_channels_last() -> None:
     model = runtime.accept_uint8(_network([1, 8, 16, 3]), planar=False)
     rgb = np.full((1, 8, 16, 3), (0, 51, 255), dtype=np.uint8)
-    seen = runtime.compile_model(model, 1)(rgb)[0]
+    seen = runtime.compile_model(model, 1, Path("net.onnx"))(rgb)[0]
     np.testing.assert_allclose(seen[0, 2, 5], [0.0, 0.2, 1.0], rtol=1e-6)
 
 
@@ -76,7 +76,9 @@ def test_a_small_picture_is_made_larger() -> None:
 
 
 def _numbers(scores: np.ndarray) -> tuple[np.ndarray, bool]:
-    network = runtime.compile_model(runtime.class_numbers(_network(list(scores.shape))), 1)
+    network = runtime.compile_model(
+        runtime.class_numbers(_network(list(scores.shape))), 1, Path("net.onnx")
+    )
     best, sound = network(scores).values()
     return best, bool(sound)
 

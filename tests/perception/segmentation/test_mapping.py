@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.segmentation.mapping import ClassMapping, CountedAsCarpet, InputFormat, read_mapping
+from perception.networks.input_format import InputFormat
+from perception.segmentation.mapping import ClassMapping, CountedAsCarpet, read_mapping
 from uav_bt.classes import BACKGROUND, CARPET, HELIPAD_H
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
 from uav_bt.types import ClassMap, Frame
@@ -59,8 +60,16 @@ def test_json_is_as_good_as_yaml(tmp_path: Path) -> None:
             "classes: {0: carpet}\ninput: {layout: chw}",
             "input.layout: expected 'nchw' or 'nhwc', got 'chw'",
         ),
+        (
+            "classes: {0: carpet}\ninput: {size: [224, 0]}",
+            "size must be a width and a height in px",
+        ),
+        ("classes: {0: carpet}\noutput: chw", "output: expected 'nchw' or 'nhwc'"),
         ("classes: {0: carpet", "foreign.yaml:1: not valid YAML"),
-        ("- 1", "foreign.yaml:1: expected a mapping with classes, default, input, got a list"),
+        (
+            "- 1",
+            "foreign.yaml:1: expected a mapping with classes, default, .*, got a list",
+        ),
         (
             "classes: {0: !!python/object/apply:os.getcwd []}",
             "foreign.yaml:1: not valid YAML: the tag",

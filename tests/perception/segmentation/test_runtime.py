@@ -6,11 +6,12 @@ import numpy as np
 import onnx
 import pytest
 from numpy.typing import NDArray
-from onnx import TensorProto, helper
+from onnx import TensorProto, helper, numpy_helper
 
+from perception.networks.input_format import InputFormat
 from perception.segmentation import runtime
 from perception.segmentation.clean import RefineConfig
-from perception.segmentation.mapping import ClassMapping, InputFormat
+from perception.segmentation.mapping import ClassMapping
 from tests.perception.segmentation.patterned import samples
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.protocols import Segmenter
@@ -23,12 +24,25 @@ def _frame(rgb: NDArray[np.uint8]) -> Frame:
     return Frame(image=rgb, index=1, captured_s=2.5, gimbal_pitch_rad=-0.5)
 
 
-def _save(path: Path, nodes: list, shape: list, output: list, kind: int = FLOAT) -> Path:
+def _save(
+    path: Path,
+    nodes: list,
+    shape: list,
+    output: list,
+    kind: int = FLOAT,
+    *,
+    taken: int = FLOAT,
+    constants: dict | None = None,
+) -> Path:
     graph = helper.make_graph(
         nodes,
         "foreign",
-        [helper.make_tensor_value_info("x", FLOAT, shape)],
+        [helper.make_tensor_value_info("x", taken, shape)],
         [helper.make_tensor_value_info("y", kind, output)],
+        [
+            numpy_helper.from_array(np.asarray(value), name)
+            for name, value in (constants or {}).items()
+        ],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
     onnx.save(model, path)
@@ -110,10 +124,10 @@ def test_an_open_batch_size_is_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ([1, 4, 8, 16], "1x3xHxW of fixed size"),
-        ([2, 3, 8, 16], "1x3xHxW of fixed size"),
-        ([1, 3, "h", "w"], "1x3xHxW of fixed size"),
-        ([1, 3, 8], "1x3xHxW of fixed size"),
+        ([1, 4, 8, 16], "the input must be 1x3xHxW, got"),
+        ([2, 3, 8, 16], "the input must be 1x3xHxW, got"),
+        ([1, 3, "h", "w"], r"leaves its size open; add `input: \{size: \[WIDTH, HEIGHT\]\}`"),
+        ([1, 3, 8], "the input must be 1x3xHxW, got"),
     ],
 )
 def test_a_network_with_another_input_is_refused(tmp_path: Path, shape: list, message: str) -> None:
@@ -126,7 +140,7 @@ def test_a_network_with_another_input_is_refused(tmp_path: Path, shape: list, me
 def test_a_network_with_another_output_is_refused(tmp_path: Path) -> None:
     nodes = [helper.make_node("Flatten", ["x"], ["y"], axis=1)]
     path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 384])
-    with pytest.raises(WeightsError, match="output must be 1xCxHxW or 1xHxW"):
+    with pytest.raises(WeightsError, match="output must be 1xCxHxW, 1xHxWxC or 1xHxW, got 1x384"):
         runtime.OnnxSegmenter(path, THREE)
 
 
@@ -134,6 +148,156 @@ def test_a_mapping_for_another_network_is_refused(tmp_path: Path) -> None:
     path = _brightest_channel(tmp_path / "n.onnx")
     with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 2"):
         runtime.OnnxSegmenter(path)
+
+
+def _halves() -> NDArray[np.uint8]:
+    """Return an image of 16x8 pixels: the left half green, the right half blue."""
+    rgb = np.zeros((8, 16, 3), dtype=np.uint8)
+    rgb[:, :8, 1] = 200
+    rgb[:, 8:, 2] = 200
+    return rgb
+
+
+def _one_channel(path: Path, *after: object, kind: int = FLOAT) -> Path:
+    """A network of one channel: the green share of a pixel, then what comes after it."""
+    green = np.array([0.0, 1.0, 0.0], np.float32).reshape(1, 3, 1, 1)
+    nodes = [helper.make_node("Conv", ["x", "g"], ["share"]), *after]
+    constants = {"g": green, "half": np.float32(0.5), "axis": np.array([1])}
+    return _save(path, nodes, [1, 3, 8, 16], [1, 1, 8, 16], kind, constants=constants)
+
+
+def test_scores_that_come_last_are_recognised_by_the_aspect(tmp_path: Path) -> None:
+    nodes = [helper.make_node("Transpose", ["x"], ["y"], perm=[0, 2, 3, 1])]
+    path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 8, 16, 3])
+    ids = runtime.OnnxSegmenter(path, THREE).ids(_halves())
+    assert ids.shape == (8, 16)
+    assert (ids[:, :8] == 1).all()
+    assert (ids[:, 8:] == 3).all()
+
+
+def test_scores_in_an_unclear_place_are_refused_until_the_mapping_says_it(tmp_path: Path) -> None:
+    """3x3 pixels and three classes: every axis could be any."""
+    nodes = [helper.make_node("Identity", ["x"], ["y"])]
+    path = _save(tmp_path / "n.onnx", nodes, [1, 3, 3, 3], [1, 3, 3, 3])
+    with pytest.raises(WeightsError, match=r"the output 1x3x3x3 does not show .* `output: nhwc`"):
+        runtime.OnnxSegmenter(path, THREE)
+    said = ClassMapping(classes=THREE.classes, output="nchw")
+    assert (runtime.OnnxSegmenter(path, said).ids(_halves()[:3, :3]) == 1).all()
+
+
+def test_the_class_list_decides_where_both_places_fit(tmp_path: Path) -> None:
+    """Outputs of 5x4x4 from a square image: a class 4 can only be in the axis of five."""
+    classes, pixels = 5, 4
+    scores = np.zeros((1, classes, pixels, pixels), np.float32)
+    scores[:, 4] = 1.0
+    nodes = [
+        helper.make_node("ReduceMean", ["x"], ["m"], keepdims=1),
+        helper.make_node("Mul", ["m", "zero"], ["z"]),
+        helper.make_node("Add", ["z", "scores"], ["y"]),
+    ]
+    path = _save(
+        tmp_path / "n.onnx",
+        nodes,
+        [1, 3, 2, 2],
+        list(scores.shape),
+        constants={"zero": np.float32(0.0), "scores": scores},
+    )
+    ids = runtime.OnnxSegmenter(path, ClassMapping(classes={4: 1})).ids(_halves()[:2, :2])
+    assert ids.tolist() == [[1] * pixels] * pixels
+
+
+def test_one_class_is_a_threshold_and_the_rest_is_the_default(tmp_path: Path) -> None:
+    path = _one_channel(tmp_path / "n.onnx", helper.make_node("Identity", ["share"], ["y"]))
+    ids = runtime.OnnxSegmenter(path, ClassMapping(classes={0: 1}, default=4)).ids(_halves())
+    assert (ids[:, :8] == 1).all()  # 200/255 is more than a half
+    assert (ids[:, 8:] == 4).all()
+
+
+def test_scores_of_one_class_want_a_threshold(tmp_path: Path) -> None:
+    doubled = helper.make_node("Div", ["share", "half"], ["y"])
+    path = _one_channel(tmp_path / "n.onnx", doubled)
+    segmenter = runtime.OnnxSegmenter(path, ClassMapping(classes={0: 1}))
+    with pytest.raises(WeightsError, match=r"within 0 and 1, got 0 to 1\.57.*`threshold: 0`"):
+        segmenter.ids(_halves())
+    said = ClassMapping(classes={0: 1}, default=4, threshold=1.0)
+    ids = runtime.OnnxSegmenter(path, said).ids(_halves())
+    assert (ids[:, :8] == 1).all()
+    assert (ids[:, 8:] == 4).all()
+    with pytest.raises(WeightsError, match="the network is not one of one class"):
+        runtime.OnnxSegmenter(
+            _brightest_channel(tmp_path / "n.onnx"),
+            ClassMapping(classes=THREE.classes, threshold=0.5),
+        )
+
+
+def test_shares_are_no_class_numbers(tmp_path: Path) -> None:
+    path = _one_channel(tmp_path / "n.onnx", helper.make_node("Identity", ["share"], ["y"]))
+    with pytest.raises(WeightsError, match=r"must be whole numbers, and the network gives 0\.498"):
+        runtime.OnnxSegmenter(path, ClassMapping(classes={0: 0, 1: 1}))
+
+
+@pytest.mark.parametrize(
+    ("classes", "inside", "outside"), [({0: 1}, 1, 4), ({0: 3, 1: 1}, 1, 3)], ids=["one", "numbers"]
+)
+def test_a_mask_of_truth_values_is_taken(
+    tmp_path: Path, classes: dict[int, int], inside: int, outside: int
+) -> None:
+    greater = helper.make_node("Greater", ["share", "half"], ["y"])
+    path = _one_channel(tmp_path / "n.onnx", greater, kind=TensorProto.BOOL)
+    ids = runtime.OnnxSegmenter(path, ClassMapping(classes=classes, default=4)).ids(_halves())
+    assert (ids[:, :8] == inside).all()
+    assert (ids[:, 8:] == outside).all()
+
+
+def test_a_network_that_the_runtime_cannot_run_is_refused_in_one_line(tmp_path: Path) -> None:
+    """OpenVINO has no plan for the largest index as a truth value."""
+    nodes = [
+        helper.make_node("ArgMax", ["x"], ["a"], axis=1, keepdims=1),
+        helper.make_node("Cast", ["a"], ["y"], to=TensorProto.BOOL),
+    ]
+    path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 1, 8, 16], TensorProto.BOOL)
+    with pytest.raises(WeightsError, match="OpenVINO cannot run this network") as refused:
+        runtime.OnnxSegmenter(path, ClassMapping(classes={0: 0, 1: 1}))
+    assert "\n" not in str(refused.value)
+
+
+def test_an_open_size_is_the_mappings(tmp_path: Path) -> None:
+    nodes = [helper.make_node("Identity", ["x"], ["y"])]
+    path = _save(tmp_path / "n.onnx", nodes, ["n", 3, "h", "w"], ["n", 3, "h", "w"])
+    mapping = ClassMapping(classes=THREE.classes, input=InputFormat(size=(16, 8)))
+    segmenter = runtime.OnnxSegmenter(path, mapping)
+    assert segmenter.size_px == (16, 8)
+    assert (segmenter.ids(_halves())[:, :8] == 1).all()
+    fixed = _brightest_channel(tmp_path / "fixed.onnx", (4, 8))
+    with pytest.raises(WeightsError, match="takes images of 8x4, the mapping says 16x8"):
+        runtime.OnnxSegmenter(fixed, mapping)
+
+
+def test_a_network_of_whole_numbers_gets_the_colours_as_they_are(tmp_path: Path) -> None:
+    """It scales inside; divided by 255 before, every image would be black."""
+    nodes = [helper.make_node("Cast", ["x"], ["y"], to=FLOAT)]
+    path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 3, 8, 16], taken=TensorProto.UINT8)
+    ids = runtime.OnnxSegmenter(path, THREE).ids(_halves())
+    assert (ids[:, :8] == 1).all()
+    assert (ids[:, 8:] == 3).all()
+
+
+def test_scores_in_whole_numbers_are_scores(tmp_path: Path) -> None:
+    nodes = [
+        helper.make_node("Mul", ["x", "many"], ["m"]),
+        helper.make_node("Cast", ["m"], ["y"], to=TensorProto.INT32),
+    ]
+    path = _save(
+        tmp_path / "n.onnx",
+        nodes,
+        [1, 3, 8, 16],
+        [1, 3, 8, 16],
+        TensorProto.INT32,
+        constants={"many": np.float32(100.0)},
+    )
+    ids = runtime.OnnxSegmenter(path, THREE).ids(_halves())
+    assert (ids[:, :8] == 1).all()
+    assert (ids[:, 8:] == 3).all()
 
 
 def test_absent_and_damaged_networks_are_refused(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from sim_bridge.twin import gl
-from uav_bt.errors import MissingDependencyError, UnknownNameError
+from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
 
 
 @pytest.fixture(autouse=True)
@@ -81,9 +81,36 @@ def test_a_failure_inside_opengl_is_translated(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr(gl, "choose_gl", lambda: "egl")
     monkeypatch.setattr(gl.importlib, "import_module", broken)
-    for use in (gl.load_mujoco, gl.context_class):
+    for use in (gl.load_mujoco, lambda: gl.open_context(64, 64)):
         with pytest.raises(MissingDependencyError, match=r"eglQueryString.*Install one of"):
             use()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        RuntimeError("The MUJOCO_EGL_DEVICE_ID environment variable must be an integer between"),
+        ValueError("invalid literal for int() with base 10: 'gpu'"),
+    ],
+)
+def test_a_device_of_another_machine_names_its_variable(
+    monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """EGL works: nothing is to be installed."""
+    monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "7")
+    monkeypatch.setattr(gl, "choose_gl", lambda: "egl")
+    said = str(gl.no_gl(error))
+    assert "MUJOCO_EGL_DEVICE_ID=7 names a device that this machine does not have" in said
+    assert "Install" not in said
+    assert "Install" in str(gl.no_gl(RuntimeError("no display")))
+
+
+def test_a_fork_of_a_process_that_has_drawn_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would wait for ever for the driver's threads."""
+    parent = os.getpid() + 1
+    monkeypatch.setattr(gl, "_drawn_in", {parent})
+    with pytest.raises(InputError, match=r"before this process was forked.*'spawn'"):
+        gl.open_context(64, 64)
 
 
 def test_the_llvm_of_triton_is_loaded_before_that_of_mesa(

@@ -37,6 +37,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone, blank_frame
+from uav_bt.tree import Leaf, NodeRegistry, Status
 from uav_bt.tree.shipped import shipped_missions
 from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Observation, Truth
 from uav_bt.types.ground import Ground
@@ -112,12 +113,23 @@ def test_a_path_is_taken_as_it_is(tmp_path: Path) -> None:
     assert app.resolve_tree(str(path)) == path
 
 
-@pytest.mark.parametrize("name", ["land_only", "land_only.xml", "trees/land_only.xml"])
 def test_a_shipped_mission_is_found_by_its_name_from_anywhere(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert app.resolve_tree(name).samefile(TREES / "land_only.xml")
+    assert app.resolve_tree("land_only").samefile(TREES / "land_only.xml")
+
+
+@pytest.mark.parametrize("name", ["land_only.xml", "trees/land_only.xml", "trees/land_only"])
+def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another mission would fly than the one that the user has in mind."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        FileError, match="a shipped mission has no suffix; did you mean 'land_only'"
+    ):
+        app.resolve_tree(name)
 
 
 def test_a_file_of_ones_own_comes_before_a_shipped_one(
@@ -572,6 +584,27 @@ def test_a_flight_in_another_thread_takes_no_handlers(hangar: Hangar, tmp_path: 
     thread.join(timeout=60.0)
     assert [report.outcome for report in reports] == ["success"]
     assert set(within) == {before}
+
+
+def test_leaves_close_what_they_opened_when_the_flight_is_over(
+    hangar: Hangar, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A device that is gone by then is a warning: the flight has its result."""
+
+    class Device(Leaf):
+        """Opens a device for the whole mission."""
+
+        def update(self) -> Status:
+            return Status.SUCCESS
+
+        def on_shutdown(self) -> None:
+            raise OSError("the device is gone")
+
+    tree = tree_file(tmp_path, f"<Sequence><Device/>{HOP}</Sequence>")
+    registry = NodeRegistry.installed().with_nodes(Device)
+    report = app.fly(tree, SCRIPTED, registry=registry)
+    assert report.outcome == "success"
+    assert "Device' failed: OSError: the device is gone" in caplog.text
 
 
 # --- flights of the twin --------------------------------------------------------------------------

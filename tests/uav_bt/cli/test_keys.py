@@ -91,3 +91,13 @@ def test_a_key_at_a_terminal_counts_and_reader_and_terminal_are_as_before(
     os.close(ours)
     assert noted.manual
     assert capsys.readouterr().err == f"{KEYS_HELP}\n"
+
+
+def test_a_closed_standard_input_has_no_keys(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Python's `sys.stdin` is then None, as under `uav-bt fly tree.xml <&-`."""
+    monkeypatch.setattr(sys, "stdin", None)
+    with pilot_keys(Noted()):  # type: ignore[arg-type]
+        pass
+    assert KEYS_HELP not in capsys.readouterr().err

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from perception.camera.camera_file import load_camera
 from sim_bridge.twin.scene_file import scene_names
@@ -58,6 +59,37 @@ def test_a_folder_of_pictures_becomes_a_camera_file(pictures: Path, tmp_path: Pa
     assert "<- kept" in result.stdout
     assert f"skipped {pictures / 'nothing.png'}: no board found" in result.stdout
     assert str(out) in result.stdout
+
+
+def test_photographs_of_a_phone_are_taken_as_stored(pictures: Path, tmp_path: Path) -> None:
+    """Held upright or not, in 8 or 12 bits: the same sensor, and the same camera."""
+    stored = sorted(pictures.glob("board*.png"))
+    for path, tag in zip(stored[:2], (6, 8), strict=True):
+        exif = Image.Exif()
+        exif[0x0112] = tag  # a viewer turns it by a quarter
+        Image.open(path).save(path.with_suffix(".jpg"), quality=98, exif=exif)
+        path.unlink()
+    deep = cv2.imread(str(stored[2]), cv2.IMREAD_GRAYSCALE).astype(np.uint16) * 16
+    cv2.imwrite(str(stored[2]), deep)
+    for name in ("IMG_0001.HEIC", "IMG_0002.HEIC", "raw.dng"):
+        (pictures / name).write_bytes(b"\0\0\0\x18ftypheic")
+    out = tmp_path / "camera.yaml"
+    result = run("lab", "calibrate", pictures, "--out", out)
+
+    assert result.exit_code == 0, result.output
+    assert (load_camera(out).width_px, load_camera(out).height_px) == SIZE
+    assert load_camera(out).fx_px == pytest.approx(FOCAL_PX, rel=0.02)
+    assert "  8x5" not in result.stderr
+    assert "5  " in result.stdout.splitlines()[1]
+    assert "3 of a format that is not read (dng, heic): IMG_0001.HEIC" in result.stdout
+    assert "magick mogrify -format png" in result.stdout
+
+
+def test_doubts_are_told_and_the_camera_is_written(pictures: Path, tmp_path: Path) -> None:
+    result = run("lab", "calibrate", pictures, "--out", tmp_path / "camera.yaml")
+    assert result.exit_code == 0, result.output
+    assert "warning: corners were seen in" in result.stderr
+    assert "photograph the board there: lower left" in result.stderr
 
 
 def test_an_unreadable_picture_is_skipped_by_name(pictures: Path, tmp_path: Path) -> None:

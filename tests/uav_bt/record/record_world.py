@@ -78,7 +78,8 @@ def copy_part(
     to_s: float = math.inf,
     metadata: Mapping[str, Mapping[str, str]] | None = None,
     messages: Mapping[str, bytes] | None = None,
-) -> None:
+    without: str | None = None,
+) -> Path:
     """Write what is whole of a record, or a part of it, as `mcap recover` and `mcap filter` do.
 
     Args:
@@ -88,6 +89,10 @@ def copy_part(
         to_s: since its start.
         metadata: entries that replace the record's, by the metadata's name.
         messages: what replaces the content of all messages of a topic.
+        without: a topic that is left out.
+
+    Returns:
+        The part's path.
     """
     topics: dict[int, str] = {}
     timeline = RecordReader(path).timeline
@@ -113,7 +118,9 @@ def copy_part(
                     found.topic, found.message_encoding, ids[Schema, found.schema_id]
                 )
             elif (
-                isinstance(found, Message) and from_s <= timeline.since_start(found.log_time) < to_s
+                isinstance(found, Message)
+                and from_s <= timeline.since_start(found.log_time) < to_s
+                and topics[found.channel_id] != without
             ):
                 writer.add_message(
                     ids[Channel, found.channel_id],
@@ -122,3 +129,4 @@ def copy_part(
                     publish_time=found.publish_time,
                 )
         writer.finish()
+    return out

@@ -12,6 +12,7 @@ import pytest
 import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.writer import Writer
 
@@ -280,3 +281,85 @@ def test_what_cannot_be_played_is_one_error(
         FileError, match=f"^{path}: .*tick.* of the record is damaged: |record's tick"
     ):
         list(Playback(RecordReader(path)).ticks())
+
+
+# --- records that other tools rewrote ------------------------------------------------------------
+
+
+def rewritten(
+    source: Path,
+    out: Path,
+    *,
+    chunks: bool = True,
+    last: bool = False,
+    by_topic: bool = False,
+    by_time: bool = False,
+) -> Path:
+    """Write the same messages and metadata in another order that MCAP allows."""
+    with source.open("rb") as old, out.open("wb") as new:
+        reader = make_reader(old)
+        summary = reader.get_summary()
+        assert summary is not None
+        writer = Writer(new, chunk_size=20_000, use_chunking=chunks)
+        writer.start()
+        known = {
+            number: writer.register_schema(schema.name, schema.encoding, schema.data)
+            for number, schema in summary.schemas.items()
+        }
+        known[0] = 0
+        channel_ids = {
+            number: writer.register_channel(
+                channel.topic, channel.message_encoding, known[channel.schema_id]
+            )
+            for number, channel in summary.channels.items()
+        }
+
+        def extras() -> None:
+            for item in reader.iter_metadata():
+                writer.add_metadata(item.name, item.metadata)
+            for item in reader.iter_attachments():
+                writer.add_attachment(
+                    item.create_time, item.log_time, item.name, item.media_type, item.data
+                )
+
+        if not last:
+            extras()
+        messages = [
+            (channel.topic, channel.id, each) for _, channel, each in reader.iter_messages()
+        ]
+        if by_topic:
+            messages.sort(key=lambda item: item[0])
+        if by_time:  # those of one time in the order of their topics' names
+            messages.sort(key=lambda item: (item[2].log_time, item[0]))
+        for _, number, each in messages:
+            writer.add_message(
+                channel_ids[number], each.log_time, each.data, each.publish_time, each.sequence
+            )
+        if last:
+            extras()
+        writer.finish()
+    return out
+
+
+@pytest.mark.parametrize("layout", [{"last": True}, {"chunks": False}, {"by_time": True}], ids=str)
+def test_a_record_in_another_legal_layout_is_the_same_record(
+    whole: Path, tmp_path: Path, layout: dict[str, bool]
+) -> None:
+    other = rewritten(whole, tmp_path / "other.mcap", **layout)
+    first, second = RecordReader(whole), RecordReader(other)
+    assert second.metadata == first.metadata
+    assert second.attachments == first.attachments
+    assert second.tree == first.tree
+    assert second.end == first.end
+    assert second.damages == ()
+    assert moments_of(other) == moments_of(whole)
+    for ours, theirs in zip(first.moments(), second.moments(), strict=True):
+        assert (ours.commands, ours.statuses) == (theirs.commands, theirs.statuses)
+    part = [moment.tick.time_s for moment in second.moments(from_s=1.0, to_s=2.0)]
+    assert part == [moment.tick.time_s for moment in first.moments(from_s=1.0, to_s=2.0)]
+
+
+def test_messages_out_of_order_name_the_remedy(whole: Path, tmp_path: Path) -> None:
+    other = rewritten(whole, tmp_path / "by_topic.mcap", by_topic=True)
+    with pytest.raises(FileError, match=r"not in the order of time.*`mcap sort`"):
+        moments_of(other)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from typing import Any
+from typing import Any, ClassVar
 
 import py_trees
 import pytest
@@ -16,6 +16,7 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import InputError, NodeFailedError, TreeError
+from uav_bt.mission.flown_tree import FlownTree
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, leaf_of, parse_tree
 from uav_bt.tree.describe import describe
 from uav_bt.types import Hover
@@ -65,6 +66,9 @@ class Blink(Behaviour):
     def terminate(self, new_status: Theirs) -> None:
         self.life.append(f"terminate {new_status.name}")
 
+    def shutdown(self) -> None:
+        self.life.append("shutdown")
+
 
 class Answers(Behaviour):
     """Answers by its text."""
@@ -111,6 +115,9 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
         *("setup {}", "initialise", "update", "update", "terminate SUCCESS"),
         *("initialise", "update", "terminate INVALID"),
     ]
+    tree.shutdown()
+    tree.shutdown()  # only once
+    assert behaviour.life[-2:] == ["terminate INVALID", "shutdown"]
 
 
 @pytest.mark.parametrize(
@@ -214,3 +221,69 @@ def test_a_leaf_of_ours_flies_in_a_plain_tree() -> None:
     assert seen == [(R, True), (R, True), (S, False), (R, True)]
     root.stop(Theirs.INVALID)
     assert root.children[0].status is Theirs.INVALID
+
+
+class Port9600(Leaf):
+    """Opens a device for the whole mission."""
+
+    log: ClassVar[list[str]] = []
+
+    ports = (Port("fault", str, default="", choices=("", "open", "close")),)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        del mission
+        if self.port_value("fault") == "open":
+            raise OSError("no device")
+        self.log.append(f"{self.name} opened")
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+    def on_shutdown(self) -> None:
+        self.log.append(f"{self.name} closed")
+        if self.port_value("fault") == "close":
+            raise OSError("device is gone")
+
+
+@pytest.fixture
+def log() -> list[str]:
+    Port9600.log.clear()
+    return Port9600.log
+
+
+def devices(*faults: str) -> MissionTree:
+    nodes = "".join(
+        f'<Port9600 name="{name}" fault="{fault}"/>'
+        for name, fault in zip("abc", faults, strict=False)
+    )
+    return parse_tree(document(f"<Sequence>{nodes}</Sequence>"), NodeRegistry([Port9600]))
+
+
+def test_leaves_close_what_they_opened_even_if_another_raises(world: World, log: list[str]) -> None:
+    tree = devices("", "close", "")
+    tree.setup(world.context)
+    with pytest.raises(NodeFailedError, match="Sequence/b' failed: OSError: device is gone"):
+        tree.shutdown()
+    assert log[3:] == ["a closed", "b closed", "c closed"]
+
+
+def test_a_setup_that_fails_closes_what_was_opened_before(world: World, log: list[str]) -> None:
+    with pytest.raises(NodeFailedError, match="Sequence/b' failed: OSError: no device"):
+        devices("", "open", "").setup(world.context)
+    assert log == ["a opened", "a closed"]
+
+
+def test_a_tree_that_is_replaced_in_flight_is_shut_down(world: World, log: list[str]) -> None:
+    first, second = devices(""), devices("", "")
+    first.setup(world.context)
+    second.setup(world.context)
+    FlownTree(first, lambda: second).renew()
+    assert log == ["a opened", "a opened", "b opened", "a closed"]
+
+
+def test_a_tree_of_py_trees_shuts_our_leaves_down(world: World, log: list[str]) -> None:
+    root = py_trees.composites.Sequence("root", memory=True, children=[Port9600("a")])
+    theirs = py_trees.trees.BehaviourTree(root)
+    theirs.setup(mission=world.context)
+    theirs.shutdown()
+    assert log == ["a opened", "a closed"]

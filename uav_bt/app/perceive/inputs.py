@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from perception.camera.camera_file import load_camera
+from perception.camera.orientation import Orientation
 from perception.depth.runtime import load_depth_estimator
 from perception.networks.named import CONTACT, segmentation_file
 from perception.segmentation import runtime
@@ -113,7 +114,7 @@ class PerceiveInput:
             why = f": {'; '.join(self.source.skipped[:3])}" if self.source.skipped else ""
             raise InputError(f"{self.source.name} holds no image that can be read{why}")
         height_px, width_px = first.image.shape[:2]
-        camera, self.camera_words = self._camera(width_px, height_px)
+        camera, self.camera_words = self._camera(width_px, height_px, first.orientation)
         options = self._options
         pipeline = Pipeline(
             _segmenter(options),
@@ -131,10 +132,14 @@ class PerceiveInput:
                     return
                 yield image
 
-    def _camera(self, width_px: int, height_px: int) -> tuple[CameraModel, str]:
+    def _camera(
+        self, width_px: int, height_px: int, orientation: Orientation
+    ) -> tuple[CameraModel, str]:
         options = self._options
         if options.camera is not None:
-            camera = load_camera(Path(options.camera), size_px=(width_px, height_px))
+            camera = load_camera(
+                Path(options.camera), size_px=(width_px, height_px), orientation=orientation
+            )
             return camera, f"of {options.camera}"
         if self._recorded_camera is not None:
             camera = self._recorded_camera.resized(width_px, height_px)

@@ -5,12 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.image_files import (
+    FOREIGN_SUFFIXES,
+    IMAGE_SUFFIXES,
+    exif_orientation,
+    image_files,
+    read_image,
+)
 from uav_bt.app.perceive.streams import (
     CAMERA,
     FOLDER_RATE,
@@ -27,8 +32,6 @@ from uav_bt.protocols import Clock
 from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
-
-IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 
 
 def open_source(
@@ -58,7 +61,7 @@ def open_source(
         raise FileError(
             path, "there is no such video file or folder of images (a live camera is camera:0)"
         )
-    if path.suffix.lower() in IMAGE_SUFFIXES:
+    if path.suffix.lower() in (*IMAGE_SUFFIXES, *FOREIGN_SUFFIXES):
         return FolderSource(path, times_s=times_s)
     return VideoSource(path)
 
@@ -107,7 +110,12 @@ class FolderSource:
     """
 
     def __init__(self, path: Path, *, times_s: Sequence[float] | None = None) -> None:
-        self._paths = [path] if path.is_file() else _images_in(path)
+        foreign = ""
+        if path.is_file():
+            self._paths = [path]
+        else:
+            self._paths, foreign = image_files(path)
+            self._paths.sort(key=_natural)
         if times_s is not None and len(times_s) != len(self._paths):
             expected = f"{len(times_s)}, as many as the telemetry has entries"
             raise ShapeError(f"images in {path}", expected=expected, actual=[len(self._paths)])
@@ -115,7 +123,7 @@ class FolderSource:
         self.name = str(path)
         self.total: int | None = len(self._paths)
         self.rate_per_s = FOLDER_RATE
-        self.skipped: list[str] = []
+        self.skipped: list[str] = [foreign] if foreign else []
 
     def images(self, every: int = 1) -> TimedImages:
         """Iterate over every n-th image."""
@@ -133,31 +141,23 @@ class FolderSource:
                 continue
             shape = image.shape
             time_s = index / FOLDER_RATE if self._times_s is None else self._times_s[index]
-            yield TimedImage(image=image, index=index, time_s=float(time_s), name=path.name)
+            yield TimedImage(
+                image=image,
+                index=index,
+                time_s=float(time_s),
+                name=path.name,
+                orientation=exif_orientation(path),
+            )
 
     def _read(self, path: Path) -> Image | None:
         try:
-            encoded = np.fromfile(path, dtype=np.uint8)
-        except OSError as error:
-            self.skipped.append(f"{path.name}: cannot be read: {error.strerror}")
+            return read_image(path, colour=True, as_stored=False)
+        except FileError as error:
+            self.skipped.append(str(error).replace(str(path), path.name, 1))
             return None
-        # OpenCV raises on an empty buffer, and returns nothing for what is no image.
-        bgr = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
-        if bgr is None:
-            self.skipped.append(f"{path.name}: is not a readable image")
-            return None
-        return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
-
-
-def _images_in(folder: Path) -> list[Path]:
-    found = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES]
-    if not found:
-        known = ", ".join(suffix.removeprefix(".") for suffix in IMAGE_SUFFIXES)
-        raise FileError(folder, f"the folder holds no images ({known})")
-    return sorted(found, key=_natural)
 
 
 def _natural(path: Path) -> tuple[list[tuple[int, str]], str]:
     """Sort key that puts image_9 before image_10."""
     parts = re.split(r"(\d+)", path.name)
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts], path.name
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], path.name

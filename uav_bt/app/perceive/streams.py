@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.orientation import UPRIGHT, Orientation
 from uav_bt.display.video.video_file import FILM
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import FileError, InputError, ValueRangeError
 from uav_bt.protocols import Clock
 
 Image = NDArray[np.uint8]
@@ -30,6 +31,7 @@ class TimedImage:
     index: int  # counts all images of the source, also those that are left out
     time_s: float  # since the source began
     name: str  # for messages
+    orientation: Orientation = UPRIGHT  # from the stored image to this one
 
 
 TimedImages = Generator[TimedImage, None, None]
@@ -72,6 +74,9 @@ _UNKNOWN_RATE: Final = 25.0  # of a video file that does not say
 class VideoSource:
     """A video file, decoded by FFmpeg.
 
+    Images are turned as players turn them, by the orientation in the file. A cover picture is no
+    video stream. Where time stamps start again, as in joined recordings, times go on.
+
     Args:
         path: the file.
 
@@ -90,13 +95,14 @@ class VideoSource:
                     "is a film that uav-bt made, of panes and text; perception wants the camera's "
                     "own video, or the record of a flight (`uav-bt fly --record`)",
                 )
-            stream = container.streams.video[0]
+            stream = self._stream(container)
             self.rate_per_s = float(stream.average_rate or _UNKNOWN_RATE)
             self.total: int | None = stream.frames or self._estimate(container)
 
     def _opened(self) -> Any:
         try:
-            container = av.open(str(self._path))
+            # An absolute path: FFmpeg takes the part before a colon for a protocol.
+            container = av.open(str(self._path.absolute()))
         except (av.FFmpegError, OSError) as error:
             raise FileError(
                 self._path, f"is no video that can be read ({_reason(error)})"
@@ -106,51 +112,99 @@ class VideoSource:
             raise FileError(self._path, "holds no video")
         return container
 
+    def _stream(self, container: Any) -> Any:
+        for stream in container.streams.video:
+            if not stream.disposition & av.stream.Disposition.attached_pic:
+                return stream
+        raise FileError(self._path, "holds no video, only a cover picture")
+
     def _estimate(self, container: Any) -> int | None:
         if container.duration is None:
             return None
         return max(1, math.ceil(float(container.duration) / av.time_base * self.rate_per_s))
 
     def images(self, every: int = 1) -> TimedImages:
-        """Iterate over every n-th image; damaged stretches are left out and reported."""
-        index, begin_s, shape = -1, None, None
+        """Iterate over every n-th image; damaged images are left out and counted.
+
+        Raises:
+            FileError: the orientation in the file is between the multiples of 90 degrees.
+        """
+        shape: tuple[int, ...] | None = None
         with self._opened() as container:
-            for decoded in self._decoded(container):
-                index += 1
+            for index, time_s, decoded in self._timed(container):
                 if index % every:
                     continue
-                image = decoded.to_ndarray(format="rgb24")
+                orientation = self._orientation(decoded)
+                image = orientation.image(decoded.to_ndarray(format="rgb24"))
                 shape = shape or image.shape
                 if image.shape != shape:
                     self.skipped.append(f"image {index}: has another size than the first")
                     continue
-                shown_s = index / self.rate_per_s if decoded.time is None else float(decoded.time)
-                begin_s = shown_s if begin_s is None else begin_s
                 yield TimedImage(
-                    image=image, index=index, time_s=shown_s - begin_s, name=f"image {index}"
+                    image=image,
+                    index=index,
+                    time_s=time_s,
+                    name=f"image {index}",
+                    orientation=orientation,
                 )
 
-    def _decoded(self, container: Any) -> Iterator[Any]:
-        stream = container.streams.video[0]
-        packets = container.demux(stream)
-        count = damaged = 0
-        while True:
-            try:
-                packet = next(packets, None)
-                if packet is None:
-                    break
-                count += 1
-                frames = packet.decode()
-            except av.FFmpegError as error:
-                damaged += 1
-                if damaged == 1:
-                    self.skipped.append(f"packet {count}: is damaged ({_reason(error)})")
-                if damaged > count:  # no packet could be read at all: the file ends here
-                    break
-                continue
-            yield from frames
-        if damaged > 1:
-            self.skipped.append(f"{damaged - 1} more damaged packets")
+    def _orientation(self, decoded: Any) -> Orientation:
+        matrix = decoded.side_data.get("DISPLAYMATRIX")
+        if matrix is None:
+            return UPRIGHT
+        numbers = np.frombuffer(bytes(matrix), dtype=np.int32).reshape(3, 3)
+        try:
+            return Orientation.from_display_matrix(numbers[:2, :2].astype(np.float64))
+        except ValueRangeError as error:
+            raise FileError(self._path, str(error)) from error
+
+    def _timed(self, container: Any) -> Iterator[tuple[int, float, Any]]:
+        """Yield number, time since the first image in s, and each image that is whole."""
+        begin_s, last_s, step_s = None, 0.0, 1.0 / self.rate_per_s
+        for index, decoded in self._decoded(container):
+            shown_s = index / self.rate_per_s if decoded.time is None else float(decoded.time)
+            begin_s = shown_s if begin_s is None else begin_s
+            if shown_s - begin_s < last_s:  # another recording is joined to the last one
+                begin_s = shown_s - last_s - step_s
+            step_s = shown_s - begin_s - last_s or step_s
+            last_s = shown_s - begin_s
+            yield index, last_s, decoded
+
+    def _decoded(self, container: Any) -> Iterator[tuple[int, Any]]:
+        packets = container.demux(self._stream(container))
+        count = unreadable = damaged = 0
+        suspect: set[int | None] = set()  # time stamps of packets that arrived damaged
+        index, first = -1, ""
+        try:
+            while True:
+                try:
+                    packet = next(packets, None)
+                    if packet is None:
+                        break
+                    count += 1
+                    if packet.is_corrupt:
+                        suspect.add(packet.pts)
+                    frames = packet.decode()
+                except av.FFmpegError as error:
+                    unreadable += 1
+                    first = first or f"packet {count}, {_reason(error)}"
+                    if unreadable > count:  # no packet could be read at all: the file ends here
+                        break
+                    continue
+                for frame in frames:
+                    index += 1
+                    if frame.is_corrupt or frame.pts in suspect:
+                        suspect.discard(frame.pts)
+                        damaged += 1
+                        first = first or f"image {index}"
+                    else:
+                        yield index, frame
+        finally:
+            if damaged or unreadable:
+                self.skipped.append(
+                    f"{damaged} damaged images and {unreadable} packets that cannot be decoded; "
+                    f"the first is {first}"
+                )
 
 
 def _reason(error: Exception) -> str:

@@ -15,11 +15,13 @@ from uav_bt.app.options import FlightOptions, check_policies
 from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
+from uav_bt.board import CLASS_MAP, FRAME
 from uav_bt.errors import FileError, NodeFailedError
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
 from uav_bt.protocols import LeafPolicy
+from uav_bt.record import channels
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, NodeRegistry, Status
@@ -156,6 +158,7 @@ def assemble_recorded(
         mission = load_mission(changes.tree, options, changes.registry)
     else:
         mission = _recorded_mission(reader, recorded, options, changes.registry)
+    _check_complete(reader, mission, masks)
     flight = Flight(
         mission,
         drone,
@@ -165,6 +168,24 @@ def assemble_recorded(
         make_runner=ReplayRunner,
     )
     return flight, masks
+
+
+def _check_complete(reader: RecordReader, mission: MissionTree, masks: Masks) -> None:
+    """Refuse a record that lacks the tree's frames or class maps: every replay would differ."""
+    perceives = any(FRAME in leaf.reads for leaf in mission.leaves())
+    segments = any(CLASS_MAP in leaf.writes for leaf in mission.leaves())
+    needed = {
+        (channels.CAMERA_FRAME, channels.CAMERA_IMAGE): ("frames", perceives),
+        (channels.CLASS_MAP,): ("class maps", segments and masks == "recorded"),
+    }
+    for topics, (what, wanted) in needed.items():
+        for channel in topics if wanted else ():
+            if next(reader.messages([channel.topic]), None) is None:
+                raise FileError(
+                    reader.path,
+                    f"the record has no {what} (no message on {channel.topic}): perception cannot "
+                    "be replayed; give the record as it was flown",
+                )
 
 
 def _recorded_mission(

@@ -162,7 +162,7 @@ def test_the_onnx_file_answers_as_torch_does(tmp_path: Path) -> None:
     with torch.inference_mode():
         expected = net(torch.from_numpy(rgb[None]).permute(0, 3, 1, 2) / 255.0).numpy()
     np.testing.assert_allclose(
-        compile_model(model, 1)(rgb[None])[0], expected, rtol=1e-5, atol=1e-5
+        compile_model(model, 1, Path("net.onnx"))(rgb[None])[0], expected, rtol=1e-5, atol=1e-5
     )
     np.testing.assert_array_equal(segmenter.ids(rgb), expected[0].argmax(axis=0))
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 import pytest
+from av.stream import Disposition
 from numpy.typing import NDArray
 
 from tests.uav_bt.record.footage_world import frame, write_record
@@ -35,6 +38,38 @@ def video(path: Path, count: int = 6, rate: int = 10) -> None:
     for image in with_noise:
         film.write(image)
     film.close()
+
+
+def encoded(
+    path: Path, images: Sequence[NDArray[np.uint8]], *, cover: NDArray[np.uint8] | None = None
+) -> Path:
+    """Write a video of ten images a second; a cover picture goes before the images."""
+    with av.open(str(path), "w") as container:
+        if cover is not None:
+            picture = container.add_stream("mjpeg", rate=1)
+            picture.height, picture.width = cover.shape[:2]
+            picture.pix_fmt = "yuvj420p"
+            picture.disposition = Disposition.attached_pic
+        stream = container.add_stream("mpeg4", rate=10)
+        stream.height, stream.width = images[0].shape[:2]
+        stream.pix_fmt, stream.bit_rate = "yuv420p", 4_000_000
+        if cover is not None:
+            container.mux(picture.encode(av.VideoFrame.from_ndarray(cover, format="rgb24")))
+        for one in images:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(one, format="rgb24")))
+        container.mux(stream.encode())
+    return path
+
+
+def marked() -> NDArray[np.uint8]:
+    """Return an image of 64x36 pixels whose upper left quarter is red."""
+    one = np.full((36, 64, 3), 90, np.uint8)
+    one[:18, :32] = RED
+    return one
+
+
+def noise(count: int) -> list[NDArray[np.uint8]]:
+    return list(np.random.default_rng(0).integers(0, 255, (count, 36, 64, 3), dtype=np.uint8))
 
 
 # --- folders --------------------------------------------------------------------------------------
@@ -78,6 +113,32 @@ def test_unreadable_images_are_named_and_left_out(tmp_path: Path) -> None:
     assert "c.png: is not a readable image" in told
     assert "d.png: is 18x32, the first image is 32x18" in told
     assert "e.png: cannot be read: Is a directory" in told
+
+
+def test_formats_that_are_not_read_are_named(tmp_path: Path) -> None:
+    image(tmp_path / "a.png")
+    for name in ("1.avif", "2.heic", "3.heic", "4.heic"):
+        (tmp_path / name).touch()
+    (line,) = FolderSource(tmp_path).skipped
+    assert "4 of a format that is not read (avif, heic): 1.avif, 2.heic, 3.heic and 1 more" in line
+    (tmp_path / "a.png").unlink()
+    with pytest.raises(FileError, match=r"holds no images .*; it holds 4 of a format"):
+        FolderSource(tmp_path)
+    source = open_source(str(tmp_path / "2.heic"))
+    assert list(source.images()) == []
+    assert "convert them to PNG" in source.skipped[0]
+
+
+def test_twelve_bits_in_a_sixteen_bit_file_are_scaled(tmp_path: Path) -> None:
+    deep = np.full((18, 32, 3), (160, 480, 3200), np.uint16)  # blue, green, red of 4095
+    assert cv2.imwrite(str(tmp_path / "deep.png"), deep)
+    (one,) = FolderSource(tmp_path).images()
+    assert one.image[0, 0].tolist() == [200, 30, 10]
+
+
+def test_a_superscript_digit_in_a_name_is_no_number(tmp_path: Path) -> None:
+    image(tmp_path / "1\u00b23.png")
+    assert [one.name for one in FolderSource(tmp_path).images()] == ["1\u00b23.png"]
 
 
 def test_a_folder_without_images_is_refused(tmp_path: Path) -> None:
@@ -133,6 +194,88 @@ def test_a_damaged_stretch_is_told_and_the_rest_is_read(tmp_path: Path) -> None:
     assert 0 < count <= 40
     assert source.skipped
     assert "damaged" in source.skipped[0]
+
+
+@pytest.mark.parametrize(
+    ("matrix", "stored"),
+    [
+        ((-1, 0, 0, -1), np.rot90(marked(), 2)),
+        ((0, 1, -1, 0), np.rot90(marked())),  # a player turns it clockwise
+        ((-1, 0, 0, 1), marked()[:, ::-1]),
+    ],
+    ids=["half a turn", "quarter", "mirrored"],
+)
+def test_images_are_turned_as_players_turn_them(
+    tmp_path: Path, matrix: tuple[int, ...], stored: NDArray[np.uint8]
+) -> None:
+    path = encoded(tmp_path / "drone.mp4", [np.ascontiguousarray(stored)] * 3)
+    content = bytearray(path.read_bytes())
+    a, b, c, d = (65536 * number for number in matrix)  # 16.16 fixed point
+    place = content.index(b"tkhd") + 4 + 40  # the matrix follows 40 bytes after the box's type
+    content[place : place + 36] = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    path.write_bytes(content)
+    first = next(VideoSource(path).images())
+    assert first.image.shape == (36, 64, 3)
+    assert first.image[4, 4] == pytest.approx(RED, abs=25)
+    assert first.image[30, 60] == pytest.approx((90, 90, 90), abs=25)
+    assert not first.orientation.upright
+
+
+def boxes(content: bytes) -> list[tuple[bytes, bytes]]:
+    """Return type and whole bytes of the boxes of an mp4 file."""
+    found, place = [], 0
+    while place < len(content):
+        size, kind = struct.unpack_from(">I4s", content, place)
+        found.append((kind, content[place : place + size]))
+        place += size
+    return found
+
+
+def test_a_cover_picture_before_the_video_is_no_video(tmp_path: Path) -> None:
+    """Some drones write the cover ahead of the tracks, which makes it the first stream."""
+    path = encoded(tmp_path / "drone.mp4", noise(6), cover=np.full((18, 32, 3), 9, np.uint8))
+    content = path.read_bytes()
+    (movie,) = (box for kind, box in boxes(content) if kind == b"moov")
+    order = {b"mvhd": 0, b"udta": 1}
+    inside = sorted(boxes(movie[8:]), key=lambda box: order.get(box[0], 2))
+    path.write_bytes(content.replace(movie, movie[:8] + b"".join(box for _, box in inside)))
+    images = list(VideoSource(path).images())
+    assert len(images) == 6
+    assert images[0].image.shape == (36, 64, 3)
+
+
+def test_times_go_on_where_two_recordings_are_joined(tmp_path: Path) -> None:
+    part = encoded(tmp_path / "part.ts", noise(6)).read_bytes()
+    (tmp_path / "joined.ts").write_bytes(part + part)
+    times_s = [one.time_s for one in VideoSource(tmp_path / "joined.ts").images()]
+    assert len(times_s) >= 11  # the packet at the joint may count as damaged
+    assert times_s[-1] == pytest.approx(1.1, abs=0.11)
+    assert (np.diff(times_s) > 0.0).all()
+
+
+def test_damaged_images_are_left_out_and_counted(tmp_path: Path) -> None:
+    path = encoded(tmp_path / "radio.ts", noise(30))
+    content = bytearray(path.read_bytes())
+    for place in range(len(content) // 3, len(content) // 2, 97):
+        content[place] ^= 0xFF
+    path.write_bytes(content)
+    source = VideoSource(path)
+    images = list(source.images())
+    (line,) = source.skipped
+    count = int(line.split()[0])
+    assert count > 0
+    assert "damaged images" in line
+    assert len(images) <= 30 - count
+    assert max(one.time_s for one in images) <= 2.9  # no time stamp of a damaged packet
+
+
+@pytest.mark.parametrize("name", ["2026-11-26T12:00:00.mp4", "file:drone.mp4"])
+def test_a_colon_in_a_videos_name_is_no_protocol(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    encoded(tmp_path / "drone.mp4", noise(2)).rename(tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    assert len(list(open_source(name).images())) == 2
 
 
 def test_an_absent_file_is_refused_with_what_a_source_can_be() -> None:

@@ -341,3 +341,20 @@ def test_commands_without_numbers_need_no_pairing() -> None:
     ids = MovementIds()
     assert ids.pair(Hover(), Velocity(forward_mps=1.0))
     assert ids.pair(Hover(), MoveBy(id=1))
+
+
+@pytest.mark.parametrize(
+    ("topic", "masks", "words"),
+    [
+        ("/camera/image", "network", "has no frames .no message on /camera/image"),
+        ("/camera/frame", "network", "has no frames .no message on /camera/frame"),
+        ("/perception/class_map", "recorded", "has no class maps"),
+    ],
+)
+def test_a_record_without_what_the_tree_perceives_is_refused(
+    perceived: Path, tmp_path: Path, topic: str, masks: str, words: str
+) -> None:
+    """Its replay would differ, and the program would not be the reason."""
+    part = copy_part(perceived, tmp_path / "part.mcap", without=topic)
+    with pytest.raises(FileError, match=words):
+        replay(part, ReplayOptions(masks=masks))  # type: ignore[arg-type]

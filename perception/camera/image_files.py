@@ -1,0 +1,114 @@
+"""Image files: which ones a folder holds, and their pixels with 8 bits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.orientation import UPRIGHT, Orientation
+from uav_bt.errors import FileError
+from uav_bt.files import reading
+
+IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
+FOREIGN_SUFFIXES: Final = (".arw", ".avif", ".cr2", ".cr3", ".dng", ".heic", ".heif", ".nef")
+"""Formats of phones and cameras that are named and not read."""
+
+_JPEG_MARK: Final = b"\xff\xd8"
+_EXIF_MARK: Final = b"Exif\0\0"
+_EXIF_BYTES: Final = 65_536 + 64  # a JPEG segment's longest, behind the one before it
+_ORIENTATION_TAG: Final = 0x0112
+_EXIF: Final = {  # EXIF 2.3, table 4: value of the tag
+    2: Orientation(flip_columns=True),
+    3: Orientation(flip_columns=True, flip_rows=True),
+    4: Orientation(flip_rows=True),
+    5: Orientation(transpose=True),
+    6: Orientation(transpose=True, flip_columns=True),
+    7: Orientation(transpose=True, flip_columns=True, flip_rows=True),
+    8: Orientation(transpose=True, flip_rows=True),
+}
+_NAMED: Final = 3  # files that a message lists
+
+
+def image_files(folder: Path) -> tuple[list[Path], str]:
+    """Return the images of a folder, and a line about images of formats that are not read.
+
+    Raises:
+        FileError: the folder holds no image.
+    """
+    inside = sorted(folder.iterdir())
+    found = [path for path in inside if path.suffix.lower() in IMAGE_SUFFIXES]
+    foreign = [path for path in inside if path.suffix.lower() in FOREIGN_SUFFIXES]
+    line = _conversion(foreign) if foreign else ""
+    if not found:
+        known = ", ".join(suffix.removeprefix(".") for suffix in IMAGE_SUFFIXES)
+        raise FileError(
+            folder, f"the folder holds no images ({known}){'; it holds ' if line else ''}{line}"
+        )
+    return found, line
+
+
+def _conversion(foreign: list[Path]) -> str:
+    names = ", ".join(path.name for path in foreign[:_NAMED])
+    more = f" and {len(foreign) - _NAMED} more" if len(foreign) > _NAMED else ""
+    formats = ", ".join(sorted({path.suffix.lower().removeprefix(".") for path in foreign}))
+    return (
+        f"{len(foreign)} of a format that is not read ({formats}): {names}{more}; convert them "
+        f"to PNG, for example with `magick mogrify -format png *{foreign[0].suffix}`"
+    )
+
+
+def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8]:
+    """Read an image file.
+
+    Args:
+        path: the file.
+        colour: three colours; otherwise grey.
+        as_stored: leave the sensor's rows as they are; otherwise turn them by the EXIF orientation.
+
+    Returns:
+        (H, W, 3) uint8 RGB or (H, W) uint8. Images of more than 8 bits are scaled to the range of
+        bits that they use, as 12 bits in a 16-bit file.
+
+    Raises:
+        FileError: the file cannot be read or holds no image.
+    """
+    if path.suffix.lower() in FOREIGN_SUFFIXES:
+        raise FileError(path, _conversion([path]))
+    with reading(path):
+        encoded = np.fromfile(path, dtype=np.uint8)
+    flags = cv2.IMREAD_ANYDEPTH | (cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE)
+    if as_stored:
+        flags |= cv2.IMREAD_IGNORE_ORIENTATION
+    # OpenCV raises on an empty buffer, and returns nothing where no image is encoded.
+    image = cv2.imdecode(encoded, flags) if encoded.size else None
+    if image is None or image.dtype not in (np.uint8, np.uint16):
+        raise FileError(path, "is not a readable image")
+    if image.dtype == np.uint16:
+        image = np.right_shift(image.astype(np.uint16), max(int(image.max()).bit_length() - 8, 0))
+    grey_or_rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB) if colour else image
+    return np.asarray(grey_or_rgb, dtype=np.uint8)
+
+
+def exif_orientation(path: Path) -> Orientation:
+    """Return how a JPEG file's EXIF data turn its stored rows; upright where they say nothing.
+
+    Raises:
+        FileError: the file cannot be read.
+    """
+    with reading(path), path.open("rb") as file:
+        head = file.read(_EXIF_BYTES)
+    begin = head.find(_EXIF_MARK)
+    if not head.startswith(_JPEG_MARK) or begin < 0:
+        return UPRIGHT
+    tiff = head[begin + len(_EXIF_MARK) :]
+    order: Literal["little", "big"] = "little" if tiff.startswith(b"II") else "big"
+    place = int.from_bytes(tiff[4:8], order)
+    count = int.from_bytes(tiff[place : place + 2], order)
+    for entry in range(place + 2, place + 2 + 12 * count, 12):  # tag, type, count, value
+        if int.from_bytes(tiff[entry : entry + 2], order) == _ORIENTATION_TAG:
+            return _EXIF.get(int.from_bytes(tiff[entry + 8 : entry + 10], order), UPRIGHT)
+    return UPRIGHT

@@ -1,0 +1,108 @@
+"""The orientation that a video's metadata gives its frames, applied to images and cameras.
+
+A drone or phone that is mounted upside down stores the sensor's rows as they are and notes in the
+file how a player turns them. FFmpeg calls that note the display matrix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.types import CameraModel
+
+_SLACK: Final = (
+    0.01  # of the matrix's largest entry; chosen: an angle of 0.6 degrees counts as none
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Orientation:
+    """A turn by quarters and a mirroring: transpose first, then flip."""
+
+    transpose: bool = False  # columns become rows
+    flip_columns: bool = False  # left and right change places
+    flip_rows: bool = False  # top and bottom change places
+
+    @staticmethod
+    def from_display_matrix(matrix: NDArray[np.floating]) -> Orientation:
+        """Return the orientation of a display matrix.
+
+        Args:
+            matrix: (2, 2) floats a, b, c, d: column x and row y are shown at column a x + c y and
+                row b x + d y. Scale is left out.
+
+        Raises:
+            ShapeError: the matrix has another shape.
+            ValueRangeError: the angle is between the multiples of 90 degrees.
+        """
+        if matrix.shape != (2, 2):
+            raise ShapeError("display matrix", expected="2x2", actual=matrix.shape)
+        largest = float(np.abs(matrix).max())
+        kept = np.where(np.abs(matrix) > _SLACK * largest, matrix, 0.0)
+        (a, b), (c, d) = kept.tolist()
+        if a and d and not b and not c:
+            return Orientation(flip_columns=a < 0, flip_rows=d < 0)
+        if b and c and not a and not d:
+            return Orientation(transpose=True, flip_columns=c < 0, flip_rows=b < 0)
+        raise ValueRangeError(
+            f"the orientation must be a multiple of 90 degrees, got the matrix {matrix.tolist()}; "
+            "turn the video with a video editor first"
+        )
+
+    @property
+    def upright(self) -> bool:
+        """Whether images stay as they are."""
+        return not (self.transpose or self.flip_columns or self.flip_rows)
+
+    def image(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return an image, (H, W, 3) uint8, as a player shows it."""
+        shown = rgb.swapaxes(0, 1) if self.transpose else rgb
+        shown = shown[:, ::-1] if self.flip_columns else shown
+        shown = shown[::-1] if self.flip_rows else shown
+        return np.ascontiguousarray(shown)
+
+    def camera(self, raw: CameraModel) -> CameraModel:
+        """Return the camera of shown images from the camera of raw ones.
+
+        Raises:
+            ValueRangeError: the lens model has more than the five numbers k1, k2, p1, p2, k3, and
+                the images are turned.
+        """
+        if self.upright:
+            return raw
+        if len(raw.distortion) > 5:
+            raise ValueRangeError(
+                f"a turned video needs a camera of five distortion numbers or fewer, got "
+                f"{len(raw.distortion)}; calibrate with `uav-bt lab calibrate`"
+            )
+        width_px, height_px = raw.width_px, raw.height_px
+        fx_px, fy_px, cx_px, cy_px = raw.fx_px, raw.fy_px, raw.cx_px, raw.cy_px
+        k1, k2, p1, p2, *k3 = raw.distortion or (0.0, 0.0, 0.0, 0.0)
+        if self.transpose:
+            width_px, height_px = height_px, width_px
+            fx_px, fy_px, cx_px, cy_px = fy_px, fx_px, cy_px, cx_px
+            p1, p2 = p2, p1
+        # Tangential terms: dx = 2 p1 x y + p2 (r2 + 2 x2), so p2 belongs to columns, p1 to rows.
+        if self.flip_columns:
+            cx_px, p2 = width_px - 1 - cx_px, -p2
+        if self.flip_rows:
+            cy_px, p1 = height_px - 1 - cy_px, -p1
+        return replace(
+            raw,
+            width_px=width_px,
+            height_px=height_px,
+            fx_px=fx_px,
+            fy_px=fy_px,
+            cx_px=cx_px,
+            cy_px=cy_px,
+            distortion=(k1, k2, p1, p2, *k3) if raw.distortion else (),
+        )
+
+
+UPRIGHT: Final = Orientation()
+"""Images that are shown as they are stored."""
