@@ -101,7 +101,7 @@ class Downlink:
     def take(
         self, telemetry: Telemetry, gimbal_pitch_rad: float, events: Events, now_s: float
     ) -> None:
-        """Send the measurements of one control step, and receive what has arrived.
+        """Send the measurements of one control step, and receive those that are due.
 
         Args:
             telemetry: measurements of the motion.

@@ -78,7 +78,7 @@ class _Builder:
         self.spec = mujoco.MjSpec()
         self.spec.option.timestep = PHYSICS_STEP_S
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        # Clipping: the near plane shows what the hull almost touches, the far plane the whole room.
+        # Clipping: the near plane shows all that the hull almost touches, the far plane the room.
         self.spec.stat.extent = 8.0
         self.spec.stat.center = (0.0, 0.0, 1.0)
         self.spec.visual.map.znear = 0.02 / 8.0

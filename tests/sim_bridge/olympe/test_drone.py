@@ -160,7 +160,7 @@ def test_no_video_is_said_at_once(version: tuple[int, ...], fault: BaseException
     world = FakeWorld(version)
     world.video = False
     world.video_fault = fault
-    with pytest.raises(DroneError, match=r"gives no video \(RTSP port 554\) within 5 s"):
+    with pytest.raises(DroneError, match=r"sends no video \(RTSP port 554\) within 5 s"):
         bridge(world).connect()
     assert world.drone.closed[:2] == ["stop video", "disconnect"]
 
@@ -329,7 +329,7 @@ def test_an_sdk_that_refuses_the_sticks_is_an_error() -> None:
     world = FakeWorld()
     drone = hovering(world)
     world.steers = False
-    with pytest.raises(DroneError, match="does not take stick positions any more"):
+    with pytest.raises(DroneError, match="no longer accepts stick positions"):
         say(drone, Velocity(forward_mps=0.5))
 
 

@@ -151,7 +151,7 @@ def test_a_video_that_blocks_is_given_up_in_time() -> None:
     world.on_video = lambda _: world.note("play")
     world.blocks = "play"
     drone = world.bridge(video_limit_s=0.01)
-    with pytest.raises(DroneError, match="gives no video"):
+    with pytest.raises(DroneError, match="sends no video"):
         drone.connect()
     assert world.drone.closed == []
     world.go.set()

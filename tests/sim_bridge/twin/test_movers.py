@@ -181,7 +181,7 @@ def test_drawn_movers_leave_the_pad_and_the_boxes_alone(seed: int) -> None:
 
 def test_there_is_no_room_for_a_mover_between_walls() -> None:
     scene = load_scene("train-a")
-    with pytest.raises(ValueRangeError, match=r"of its own and takes 8 more, got 9"):
+    with pytest.raises(ValueRangeError, match=r"takes at most 8 more, got 9"):
         with_movers(scene, 9, 0)
 
 
