@@ -215,7 +215,7 @@ def test_the_summary_tells_how_it_went() -> None:
     assert rows["mission"] == "explore_and_land in train-a, seed 3"
     assert rows["landing error"] == "0.024 m from the helipad's centre"
     assert rows["first 90 s"] == "9.59 m"
-    assert rows["ground"] == "61 % of the free ground passed, 84 % seen"
+    assert rows["ground"] == "61 % of the free ground covered, 84 % seen"
     assert "objects" not in rows, "without a map"
     assert "landing" not in rows, "what was not reached"
     assert rows["segmentation"].startswith("0.8 ms median")

@@ -159,7 +159,7 @@ def test_what_there_is_no_time_for_is_left_out_and_told(
     with caplog.at_level(logging.WARNING):
         bench.background.close()
     assert [phase for _, phase, _ in bench.follower.seen] == ["one", "two", "three"]
-    assert "left out 2 ticks" in caplog.text
+    assert "dropped 2 ticks" in caplog.text
 
 
 def test_a_follower_that_raises_is_left_alone(caplog: pytest.LogCaptureFixture) -> None:

@@ -126,7 +126,7 @@ def test_a_port_that_is_taken_is_refused() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        with pytest.raises(InputError, match="name another"):
+        with pytest.raises(InputError, match="choose another one"):
             sinks.Viewer(web=False, port=taken.getsockname()[1])
 
 
