@@ -105,8 +105,8 @@ def test_any_bytes_are_read_or_refused(folder: Path, noise: bytes) -> None:
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"", "byte 0: no log of FileLogger2"),
-        (b"PK\x03\x04 something else entirely", "byte 0: no log of FileLogger2"),
+        (b"", "byte 0: not a FileLogger2 log"),
+        (b"PK\x03\x04 something else entirely", "byte 0: not a FileLogger2 log"),
         (b"BTCPP4-FileLogger2\x02", "byte 18: protocol 2, only 1 can be read"),
         (b"BTCPP4-FileLogger2\x01" + struct.pack("<i", -5), "byte 19: the XML's length"),
         (b"BTCPP4-FileLogger2\x01" + struct.pack("<i", 2**31 - 1), "got 2147483647"),
@@ -186,7 +186,7 @@ def test_a_log_that_grows_too_large_ends_and_is_told_at_the_end(tmp_path: Path) 
     log.begin(XML, 0)
     for time_us in range(3):
         log.write([Transition(time_us, 1, Status.SUCCESS)])
-    with pytest.raises(FileError, match="ends early: it has grown too large"):
+    with pytest.raises(FileError, match="ends early: it is too large"):
         log.close()
     log.close()  # told once
     assert len(read(path)[2]) == 1

@@ -176,7 +176,7 @@ def test_nobody_can_change_the_tree(mission: Mission, client: GrootClient, type_
         ([b""], "expected 6 bytes, got 0"),
         ([b"\x02T"], "expected 6 bytes, got 2"),
         ([header(b"T") + b"!"], "expected 6 bytes, got 7"),
-        ([header(b"T", protocol=1)], "protocol 2 is spoken here, got 1"),
+        ([header(b"T", protocol=1)], "expected protocol 2, got 1"),
         ([header(b"Z")], "request not recognized: type 90"),
         ([header(b"\xff")], "request not recognized: type 255"),
         ([header(b"T"), b"", b""], "1 or 2 parts, got 3"),

@@ -110,7 +110,7 @@ def test_what_was_read_is_kept(
 
 def test_a_flight_without_advice_is_refused(tmp_path: Path) -> None:
     alone = flown(tmp_path, adviser="")
-    with pytest.raises(FileError, match=r"nobody advised in this flight.*put <Advise/>"):
+    with pytest.raises(FileError, match=r"this flight contains no advice.*put <Advise/>"):
         read_advised_flights([alone], NET, tmp_path)
 
 

@@ -159,7 +159,7 @@ def test_the_teacher_learns_from_photographs_of_any_size(picks: list[Pick], tmp_
 
 def test_a_picture_that_is_not_there_is_named(tmp_path: Path) -> None:
     write_picks(tmp_path / "picks.csv", [Pick(image="none.png", x=1, y=1, class_id=1)])
-    with pytest.raises(FileError, match=r"none\.png: is no readable image"):
+    with pytest.raises(FileError, match=r"none\.png: is not a readable image"):
         learning.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
 
 
