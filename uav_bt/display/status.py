@@ -32,7 +32,7 @@ from uav_bt.types import DroneState, LandingMark
 _REDRAW_S: Final = 0.2  # wall time between redraws; faster ones are unreadable
 _DESCENT_LINE_EVERY_S: Final = 5.0  # wall time between lines during a descent
 _LINE_EVERY_S: Final = 10.0  # mission time between lines without a terminal
-_ACT: Final = {  # what the operator must do at once; it stays on the screen
+_ACT: Final = {  # actions for the operator; they stay on the screen
     Override.CUT: "keep clear, then take the remote control",
     Override.LINK: "take the remote control",
 }
@@ -59,7 +59,7 @@ class LiveStatus:
     Args:
         board: board of the mission, source of time and helipad fix.
         console: output; default: the standard error stream.
-        wall_clock_s: returns the real time, s; tests pass their own clock.
+        wall_clock_s: returns the real time, s; tests pass a simulated clock.
     """
 
     def __init__(

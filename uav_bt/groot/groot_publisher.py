@@ -4,7 +4,7 @@ Source: BehaviorTree.CPP's `groot2_publisher.cpp`. There, requests are answered 
 socket, and notifications are sent by a PUB socket on the next port. The only notification reports a
 breakpoint. Breakpoints are not supported here, so that socket is silent; it exists because Groot2
 connects to it. This server uses a ROUTER socket for requests, because a REP socket can stop
-answering all clients after bytes that are not ZeroMQ. For clients there is no difference.
+answering all clients after bytes that are not ZeroMQ. Clients notice no difference.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class GrootConfig:
 class GrootPublisher:
     """Answers requests of Groot2 about one tree. Use it as a context manager, or open and close it.
 
-    It listens from `open` on, so that a taken port is reported before a flight. `show` sets the tree
-    later.
+    It listens from `open` on, so that a taken port is reported before a flight. `show` sets the
+    tree later.
 
     Args:
         config: address and port.

@@ -108,7 +108,7 @@ class Battery(Part):
     """Battery that drains in the air; a critical charge makes the drone land.
 
     Args:
-        core: what the parts share.
+        core: shared state of the parts.
         flight: lands the drone.
         options: charge, life and thresholds.
     """
@@ -172,7 +172,7 @@ class Telemetry(Part):
     """Publishes the motion periodically, changed or not.
 
     Args:
-        core: what the parts share.
+        core: shared state of the parts.
         gimbal: gives the frame of reference of the pitch.
     """
 

@@ -1,4 +1,4 @@
-"""`.btlog` files: byte for byte as FileLogger2 has them, whole or cut short, or refused."""
+"""`.btlog` files: the bytes of FileLogger2; partial and damaged files."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def test_an_older_log_stays_until_the_new_one_begins(tmp_path: Path) -> None:
 
 
 def test_every_write_is_in_the_file_at_once(tmp_path: Path) -> None:
-    """So that a mission that is cut short leaves its log."""
+    """An interrupted mission leaves a log."""
     path = tmp_path / "flight.btlog"
     with BtlogWriter(path) as log:
         log.begin(XML, 0)
@@ -188,7 +188,7 @@ def test_a_log_that_grows_too_large_ends_and_is_told_at_the_end(tmp_path: Path) 
         log.write([Transition(time_us, 1, Status.SUCCESS)])
     with pytest.raises(FileError, match="ends early: it is too large"):
         log.close()
-    log.close()  # told once
+    log.close()  # the error is raised only once
     assert len(read(path)[2]) == 1
 
 

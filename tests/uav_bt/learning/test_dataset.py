@@ -1,4 +1,4 @@
-"""Records as what networks learn from: which files, which frames, footage in memory."""
+"""Training data from records: files, frames, and footage in memory."""
 
 from __future__ import annotations
 

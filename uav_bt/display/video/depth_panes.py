@@ -191,7 +191,7 @@ def corridor_rows(
         ("ahead", _metres(corridor.free_distance_m), INK),
         ("left", _metres(corridor.nearest_left_m), INK),
         ("right", _metres(corridor.nearest_right_m), INK),
-        ("unknown", f"{corridor.unknown_px} pixels of things", INK),
+        ("unknown", f"{corridor.unknown_px} pixels of objects", INK),
     ]
 
 

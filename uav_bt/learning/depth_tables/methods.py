@@ -23,7 +23,7 @@ from uav_bt.types import ClassMap, DepthMap, Frame
 
 
 class CollectedScale:
-    """The paper's two constant scales, from the medians of all frames until now.
+    """The two constant scales of the paper, from the medians of all frames until now.
 
     Args:
         method: ``constant`` uses the median ratio of known to predicted depth; ``least_squares``
@@ -92,7 +92,7 @@ def _things(ids: NDArray[np.uint8]) -> Iterator[NDArray[np.bool_]]:
         count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
         for label in range(1, count):
             part = labels == label
-            # Two boxes may have the same roof class; a roof belongs to the box with a side below it.
+            # Two boxes may have the same roof; it belongs to the box with a side below it.
             if np.any(ids[part] == needed):
                 yield part
 
@@ -123,7 +123,7 @@ METHODS: Final = (
     Method(name="fused", source="fused"),
     Method(name="contact", source="contact"),
     Method(name="lowest_pixel", source=None),
-    # Baseline: edges have about the right length in any depth of about the right distance.
+    # Baseline: edges have about the right length at any depth near the right distance.
     Method(name="flat", source="network", flat=True),
 )
 
