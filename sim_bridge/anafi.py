@@ -8,7 +8,7 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import Airframe, CameraModel
 
 ANAFI_AIRFRAME: Final = Airframe()  # its defaults describe the ANAFI
-CAMERA_FORWARD_M = CameraModel.forward_offset_m  # the lens ahead of the body's centre
+CAMERA_FORWARD_M = CameraModel.forward_offset_m  # from the body's centre forward to the lens
 FOCAL_SHARE = 0.7275  # focal length / image width: the video's field of view is 69 degrees wide
 
 

@@ -44,8 +44,8 @@ def port_error(error: OSError, address: str, port: int, service: str) -> PortTak
     where = f"the {service} port {port} of {address}"
     if error.errno == errno.EADDRINUSE:
         return PortTakenError(
-            f"{where} is taken; stop its user, choose another port, or another address such "
-            "as 127.0.0.2"
+            f"{where} is taken; stop the other program, choose another port, or another "
+            "address such as 127.0.0.2"
         )
     if error.errno in (errno.EACCES, errno.EPERM):
         return PortTakenError(f"{where} needs root; choose one above 1023, such as 8554")

@@ -29,7 +29,7 @@ from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
 
 _NEW_API: Final = 8  # major version with the differences above
-_LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # loggers that the SDK gives handlers
+_LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # the SDK adds handlers to them
 _LEVELS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}
 
 

@@ -104,7 +104,7 @@ class Autopilot:
 
     @property
     def flying_state(self) -> FlyingState:
-        """The flying state as the ANAFI would report it."""
+        """The flying state, as the ANAFI reports it."""
         if self._mode in _FLYING:
             slow = max(map(abs, self._reference.velocity)) < self._config.hover_mps
             hovers = slow and self._mode is Mode.HOLD

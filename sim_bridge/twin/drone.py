@@ -72,7 +72,7 @@ class TwinDrone:
 
     @property
     def referee(self) -> TwinReferee | None:
-        """The truth; None before connecting."""
+        """The referee; None before connecting."""
         return self._flight.referee if self._flight is not None else None
 
     @property

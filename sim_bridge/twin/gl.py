@@ -133,7 +133,7 @@ def _loads(*names: str, mode: int = ctypes.RTLD_GLOBAL) -> bool:
 
 
 def _egl_works() -> bool:
-    """Open and close a context on the first EGL device, as MuJoCo will."""
+    """Open and close a context on the first EGL device, as MuJoCo does."""
     if not _loads("libGL.so.1", "libGL.so"):
         return False
     try:

@@ -135,7 +135,7 @@ def _hull(points: NDArray[np.float64]) -> NDArray[np.float32]:
 def mover_problem(
     mover: MoverSpec, ground: Ground, names: Sequence[str], take_off_m: Point | None
 ) -> str | None:
-    """Return why a mover cannot follow its path; None when it can.
+    """Return the reason why a mover cannot follow its path; None if it can.
 
     Args:
         mover: the mover.

@@ -20,7 +20,7 @@ def child_seed(seed: int, *path: int) -> np.random.SeedSequence:
 
 
 class NormalStream:
-    """Standard normal numbers, one at a time, drawn in blocks because single draws are slow."""
+    """Standard normal numbers, generated in blocks because single calls are slow."""
 
     def __init__(self, seed: np.random.SeedSequence) -> None:
         self._generator = np.random.Generator(np.random.PCG64(seed))

@@ -111,7 +111,7 @@ class GrootPublisher:
             target=self._serve,
             args=(replies, notifications, stopped),
             name="groot2-publisher",
-            daemon=True,  # a forgotten publisher must not keep the process alive
+            daemon=True,  # an unclosed publisher must not keep the process alive
         )
         self._thread.start()
 

@@ -108,7 +108,7 @@ def _check_adviser(tree: str | Path) -> None:
     mission = app.check(tree)
     if not any(ADVICE in leaf.writes for leaf in mission.leaves()):
         raise InputError(
-            f"no leaf of '{tree}' writes '{ADVICE.name}', so its records teach nothing: put "
+            f"no leaf of '{tree}' writes '{ADVICE.name}', so its records have no labels: put "
             '<RememberViews/> and <Advise policy="corridor"/> behind <BuildCorridor/>, as '
             "explore_and_land_advised has it"
         )

@@ -75,8 +75,8 @@ def split_records(paths: Sequence[Path], held_out: Sequence[Path]) -> tuple[list
     learnt = [record for record in records_of(paths) if record not in others]
     if not learnt:
         raise InputError(
-            f"all records to learn from are held out to measure on ({len(others)} records): name "
-            "others to learn from"
+            f"all training records are held out for evaluation ({len(others)} records): name "
+            "others for training"
         )
     return learnt, others
 

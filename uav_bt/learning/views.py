@@ -120,8 +120,8 @@ class DepthViewPlan:
     """Plan of images for the measurement of depth."""
 
     scenes: tuple[str, ...] = VALIDATION_SCENES
-    views: int = 40  # images a scene
-    profile: str = "lab"  # whose noise, blur and exposure error the images get
+    views: int = 40  # images per scene
+    profile: str = "lab"  # source of noise, blur and exposure error
     min_pitch_rad: float = -0.8  # steeper images are omitted: landings do not use depth
     seed: int = 11
 

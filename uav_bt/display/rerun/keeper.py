@@ -19,7 +19,7 @@ KEPT: Final = (sys.executable, "-m", "uav_bt.display.rerun.keeper")
 
 def main(command: Sequence[str]) -> int:
     """Run a program until it or the standard input ends; return its exit code."""
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL)  # noqa: S603 - ours, see above
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL)  # noqa: S603 - given by the caller
 
     def end() -> None:
         sys.stdin.buffer.read()

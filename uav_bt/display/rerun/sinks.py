@@ -112,7 +112,7 @@ class Viewer:
 
     def __init__(self, *, web: bool, port: int = 0, web_port: int = 0) -> None:
         need("view", "rerun", what="a view")
-        import rerun as rr  # noqa: PLC0415 - only views need it
+        import rerun as rr  # noqa: PLC0415 - an extra
 
         self.port = _free_port(port)
         self._web_port = _free_port(web_port) if web else None

@@ -81,7 +81,7 @@ def take_images(
     *,
     advance: Advance = silent,
 ) -> Iterator[SampleImage]:
-    """Take the images of a plan; the same plan gives the same images.
+    """Render the images of a plan; the same plan gives the same images.
 
     Args:
         plan: the images.
