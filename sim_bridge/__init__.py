@@ -1,1 +1,1 @@
-"""Anything that flies: the MuJoCo twin, and the bridges to real drones."""
+"""Drones: the MuJoCo twin, the loopback ANAFI and the bridge to a real one."""

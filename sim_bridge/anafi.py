@@ -1,4 +1,4 @@
-"""Facts of the ANAFI that the twin, the loopback drone and the real one share."""
+"""Constants of the ANAFI, shared by the twin, the loopback drone and the real one."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import Airframe, CameraModel
 
 ANAFI_AIRFRAME: Final = Airframe()  # its defaults describe the ANAFI
-CAMERA_FORWARD_M = CameraModel.forward_offset_m  # the lens ahead of the body's centre
-FOCAL_SHARE = 0.7275  # focal length over image width: 69 degrees wide, the video's field of view
+CAMERA_FORWARD_M = CameraModel.forward_offset_m  # from the body's centre forward to the lens
+FOCAL_SHARE = 0.7275  # focal length / image width: the video's field of view is 69 degrees wide
 
 
 def anafi_camera(width_px: int, height_px: int) -> CameraModel:
-    """Return the intrinsics of the video at a size.
+    """Return the intrinsics of the video at an image size.
 
     Args:
-        width_px: image width.
-        height_px: image height; the aspect must be 16:9 (to the nearest pixel).
+        width_px: image width, pixels.
+        height_px: image height, pixels; the aspect must be 16:9 (to the nearest pixel).
 
     Raises:
-        ValueRangeError: the aspect is another, or the size is not positive.
+        ValueRangeError: the aspect is not 16:9, or the size is not positive.
     """
     if width_px < 16 or abs(height_px - width_px * 9 / 16) > 1.0:
         raise ValueRangeError(

@@ -1,1 +1,1 @@
-"""The loopback ANAFI: a drone made of software that clients of the real one can fly."""
+"""The loopback ANAFI: a simulated drone for unmodified clients of the real one."""

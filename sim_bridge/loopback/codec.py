@@ -1,4 +1,4 @@
-"""Messages to bytes and back: project, class and number, then the arguments, little endian."""
+"""Codec of ARSDK messages: project, class and number, then the arguments, little endian."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ _LENGTH: Final = struct.Struct("<I")
 
 
 class WireError(UavBtError):
-    """Bytes that are no message."""
+    """Received bytes are not a valid message."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Received:
-    """A message with its arguments; choices are names, bits are sets of names."""
+    """A received message with its arguments. Choices are names; bits are sets of names."""
 
     type: MessageType
     values: Mapping[str, Any]
 
 
 def varint(value: int) -> bytes:
-    """Return a number of any size as a varint: seven bits a byte, the lowest first."""
+    """Return a number of any size as a varint: seven bits per byte, the lowest first."""
     encoded = bytearray()
     while value > 0x7F:
         encoded.append(value & 0x7F | 0x80)
@@ -38,11 +38,11 @@ def varint(value: int) -> bytes:
 
 
 def encode(message: MessageType, values: Mapping[str, Any]) -> bytes:
-    """Return a message as it goes over the wire.
+    """Return the bytes of a message.
 
     Args:
-        message: its type.
-        values: all its arguments, by name.
+        message: type of the message.
+        values: all arguments, by name.
 
     Raises:
         InputError: an argument is missing or unknown.
@@ -81,14 +81,15 @@ def _pack(argument: Argument, value: Any) -> bytes:
 
 
 def decode(payload: bytes, table: MessageTable) -> Received:
-    """Read a message.
+    """Decode a message.
 
     Args:
-        payload: a message's bytes; more than its arguments take is an error.
+        payload: exactly the bytes of the message.
         table: the known messages.
 
     Raises:
-        WireError: it is cut off or too long, holds an invalid value, or is not in the table.
+        WireError: the message is cut off or too long, holds an invalid value, or is not in the
+            table.
     """
     if len(payload) < _HEADER.size:
         raise WireError(f"a message has at least {_HEADER.size} bytes, got {len(payload)}")
@@ -125,7 +126,7 @@ def _unpack(argument: Argument, payload: bytes, offset: int) -> tuple[Any, int]:
             raise ValueError(f"there is no value {value}")
         return argument.values[value], offset
     if argument.kind is Kind.BITS:
-        # Clients of another version may know bits that the table does not.
+        # Clients of other versions may use bits that are not in the table.
         names = (name for bit, name in enumerate(argument.values) if value >> bit & 1)
         return frozenset(names), offset
     return value, offset

@@ -1,4 +1,4 @@
-"""A whole loopback ANAFI: the twin that flies, the firmware, the command link and the video."""
+"""A whole loopback ANAFI: twin, firmware, command link and video."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ from uav_bt.clock import WallClock
 
 @dataclass(frozen=True, kw_only=True)
 class DroneSetup:
-    """World, firmware, server and video of a loopback ANAFI."""
+    """Configuration of a loopback ANAFI."""
 
     scene: Scene | None = None  # None: the open field
     profile: Profile = field(default_factory=Profile)
-    seed: int = 0  # of everything random
+    seed: int = 0  # random seed, 0 or more
     server: ServerOptions = field(default_factory=ServerOptions)
     battery: BatteryOptions = field(default_factory=BatteryOptions)
-    image_size_px: tuple[int, int] = (640, 360)  # 16:9; what two cores sustain beside a mission
-    video_rate_hz: float = 30.0  # frames a second at most, as the ANAFI sends
+    image_size_px: tuple[int, int] = (640, 360)  # 16:9; two cores sustain it beside a mission
+    video_rate_hz: float = 30.0  # highest frame rate, that of the ANAFI
     video: bool = True
-    skycontroller: bool = False  # whether clients meet a remote control that has the drone
-    media_name: str | None = None  # of the video's only stream; None: as it is called there
-    gps: bool | None = None  # whether it has a fix; None: outdoors it has, in a lab it has not
+    skycontroller: bool = False  # whether clients connect to a remote control with a drone
+    media_name: str | None = None  # name of the video stream; None: as on the real device
+    gps: bool | None = None  # whether there is a GPS fix; None: outdoors yes, in a lab no
 
 
 class LoopbackDrone:
-    """One drone on the network; start it, wait, close it. Nothing is bound before `start`.
+    """One drone on the network: `start`, `wait`, `close`. `start` binds the ports.
 
     Args:
-        setup: its world, firmware, server and video.
+        setup: world, firmware, server and video.
 
     Raises:
         MissingDependencyError: MuJoCo or OpenGL does not work here.
@@ -95,12 +95,12 @@ class LoopbackDrone:
 
     @property
     def ports(self) -> Ports:
-        """Where it really listens."""
+        """The ports that are bound."""
         ports = self._server.ports
         return ports if self._video is None else replace(ports, rtsp=self._video.address[1])
 
     def video_stats(self) -> VideoStats | None:
-        """Return what the video has done so far, None where there is none."""
+        """Return the statistics of the video; None without a video."""
         return None if self._video is None else self._video.stats()
 
     def _charge(self) -> float:
@@ -110,11 +110,11 @@ class LoopbackDrone:
         return self._anafi.zoom.level
 
     async def start(self) -> None:
-        """Bind the ports and let time pass.
+        """Bind the ports and start the simulation.
 
         Raises:
             PortTakenError: a port is taken or may not be used.
-            MissingDependencyError: there is no H.264 encoder.
+            MissingDependencyError: the H.264 encoder is missing.
         """
         setup = self._setup
         try:
@@ -141,7 +141,7 @@ class LoopbackDrone:
         """Serve until the simulation or the video fails.
 
         Raises:
-            DroneError: it did.
+            DroneError: the simulation or the video failed.
         """
         await self._server.wait()
 

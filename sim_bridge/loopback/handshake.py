@@ -1,8 +1,8 @@
-"""How a client finds the drone and gets a command link: its ports, and two JSON exchanges over TCP.
+"""Discovery and connection of a client: the ports, and two JSON exchanges over TCP.
 
-Port 44445: the drone sends its identity as soon as a client connects, and keeps the connection;
-losing it is how a client notices that the drone is gone. Port 44444: the client sends the port for
-events, the drone answers with the port for commands.
+Port 44445: the drone sends its identity when a client connects, and keeps the connection open. A
+client that loses this connection concludes that the drone is gone. Port 44444: the client sends its
+port for events, and the drone answers with its port for commands.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class PortTakenError(InputError):
 
 @dataclass(frozen=True, kw_only=True)
 class Ports:
-    """Where the drone listens; 0 is any free port."""
+    """Ports on which the drone listens; 0 selects a free port."""
 
     discovery: int = 44445  # TCP
     control: int = 44444  # TCP: requests for a link
@@ -33,32 +33,32 @@ class Ports:
 
 
 def port_error(error: OSError, address: str, port: int, service: str) -> PortTakenError:
-    """Return what to report when a port could not be bound.
+    """Return the error for a port that could not be bound.
 
     Args:
-        error: what the system raised.
+        error: the error of the system.
         address: the numeric address.
-        port: the port; 0 for any free one.
-        service: what the port is for, for people.
+        port: the port; 0 selects a free one.
+        service: purpose of the port, for the message.
     """
     where = f"the {service} port {port} of {address}"
     if error.errno == errno.EADDRINUSE:
         return PortTakenError(
-            f"{where} is taken; stop what uses it, choose another port, or another address such "
-            "as 127.0.0.2"
+            f"{where} is taken; stop the other program, choose another port, or another "
+            "address such as 127.0.0.2"
         )
     if error.errno in (errno.EACCES, errno.EPERM):
         return PortTakenError(f"{where} needs root; choose one above 1023, such as 8554")
-    # From Python 3.13 on asyncio leaves out the number where no address could be bound.
+    # Since Python 3.13 asyncio omits the number if no address could be bound.
     if error.errno in (errno.EADDRNOTAVAIL, None):
         return PortTakenError(f"this machine has no address {address}; use one of 127.0.0.x")
     return PortTakenError(f"{where} cannot be used: {error.strerror or error}")
 
 
-MAX_REQUEST_BYTES: Final = 8192  # a client's request has some 200
+MAX_REQUEST_BYTES: Final = 8192  # a request has about 200
 _BUSY: Final = -1
 _FRAMES_VERSION: Final = 2
-_REQUEST_TIMEOUT_S: Final = 5.0  # s for a client's request for a link to arrive
+_REQUEST_TIMEOUT_S: Final = 5.0  # timeout of a client's request for a link, s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class Identity:
     """Name, serial number and model of the drone, or of its remote control."""
 
     name: str = "ANAFI-loopback"
-    serial: str = "PI040384AH8L000000"  # of the form that the ANAFI's has; no real one
+    serial: str = "PI040384AH8L000000"  # not a real one, but in the format of the ANAFI
     model: int = 0x0914  # the ANAFI 4K
 
 
@@ -79,16 +79,16 @@ SKYCONTROLLER: Final = Identity(
 class ConnectionRequest:
     """A client's request for a link."""
 
-    events_port: int  # UDP, on the client's side
+    events_port: int  # UDP port of the client
     controller: str = ""
 
 
 def announcement(identity: Identity, control_port: int) -> bytes:
-    """Return what the drone sends on its discovery port.
+    """Return the message that the drone sends on its discovery port.
 
     Args:
         identity: name and serial number.
-        control_port: where a client asks for a link (TCP).
+        control_port: TCP port for requests for a link.
     """
     return _line(
         {
@@ -101,10 +101,10 @@ def announcement(identity: Identity, control_port: int) -> bytes:
 
 
 def parse_request(data: bytes) -> ConnectionRequest:
-    """Read a client's request for a link.
+    """Parse a client's request for a link.
 
     Raises:
-        WireError: it is none.
+        WireError: the data is not a request for a link.
     """
     try:
         request = json.loads(data.rstrip(b"\0").decode())
@@ -125,10 +125,10 @@ def parse_request(data: bytes) -> ConnectionRequest:
 
 
 async def read_request(reader: asyncio.StreamReader) -> ConnectionRequest:
-    """Read a request for a link, with or without the NUL at its end.
+    """Read a request for a link, with or without a NUL at its end.
 
     Raises:
-        WireError: it is none, too long or too slow.
+        WireError: the data is not a request for a link, is too long, or arrives too slowly.
     """
     data = b""
     try:
@@ -144,7 +144,7 @@ async def read_request(reader: asyncio.StreamReader) -> ConnectionRequest:
 
 
 def accepted(commands_port: int) -> bytes:
-    """Return the answer that opens a link; commands go to a UDP port."""
+    """Return the answer that opens a link and names the UDP port for commands."""
     return _line(
         {
             "status": 0,
@@ -158,7 +158,7 @@ def accepted(commands_port: int) -> bytes:
 
 
 def refused() -> bytes:
-    """Return the answer to a client that comes while another one flies."""
+    """Return the answer to a client that connects while another one flies."""
     return _line({"status": _BUSY})
 
 

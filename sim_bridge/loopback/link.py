@@ -1,9 +1,9 @@
-"""One client's command link: frames of ARNetwork (version 2), acknowledgements, repeats and pings.
+"""Command link to one client: ARNetwork frames (version 2), acknowledgements, repeats, pings.
 
-A frame is 12 as a varint, type u8, buffer u8, sequence u16, the payload's size as a varint, and the
-payload, which is any number of messages, each behind its size as u16. All little endian; a datagram
-may hold several frames. Version 1 is not spoken: Olympe prefers version 2, and sends an emergency
-stop only over that one.
+A frame is 12 as a varint, type u8, buffer u8, sequence u16, size of the payload as a varint, and
+the payload: any number of messages, each preceded by its size as u16. All are little endian. A
+datagram may hold several frames. Version 1 is not supported: Olympe prefers version 2 and sends an
+emergency stop only with version 2.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from typing import Final
 from sim_bridge.loopback.codec import varint
 
 PING: Final = 0  # buffer of pings
-PONG: Final = 1  # buffer of their answers, which have the same payload
-ACK_OFFSET: Final = 128  # an acknowledgement's buffer is the acknowledged one's plus this
-EVENTS: Final = 126  # buffer of the drone's events that are acknowledged
-EVENTS_WITHOUT_ACK: Final = 127  # and of those that are not
-MAX_PACK_BYTES: Final = 1400  # of messages in a frame, so that it fits into a packet
+PONG: Final = 1  # buffer of the answers to pings; the payload is the same
+ACK_OFFSET: Final = 128  # from the buffer of a frame to that of its acknowledgement
+EVENTS: Final = 126  # buffer of events with acknowledgement
+EVENTS_WITHOUT_ACK: Final = 127  # buffer of events without acknowledgement
+MAX_PACK_BYTES: Final = 1400  # messages in a frame, so that it fits into a packet
 SEQUENCES: Final = 1 << 16
 
 _HEADER: Final = struct.Struct("<BBBH")
-_MARK: Final = 12  # 10 more than the version, so that it is no type of version 1
+_MARK: Final = 12  # version + 10, which differs from all frame types of version 1
 _SIZE: Final = struct.Struct("<H")
 _MAX_VARINT_BYTES: Final = 5
 
 
 class FrameType(enum.IntEnum):
-    """What a frame is."""
+    """Type of a frame."""
 
     ACK = 1
     DATA = 2
-    LOW_LATENCY = 3  # taken like DATA; the ANAFI's clients do not send it
+    LOW_LATENCY = 3  # handled like DATA; clients of the ANAFI do not send it
     DATA_WITH_ACK = 4
 
 
@@ -49,11 +49,11 @@ class WireFrame:
 
     type: FrameType
     buffer: int  # 0 to 255
-    sequence: int  # counts the frames of a buffer, modulo SEQUENCES
+    sequence: int  # number of the frame in its buffer, modulo SEQUENCES
     payload: bytes = b""
 
     def to_bytes(self) -> bytes:
-        """Return the frame as it goes over the wire."""
+        """Return the bytes of the frame."""
         header = _HEADER.pack(_MARK, self.type, self.buffer, self.sequence)
         return header + varint(len(self.payload)) + self.payload
 
@@ -64,7 +64,7 @@ class WireFrame:
 
 
 def parse(datagram: bytes) -> Iterator[WireFrame]:
-    """Yield the frames of a datagram, up to the first damaged one."""
+    """Yield the frames of a datagram up to the first damaged one."""
     offset = 0
     while offset + _HEADER.size < len(datagram):
         mark, kind, buffer, sequence = _HEADER.unpack_from(datagram, offset)
@@ -78,23 +78,23 @@ def parse(datagram: bytes) -> Iterator[WireFrame]:
 
 
 def fits(messages: Sequence[bytes], another: bytes) -> bool:
-    """Return whether a frame with these messages takes another one.
+    """Return whether another message fits into a frame.
 
     Args:
-        messages: those that the frame has.
-        another: the next; a frame takes any message alone.
+        messages: messages in the frame.
+        another: the next message; any message fits into an empty frame.
     """
     size = sum(_SIZE.size + len(message) for message in (*messages, another))
     return not messages or size <= MAX_PACK_BYTES
 
 
 def pack(messages: Sequence[bytes]) -> bytes:
-    """Return messages as one payload."""
+    """Return one payload that holds the messages."""
     return b"".join(_SIZE.pack(len(message)) + message for message in messages)
 
 
 def unpack(payload: bytes) -> list[bytes]:
-    """Return a payload's messages, up to the first damaged one."""
+    """Return the messages of a payload up to the first damaged one."""
     messages, offset = [], 0
     while offset + _SIZE.size <= len(payload):
         (size,) = _SIZE.unpack_from(payload, offset)
@@ -105,7 +105,7 @@ def unpack(payload: bytes) -> list[bytes]:
 
 
 def _read_varint(data: bytes, offset: int) -> tuple[int, int]:
-    """Return the value, -1 where it is damaged, and where it ends."""
+    """Return the value (-1 if damaged) and the offset of its end."""
     value = 0
     for index, byte in enumerate(data[offset : offset + _MAX_VARINT_BYTES]):
         value |= (byte & 0x7F) << 7 * index
@@ -114,25 +114,25 @@ def _read_varint(data: bytes, offset: int) -> tuple[int, int]:
     return -1, offset
 
 
-_BEHIND: Final = 10  # a sequence so far behind is not late: its sender has restarted
+_BEHIND: Final = 10  # a sequence this far behind is not late: its sender has restarted
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkTiming:
-    """When a link repeats an event, and when it is dead."""
+    """Timing of repeats, pings and the timeout of a link."""
 
-    repeat_s: float = 0.1  # s without an acknowledgement; the SDK itself waits 0.15
-    ping_s: float = 2.0  # s between two pings, as the drone does
-    silence_s: float = 5.0  # s without a frame after which the client is gone, as the SDK has it
+    repeat_s: float = 0.1  # s without acknowledgement until an event is repeated (SDK: 0.15)
+    ping_s: float = 2.0  # s between two pings, as the drone
+    silence_s: float = 5.0  # timeout of a silent client, as in the SDK
 
 
 class Link:
-    """Sends events and takes commands; what must be acknowledged keeps its order.
+    """Sends events and receives commands; events with acknowledgement keep their order.
 
     Args:
-        transmit: sends a datagram; may lose it.
-        now_s: the time.
-        timing: when it repeats an event, and when it is dead.
+        transmit: sends a datagram, which may be lost.
+        now_s: present time.
+        timing: repeats, pings and timeout.
     """
 
     def __init__(
@@ -144,31 +144,31 @@ class Link:
     ) -> None:
         self._transmit = transmit
         self._timing = timing or LinkTiming()
-        self.received_s = now_s  # when anything came from the client last
+        self.received_s = now_s  # time of the last frame from the client
         self._pinged_s = now_s
         self._waiting: deque[bytes] = deque()
         self._in_flight: WireFrame | None = None
-        self._packed = 0  # how many events are in it
+        self._packed = 0  # number of events in this frame
         self._sent_s = now_s
-        self._sequences: dict[int, int] = {}  # of what is sent, by buffer
-        self._received: dict[int, int] = {}  # the last taken, by buffer
+        self._sequences: dict[int, int] = {}  # last sequence sent, by buffer
+        self._received: dict[int, int] = {}  # last sequence accepted, by buffer
 
     @property
     def pending(self) -> int:
-        """How many events wait for their acknowledgement."""
+        """Number of events that are not yet acknowledged."""
         return len(self._waiting) + self._packed
 
     def dead(self, now_s: float) -> bool:
-        """Return whether the client has been silent for too long."""
+        """Return whether the link has timed out."""
         return now_s - self.received_s > self._timing.silence_s
 
     def send(self, payload: bytes, now_s: float, *, acked: bool) -> None:
-        """Send an event, at once or, where it must be acknowledged, in its turn.
+        """Send an event: at once, or after the earlier ones if it must be acknowledged.
 
         Args:
             payload: the encoded message.
-            now_s: the time.
-            acked: whether it must be acknowledged.
+            now_s: present time.
+            acked: whether the client must acknowledge it.
         """
         if acked:
             self._waiting.append(payload)
@@ -177,14 +177,14 @@ class Link:
             self._send_frame(FrameType.DATA, EVENTS_WITHOUT_ACK, pack([payload]))
 
     def receive(self, datagram: bytes, now_s: float) -> list[bytes]:
-        """Take a datagram.
+        """Process a datagram.
 
         Args:
-            datagram: what came; damaged frames are ignored.
-            now_s: the time.
+            datagram: the received bytes; damaged frames are ignored.
+            now_s: present time.
 
         Returns:
-            The encoded commands in it that were not taken before.
+            The encoded commands, without those that were received before.
         """
         commands: list[bytes] = []
         for frame in parse(datagram):
@@ -195,7 +195,7 @@ class Link:
                 self._send_frame(FrameType.DATA, PONG, frame.payload)
             elif frame.buffer != PONG:
                 if frame.type is FrameType.DATA_WITH_ACK:
-                    # Also when it is a double: the first acknowledgement may have been lost.
+                    # Duplicates, too: the first acknowledgement may have been lost.
                     ack_buffer = frame.buffer + ACK_OFFSET
                     self._send_frame(FrameType.ACK, ack_buffer, frame.acknowledgement)
                 if self._is_new(frame):
@@ -203,7 +203,7 @@ class Link:
         return commands
 
     def poll(self, now_s: float) -> None:
-        """Repeat what was not acknowledged, and ping when it is time."""
+        """Repeat events that were not acknowledged; ping when due."""
         if self._in_flight is not None and now_s - self._sent_s >= self._timing.repeat_s:
             self._sent_s = now_s
             self._transmit(self._in_flight.to_bytes())
@@ -211,7 +211,7 @@ class Link:
             self.ping(now_s)
 
     def ping(self, now_s: float) -> None:
-        """Send a ping, which a client answers."""
+        """Send a ping, which the client answers."""
         self._pinged_s = now_s
         whole = int(now_s)
         self._send_frame(

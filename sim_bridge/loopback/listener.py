@@ -1,4 +1,4 @@
-"""A TCP port of the drone and its connections, of which idle ones make room for new ones."""
+"""TCP port of the drone; its oldest connections are closed for new ones."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from sim_bridge.loopback.web import MAX_HEAD_BYTES
 
 _LOG = logging.getLogger(__name__)
 
-_MAX_CONNECTIONS: Final = 64  # open at once on a port; the oldest makes room for one more
+_MAX_CONNECTIONS: Final = 64  # open connections on a port; one more closes the oldest
 
 Service = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 
 
 class Listener:
-    """Listens on a port, from `open` to `close`.
+    """Listens on a port from `open` to `close`.
 
     Args:
-        service: serves one connection until it ends.
+        service: serves one connection to its end.
     """
 
     def __init__(self, service: Service) -> None:
         self._service = service
         self._server: asyncio.Server | None = None
-        self._open: dict[asyncio.Task[None], str] = {}  # the clients' hosts, oldest first
+        self._open: dict[asyncio.Task[None], str] = {}  # hosts of the clients, oldest first
         self._kept: asyncio.Task[None] | None = None
 
     @property
     def port(self) -> int:
-        """Where it really listens."""
+        """The bound port."""
         return 0 if self._server is None else int(self._server.sockets[0].getsockname()[1])
 
     async def open(self, address: str, port: int, what: str) -> None:
@@ -42,11 +42,11 @@ class Listener:
 
         Args:
             address: the numeric address.
-            port: the port; 0 takes a free one.
-            what: what it is for, for people.
+            port: the port; 0 selects a free one.
+            what: purpose of the port, for messages.
 
         Raises:
-            PortTakenError: it is taken, or may not be used.
+            PortTakenError: the port is taken, or may not be used.
         """
         try:
             self._server = await asyncio.start_server(
@@ -65,7 +65,7 @@ class Listener:
         await asyncio.gather(*tasks, return_exceptions=True)
 
     def keep_newest(self, host: str) -> None:
-        """Let the newest connection of a host stay, however many others come."""
+        """Keep the newest connection of a host open, even with too many others."""
         self._kept = next((task for task in reversed(self._open) if self._open[task] == host), None)
 
     def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -79,7 +79,7 @@ class Listener:
         task.add_done_callback(lambda done: self._open.pop(done, None))
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve one connection; whatever it sends, the server outlives it."""
+        """Serve one connection; its errors do not end the server."""
         try:
             await self._service(reader, writer)
         except (OSError, WireError) as error:

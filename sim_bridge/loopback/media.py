@@ -1,7 +1,7 @@
-"""The photographs that were taken, as the web interface of the drone lists them.
+"""Store of photographs, as the web interface of the drone lists them.
 
-The shape of the lists and of the names is what public clients of the ANAFI's interface read:
-Olympe's `media`, and the tests of Parrot's GroundSdk.
+The format of the lists and names is that of public clients of the ANAFI's interface: Olympe's
+`media` and the tests of Parrot's GroundSdk.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from sim_bridge.loopback.world import Location
 
-MAX_BYTES: Final = 256 * 2**20  # of all photographs: they are kept in memory
+MAX_BYTES: Final = 256 * 2**20  # all photographs together; they are kept in memory
 _FIRST_ID: Final = 10_000_000
 
 Json = Mapping[str, Any]
@@ -26,41 +26,41 @@ class Photo:
     """A photograph."""
 
     jpeg: bytes
-    thumbnail: bytes  # a small JPEG
+    thumbnail: bytes  # small JPEG
     size_px: tuple[int, int]  # width and height
-    taken_utc_s: float  # since the epoch
-    location: Location | None = None  # where it is known
+    taken_utc_s: float  # seconds since the epoch
+    location: Location | None = None  # None: unknown
 
 
 class MediaStore:
-    """What the drone's memory card holds; listeners hear of each change.
+    """Content of the drone's memory card; listeners are notified of each change.
 
     Args:
-        run_id: of the drone's present run.
+        run_id: identifier of the drone's present run.
     """
 
     def __init__(self, run_id: str = "0" * 32) -> None:
         self._run_id = run_id
-        self._photos: dict[str, Photo] = {}  # by the id of their medium
+        self._photos: dict[str, Photo] = {}  # by id of the medium
         self._count = 0
         self._listeners: list[Listener] = []
 
     def __len__(self) -> int:
-        """Return how many media there are."""
+        """Return the number of media."""
         return len(self._photos)
 
     @property
     def used_bytes(self) -> int:
-        """The size of all photographs."""
+        """The total size of all photographs."""
         return sum(len(photo.jpeg) for photo in self._photos.values())
 
     @property
     def full(self) -> bool:
-        """Whether there is no room for another photograph."""
+        """Whether another photograph would not fit."""
         return self.used_bytes >= MAX_BYTES
 
     def add(self, photo: Photo) -> str:
-        """Keep a photograph and return the id of its medium."""
+        """Store a photograph and return the id of its medium."""
         self._count += 1
         media_id = str(_FIRST_ID + self._count)
         self._photos[media_id] = photo
@@ -73,11 +73,11 @@ class MediaStore:
         return [self._medium(media_id) for media_id in self._photos]
 
     def medium(self, media_id: str) -> Json | None:
-        """Return one medium, None where there is none of that id."""
+        """Return one medium; None if the id is unknown."""
         return self._medium(media_id) if media_id in self._photos else None
 
     def checksum(self, resource_id: str) -> Json | None:
-        """Return the MD5 sum of a resource, None where there is none of that id."""
+        """Return the MD5 sum of a resource; None if the id is unknown."""
         media_id = self._media_id(resource_id)
         if media_id is None:
             return None
@@ -85,7 +85,7 @@ class MediaStore:
         return {"media_id": media_id, "resource_id": resource_id, "md5": digest}
 
     def file(self, name: str, *, thumbnail: bool = False) -> bytes | None:
-        """Return the content of a file, None where there is none of that name."""
+        """Return the content of a file; None if the name is unknown."""
         media_id = self._media_id(name)
         if media_id is None:
             return None
@@ -93,14 +93,14 @@ class MediaStore:
         return photo.thumbnail if thumbnail else photo.jpeg
 
     def remove(self, media_id: str) -> bool:
-        """Delete a medium; return whether there was one of that id."""
+        """Delete a medium; return whether it existed."""
         if self._photos.pop(media_id, None) is None:
             return False
         self._tell("media_removed", media_id=media_id)
         return True
 
     def remove_resource(self, resource_id: str) -> bool:
-        """Delete a resource and its medium, which has no other; return whether there was one."""
+        """Delete a resource and its medium, which has only this one; return whether it existed."""
         media_id = self._media_id(resource_id)
         if media_id is None:
             return False
@@ -113,7 +113,7 @@ class MediaStore:
         self._tell("all_media_removed")
 
     def subscribe(self, listener: Listener) -> Callable[[], None]:
-        """Tell a listener of all changes from now on; return what ends that."""
+        """Notify a listener of all changes from now on; return the function that ends this."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 

@@ -1,4 +1,4 @@
-"""The messages of ARSDK, Parrot's protocol between a drone and what flies it, from a table.
+"""Message table of ARSDK, Parrot's protocol between a drone and its controller.
 
 `messages.txt` lists numbers, names and types; `tools/arsdk_table.py` writes it.
 """
@@ -19,7 +19,7 @@ Number = tuple[int, int, int]  # project or feature, class, message
 
 
 class Kind(enum.Enum):
-    """How an argument's value looks in Python."""
+    """Python type of an argument's value."""
 
     INTEGER = "integer"
     FLOAT = "float"
@@ -30,7 +30,7 @@ class Kind(enum.Enum):
 
 
 class Buffer(enum.Enum):
-    """How a message is delivered."""
+    """Delivery of a message."""
 
     ACK = "ack"
     NOACK = "noack"
@@ -38,12 +38,12 @@ class Buffer(enum.Enum):
 
 
 class Memory(enum.Enum):
-    """What of an event is sent to clients that connect later."""
+    """Part of an event that is sent to clients that connect later."""
 
-    STATE = "state"  # the latest
-    NOTE = "note"  # nothing: it happened
-    LIST = "list"  # all
-    MAP = "map"  # the latest for each key
+    STATE = "state"  # the latest value
+    NOTE = "note"  # nothing
+    LIST = "list"  # all values
+    MAP = "map"  # the latest value of each key
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -52,8 +52,8 @@ class Argument:
 
     name: str
     kind: Kind
-    layout: str = ""  # as `struct` names it, little endian; empty where the length varies
-    values: tuple[str, ...] = ()  # of a choice, from 0; of bits, from the lowest
+    layout: str = ""  # format of `struct`, little endian; empty for a variable length
+    values: tuple[str, ...] = ()  # names of a choice from 0, or of bits from the lowest
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,15 +61,15 @@ class MessageType:
     """One command or event."""
 
     number: Number
-    name: str  # ardrone3.Piloting.TakeOff, gimbal.set_target
-    event: bool  # from the drone; otherwise a command, to it
+    name: str  # for example ardrone3.Piloting.TakeOff or gimbal.set_target
+    event: bool  # True: from the drone; False: a command to the drone
     buffer: Buffer
     memory: Memory
-    key: str | None  # the argument that tells the entries of a map apart
+    key: str | None  # argument that identifies an entry of a map
     arguments: tuple[Argument, ...]
 
 
-_NUMBERS: Final = MappingProxyType(  # as `struct` names them
+_NUMBERS: Final = MappingProxyType(  # formats of `struct`
     dict(zip(["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64"], "BbHhIiQq", strict=True))
 )
 _PLAIN: Final = MappingProxyType(
@@ -97,7 +97,7 @@ class MessageTable:
         """Return a message.
 
         Raises:
-            UnknownNameError: there is none of that name.
+            UnknownNameError: the name is not in the table.
         """
         try:
             return self._by_name[name]
@@ -105,16 +105,16 @@ class MessageTable:
             raise UnknownNameError("ARSDK message", name, self._by_name) from None
 
     def numbered(self, number: Number) -> MessageType | None:
-        """Return a message, None where the table has none."""
+        """Return a message; None if the number is not in the table."""
         return self._by_number.get(number)
 
 
 @cache
 def message_table() -> MessageTable:
-    """Return the table that ships with the project.
+    """Return the shipped table.
 
     Raises:
-        FileError: it is damaged.
+        FileError: the table is damaged.
     """
     path = resources.files("sim_bridge.loopback") / "messages.txt"
     return MessageTable(_read(path.read_text(encoding="utf-8"), str(path)))

@@ -1,7 +1,7 @@
-"""Takes photographs with the drone's camera.
+"""Photographs by the drone's camera.
 
-It has a renderer and a thread of its own: an OpenGL context belongs to one thread, and the video's
-has its frames to make.
+It has a separate renderer and thread: an OpenGL context belongs to one thread, and the thread of
+the video is busy with its frames.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from sim_bridge.loopback.media import Photo
 from sim_bridge.loopback.twin_camera import TwinCamera
 from uav_bt.errors import DroneError
 
-_QUALITY: Final = 92  # of the JPEG, per cent
+_QUALITY: Final = 92  # JPEG quality, per cent
 _THUMBNAIL_PX: Final = (160, 90)
 
 
 class Photographer:
-    """Takes one photograph after the other; nothing is opened before the first.
+    """Takes one photograph at a time; the first opens the camera.
 
     Args:
-        camera: makes the camera that is used for nothing else.
+        camera: makes a camera for the exclusive use of this object.
     """
 
     def __init__(self, camera: Callable[[], TwinCamera]) -> None:
         self._make_camera = camera
-        self._camera: TwinCamera | None = None  # the thread's
+        self._camera: TwinCamera | None = None  # used on the thread only
         self._closed = False
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="loopback-photos")
 
@@ -40,7 +40,7 @@ class Photographer:
         return self._thread.submit(self._shoot)
 
     def close(self) -> None:
-        """Finish the photograph under way and free the camera; safe to call twice."""
+        """Finish the photograph in progress and free the camera; safe to call twice."""
         if not self._closed:
             self._closed = True
             self._thread.submit(self._free)

@@ -1,4 +1,4 @@
-"""One loopback ANAFI on the network: discovery, the command link and the web server."""
+"""Network server of a loopback ANAFI: discovery, command link and web server."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class ServerOptions:
-    """Address, identity and timing of a drone."""
+    """Address, identity and timing of a server."""
 
-    address: str = "127.0.0.1"  # only this machine can reach it, unless another is chosen
+    address: str = "127.0.0.1"  # the default is reachable from this machine only
     ports: Ports = field(default_factory=Ports)
     identity: Identity = field(default_factory=Identity)
     timing: LinkTiming = field(default_factory=LinkTiming)
     update_s: float = 0.02  # s between two updates of the firmware
-    probe_s: float = 0.3  # s for a client to show that it is still there when another comes
+    probe_s: float = 0.3  # s for the present client to answer when another one connects
 
 
 @dataclass(kw_only=True)
@@ -53,13 +53,13 @@ class _Client:
 
 
 class LoopbackServer:
-    """One drone's server; start it, wait, close it. Nothing is bound before `start`.
+    """Server of one drone: `start`, `wait`, `close`. `start` binds the ports.
 
     Args:
-        anafi: the firmware that this server drives, the drone's or that of its remote control.
-        table: the messages it speaks.
-        options: addresses, ports and time-outs.
-        media: what its web interface lists.
+        anafi: firmware of the drone or of its remote control.
+        table: the known messages.
+        options: addresses, ports and timeouts.
+        media: content of the web interface.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class LoopbackServer:
         self._media = MediaStore() if media is None else media
         self._table = table
         self._options = options or ServerOptions()
-        self.ports = self._options.ports  # where it really listens, once it is started
+        self.ports = self._options.ports  # the bound ports after `start`
         self._client: _Client | None = None
         self._udp: asyncio.DatagramTransport | None = None
         self._listeners: list[Listener] = []
@@ -86,14 +86,14 @@ class LoopbackServer:
 
     @property
     def client(self) -> str | None:
-        """The connected client's name, None without one."""
+        """The name of the connected client; None without one."""
         return None if self._client is None else self._client.name
 
     async def start(self) -> None:
         """Bind all ports.
 
         Raises:
-            PortTakenError: one is taken, or may not be used.
+            PortTakenError: a port is taken, or may not be used.
         """
         wanted = self._options.ports
         try:
@@ -118,7 +118,7 @@ class LoopbackServer:
         """Serve until the simulation fails.
 
         Raises:
-            DroneError: it did.
+            DroneError: the simulation failed.
         """
         await self._broken.wait()
         if self._failure is not None:
@@ -163,8 +163,8 @@ class LoopbackServer:
         writer.write(announcement(self._options.identity, self.ports.control))
         await writer.drain()
         while await reader.read(MAX_REQUEST_BYTES):
-            pass  # clients send nothing here; the connection is what counts
-        # A client leaves. If it is the one that flies, it does not answer any more.
+            pass  # clients send nothing here; only the connection counts
+        # A client has left. If it is the one that flies, it does not answer the probe.
         async with self._admission:
             await self._probe()
 
@@ -184,7 +184,7 @@ class LoopbackServer:
             await writer.drain()
 
     async def _probe(self) -> None:
-        """Drop the client unless it shows at once that it is still there."""
+        """Drop the client unless it answers a ping in time."""
         if self._client is None:
             return
         self._received.clear()
@@ -207,7 +207,7 @@ class LoopbackServer:
         link = Link(transmit, self._now(), timing=self._options.timing)
         name = f"{request.controller or 'a client'} at {host}:{request.events_port}"
         self._client = _Client(link=link, address=address, name=name)
-        # A client takes the loss of the connection it found the drone by for the drone's.
+        # A client that loses its discovery connection concludes that the drone is gone.
         self._discovery.keep_newest(host)
         _LOG.info("connected: %s", name)
 
@@ -266,9 +266,9 @@ class _Datagrams(asyncio.DatagramProtocol):
         self._receive = receive
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
-        """Pass it on."""
+        """Forward the datagram."""
         self._receive(data, addr)
 
     def error_received(self, exc: Exception) -> None:
-        """Note that a datagram was not delivered; the link's time-out decides."""
+        """Log an undelivered datagram; only the timeout of the link ends it."""
         _LOG.debug("a datagram did not arrive: %s", exc)

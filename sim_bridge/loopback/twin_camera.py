@@ -1,6 +1,6 @@
-"""The twin's camera as the video's source: renders the newest view while a client plays.
+"""Camera of the twin as the source of the video: renders the newest view while a client plays.
 
-A GL context belongs to one thread: `newest` and `close` are called on the video's.
+A GL context belongs to one thread, so `newest` and `close` are called on the video's thread.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from sim_bridge.twin.simulation import Capture
 from uav_bt.protocols import Clock
 from uav_bt.types import Attitude, rotate
 
-# s that rendering, encoding and sending take; the rest of the profile's latency is added.
+# Time of rendering, encoding and sending, s; the rest of the profile's latency is added.
 _PIPELINE_S: Final = 0.03
 
 
 class TwinCamera:
-    """Renders the camera frames of a `TwinWorld`; nothing is opened before the first.
+    """Renders the camera frames of a `TwinWorld`; the first frame opens the renderer.
 
     Args:
-        world: what is seen.
-        image_size_px: width and height, 16:9.
-        seed: of the image noise.
-        clock: the world's; maps its time to that of the day.
+        world: the simulated world.
+        image_size_px: width and height, pixels, 16:9.
+        seed: random seed of the image noise.
+        clock: clock of the world; maps its time to UTC.
         battery: returns the charge, 0 to 1.
-        zoom: returns the zoom's level, 1 or more; the whole view unless given.
-        gps: whether frames say where on earth they were captured.
+        zoom: returns the zoom level, 1 or more; by default 1.
+        gps: whether frames contain the geographic position.
 
     Raises:
         ValueRangeError: the size is not 16:9.
@@ -66,7 +66,7 @@ class TwinCamera:
         self._newest: VideoFrame | None = None
 
     def newest(self) -> VideoFrame | None:
-        """Return the newest frame, rendered now where it is new; None before the first.
+        """Return the newest frame, rendered now if it is new; None before the first.
 
         Raises:
             MissingDependencyError: OpenGL does not work here.
@@ -80,7 +80,7 @@ class TwinCamera:
         return self._newest
 
     def close(self) -> None:
-        """Free the renderer; call it after the last `newest`. Safe to call twice."""
+        """Free the renderer; call after the last `newest`. Safe to call twice."""
         if self._renderer is not None:
             renderer, self._renderer = self._renderer, None
             renderer.close()
@@ -121,7 +121,7 @@ class TwinCamera:
 
 
 def _magnified(image: NDArray[np.uint8], zoom: float) -> NDArray[np.uint8]:
-    """Return the middle of an image at its full size: the focal length grows by `zoom`."""
+    """Return the middle of an image, enlarged by `zoom` to the full size."""
     height, width = image.shape[:2]
     about_x, about_y = (width - 1) / 2, (height - 1) / 2
     mapping = np.array(

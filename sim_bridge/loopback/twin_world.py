@@ -1,8 +1,8 @@
-"""The twin as a loopback ANAFI's world: its physics by the wall clock, on a thread of its own.
+"""The twin as the world of a loopback ANAFI: physics in real time, on a separate thread.
 
-Without a scene the drone flies in an open field. Scripts written for the ANAFI move it by ten
-metres and more, at some metres a second, and the lab's room is ten metres wide: so the field is the
-lab without boxes, walls and ceiling, on a wide floor, and its drone is as fast as one outdoors.
+Without a scene the drone flies in an open field. Scripts for the ANAFI move it by 10 m and more at
+several m/s, but the room of the lab is 10 m wide. So the field is the lab without boxes, walls and
+ceiling, on a wide floor, and its drone has outdoor speeds.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from uav_bt.errors import DroneError
 from uav_bt.protocols import Clock
 from uav_bt.types import Command, FlyingState, GimbalTo, Hover, Movement, Pose
 
-load_mujoco()  # before the modules below do: how it draws is settled at its import
+load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
 
 import mujoco  # noqa: E402  (after load_mujoco)
 
@@ -33,44 +33,44 @@ from sim_bridge.twin.flying_body import CONTROL_STEP_S  # noqa: E402  (after loa
 from sim_bridge.twin.model import LabModel, build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 
-_PERIOD_S: Final = 0.02  # s between two updates: two of the twin's control steps
-_MAX_LAG_S: Final = 0.25  # s that physics may be late before the lost time is left out
-_LIFTED_M: Final = 0.03  # m above where it stood: it flies
-_BELOW_CEILING_M: Final = 0.8  # m that a drone keeps from the lab's ceiling
+_PERIOD_S: Final = 0.02  # s between two updates: two control steps of the twin
+_MAX_LAG_S: Final = 0.25  # largest lag of the physics, s; beyond it the lost time is skipped
+_LIFTED_M: Final = 0.03  # height above the ground position from which the drone flies
+_BELOW_CEILING_M: Final = 0.8  # least distance from the lab's ceiling
 
 _FIELD: Final = Scene(
     name="field",
     helipad=Helipad(position_m=(0.0, 1.5)),
     take_off=TakeOffSpec(position_m=(0.0, 0.0)),
 )
-_FIELD_HALF_M: Final = 1000.0  # half the side of its floor
+_FIELD_HALF_M: Final = 1000.0  # half the side of the field's floor
 _HIDDEN_GROUP: Final = 5  # not drawn by default
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Zero:
-    """The zero of altitudes: where the drone stood last."""
+    """Zero of the altitude: the last position of the drone on the ground."""
 
-    z_m: float  # true
-    altitude_m: float  # measured by the twin's sensors
+    z_m: float  # true height
+    altitude_m: float  # altitude measured by the twin's sensors
 
 
 class TwinWorld:
-    """A `World` of MuJoCo in real time, which stands still until `start`.
+    """A `World` of MuJoCo in real time; time passes from `start` on.
 
     Args:
-        scene: the lab; None is the open field.
-        profile: limits and imperfections; in the field the limits are wider.
-        seed: of everything random.
-        clock: paces the physics.
+        scene: the lab; None selects the open field.
+        profile: limits and imperfections; the field has wider limits.
+        seed: random seed of the flight.
+        clock: clock of the physics.
 
     Raises:
         MissingDependencyError: MuJoCo or OpenGL does not work here.
     """
 
     def __init__(self, scene: Scene | None, *, profile: Profile, seed: int, clock: Clock) -> None:
-        # Computing takes real time here, and the firmware sends telemetry at its own rate: the
-        # simulation charges nothing for either.
+        # Computing takes real time here, and the firmware sets the rate of telemetry. The
+        # simulation adds no delay for either.
         profile = replace(profile.with_instant_telemetry(), compute_latency_s=0.0)
         self.scene = _FIELD if scene is None else scene
         self.profile = _field_profile(profile) if scene is None else profile
@@ -91,22 +91,22 @@ class TwinWorld:
         self._inbox: deque[tuple[Command, Pace | None]] = deque()
         self._movement: Movement = Hover()
         self._zero = _Zero(z_m=self.start_pose.z_m, altitude_m=0.0)
-        self._offset_s = 0.0  # of the clock over the simulation's time
-        self.lost_s = 0.0  # left out because the machine was too slow
+        self._offset_s = 0.0  # time of the clock minus time of the simulation
+        self.lost_s = 0.0  # time skipped because the machine was too slow
         self._failure: Exception | None = None
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._state = self._measure()
 
     def start(self) -> None:
-        """Let time pass."""
+        """Start the time."""
         if self._thread is None:
             self._offset_s = self._clock.now() - self._simulation.now_s
             self._thread = threading.Thread(target=self._run, name="twin-world", daemon=True)
             self._thread.start()
 
     def stop(self) -> None:
-        """Let time stand still for good; safe to call twice."""
+        """Stop the time for good; safe to call twice."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
@@ -122,11 +122,11 @@ class TwinWorld:
         return self._state
 
     def move(self, movement: Movement, pace: Pace | None = None) -> None:
-        """Order a movement.
+        """Command a movement.
 
         Args:
             movement: the movement.
-            pace: of a `MoveBy`; None flies it as fast as the profile allows.
+            pace: speed limits of a `MoveBy`; None uses the limits of the profile.
         """
         if movement != self._movement:
             self._movement = movement
@@ -134,15 +134,15 @@ class TwinWorld:
 
     def point(self, pitch_rad: float) -> None:
         """Turn the camera."""
-        # The movement under way comes along; repeated, it changes nothing.
+        # The command repeats the present movement, which has no effect.
         command = Command(movement=self._movement, gimbal=GimbalTo(pitch_rad=pitch_rad))
         self._inbox.append((command, None))
 
     def newest_capture(self, age_s: float) -> tuple[Capture, float] | None:
-        """Return the newest camera frame that is old enough, and its capture time by the clock.
+        """Return the newest camera frame of a minimum age, and its capture time by the clock.
 
         Args:
-            age_s: its minimum age, s: the latency of a real camera.
+            age_s: minimum age, s: the latency of a real camera.
         """
         limit = self._state.time_s - age_s
         for capture in reversed(self._simulation.frames.copy()):
@@ -151,7 +151,7 @@ class TwinWorld:
         return None
 
     def catch_up(self) -> None:
-        """Step the physics up to the clock's time; the thread that `start` begins does it."""
+        """Advance the physics to the time of the clock; called by the thread of `start`."""
         simulation = self._simulation
         target_s = self._clock.now() - self._offset_s
         lag_s = target_s - simulation.now_s
@@ -161,7 +161,7 @@ class TwinWorld:
             return
         while self._inbox:
             simulation.enqueue(*self._inbox.popleft())
-        # Steps are whole: round down, so that simulated time never runs ahead.
+        # Round down to whole steps, so that the simulation is never ahead of the clock.
         simulation.run_until(target_s - target_s % CONTROL_STEP_S)
         self._state = self._measure()
 
@@ -176,7 +176,7 @@ class TwinWorld:
         simulation, start = self._simulation, self.start_pose
         measured, motion = simulation.state(), simulation.motion
         if measured.flying is FlyingState.LANDED:
-            # The drone's own zero: wherever it stands before it takes off.
+            # The altitude is zero at each position on the ground before take-off.
             self._zero = _Zero(z_m=motion.z_m, altitude_m=measured.altitude_m)
         taking_off = measured.flying is FlyingState.TAKING_OFF
         grounded = measured.flying is FlyingState.LANDED or (
@@ -198,9 +198,9 @@ class TwinWorld:
 
 
 def _field_profile(profile: Profile) -> Profile:
-    """Return a profile with the speeds of an ANAFI outdoors; delays and imperfections are kept.
+    """Return a profile with outdoor speeds of an ANAFI, but the same delays and imperfections.
 
-    The speed is what the twin's autopilot still follows closely; the ANAFI itself reaches 15 m/s.
+    The speed is the largest that the twin's autopilot follows closely; the ANAFI reaches 15 m/s.
     """
     return replace(
         profile,
@@ -214,7 +214,7 @@ def _field_profile(profile: Profile) -> Profile:
 
 
 def _build_field() -> LabModel:
-    """Compile the field, in which the only obstacles are the ground and the pad."""
+    """Compile the field, which contains only the ground and the pad."""
     lab = build_model(_FIELD)
     model = lab.model
     for index in range(model.ngeom):
@@ -227,6 +227,6 @@ def _build_field() -> LabModel:
             geom.size[:2] = _FIELD_HALF_M
             model.geom_rbound[index] = 2.0 * _FIELD_HALF_M
             model.geom_aabb[index, 3:5] = _FIELD_HALF_M
-    # The tree of bounding boxes was made for the small floor.
+    # The tree of bounding boxes was computed for the small floor.
     model.opt.disableflags |= np.int32(mujoco.mjtDisableBit.mjDSBL_MIDPHASE.value)
     return lab

@@ -1,4 +1,4 @@
-"""The drone's web server: its media, as lists and files, and its notifications of them."""
+"""Web server of the drone: media as lists and files, and notifications of changes."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _RESOURCE: Final = "/api/v1/media/resources/"
 _MD5: Final = "/api/v1/media/md5/"
 _FILE: Final = "/data/media/"
 _THUMBNAIL: Final = "/data/thumb/"
-_PATIENCE_S: Final = 10.0  # s for a request to arrive
+_PATIENCE_S: Final = 10.0  # timeout of a request, s
 _MAGIC: Final = b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11"  # RFC 6455, section 1.3
 _MAX_MESSAGE_BYTES: Final = 65_536
-_MAX_WAITING_BYTES: Final = 2**20  # of notifications that a client does not read
+_MAX_WAITING_BYTES: Final = 2**20  # limit of notifications that a client has not read
 _TEXT, _CLOSE, _PING, _PONG = 1, 8, 9, 10  # opcodes of RFC 6455
 _FINAL: Final = 0x80
-_LONG, _HUGE = 126, 127  # a frame's length does not fit into its first seven bits
+_LONG, _HUGE = 126, 127  # length codes of frames whose length needs 16 or 64 bits
 
 _OK: Final = "200 OK"
 _NOT_FOUND: Final = "404 Not Found"
@@ -35,12 +35,12 @@ _NOT_ALLOWED: Final = "405 Method Not Allowed"
 async def serve_web(
     media: MediaStore, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
 ) -> None:
-    """Answer one connection's requests until it ends.
+    """Answer the requests of one connection until it ends.
 
     Args:
-        media: what there is.
-        reader: the connection's; its limit bounds a request's head.
-        writer: the connection's.
+        media: the stored media.
+        reader: reader of the connection; its limit bounds the head of a request.
+        writer: writer of the connection.
     """
     while True:
         try:
@@ -50,7 +50,7 @@ async def serve_web(
             return
         request = _parse(head)
         if request is None:
-            await _answer(writer, "400 Bad Request", {"error": "this is no HTTP request"})
+            await _answer(writer, "400 Bad Request", {"error": "this is not an HTTP request"})
             return
         method, path, fields = request
         if path == WEBSOCKET_PATH and "sec-websocket-key" in fields:
@@ -62,7 +62,7 @@ async def serve_web(
                 unsubscribe()
             return
         if fields.get("content-length", "0") != "0" or "transfer-encoding" in fields:
-            await _answer(writer, _NOT_ALLOWED, {"error": "nothing can be stored here"})
+            await _answer(writer, _NOT_ALLOWED, {"error": "uploads are not supported"})
             return
         if method == "GET":
             await _answer(writer, *_found(media, path))
@@ -85,7 +85,7 @@ def _parse(head: bytes) -> tuple[str, str, Mapping[str, str]] | None:
 
 
 def _found(media: MediaStore, path: str) -> tuple[str, object]:
-    """Return status and content of what a client asks for."""
+    """Return status and content for a requested path."""
     folder, slash, name = path.rpartition("/")
     if path.rstrip("/") == _MEDIA:
         return _OK, media.media()
@@ -100,7 +100,7 @@ def _found(media: MediaStore, path: str) -> tuple[str, object]:
 
 
 def _deleted(media: MediaStore, path: str) -> tuple[str, object]:
-    """Delete what a client wants deleted and return the status."""
+    """Delete the media at a path and return status and content."""
     folder, slash, name = path.rpartition("/")
     if path.rstrip("/") == _MEDIA:
         media.clear()
@@ -124,7 +124,7 @@ async def _answer(writer: asyncio.StreamWriter, status: str, content: object) ->
 
 
 def _notify(writer: asyncio.StreamWriter, event: Json) -> None:
-    """Send an event through a websocket; a client that does not read is let go."""
+    """Send an event through a websocket; a client that does not read is disconnected."""
     if writer.transport.get_write_buffer_size() > _MAX_WAITING_BYTES:
         writer.transport.abort()
         return
@@ -135,7 +135,7 @@ def _notify(writer: asyncio.StreamWriter, event: Json) -> None:
 
 
 async def _upgrade(writer: asyncio.StreamWriter, key: str) -> None:
-    # RFC 6455 asks for SHA-1 here; it protects nothing.
+    # RFC 6455 requires SHA-1 here; it has no security purpose.
     digest = hashlib.sha1(key.encode("latin-1") + _MAGIC, usedforsecurity=False).digest()
     writer.write(
         b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -145,7 +145,7 @@ async def _upgrade(writer: asyncio.StreamWriter, key: str) -> None:
 
 
 async def _listen(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Keep a websocket open: answer pings, and leave when asked to."""
+    """Serve a websocket: answer pings until the client closes it."""
     while True:
         try:
             opcode, message = await _read_message(reader)

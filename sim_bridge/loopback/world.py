@@ -1,7 +1,7 @@
-"""The world of the loopback ANAFI: the protocol between its firmware and what moves the body.
+"""World of the loopback ANAFI: the protocol between its firmware and the simulated body.
 
-Positions are metres north and east of the world's origin, which lies at `HOME` on earth. The twin
-is one world (`twin_world`); tests have a simple one.
+Positions are metres north and east of the world's origin, whose geographic position is `HOME`. The
+twin is one implementation (`twin_world`); tests use a simpler one.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from sim_bridge.twin.reference import Pace
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, BodyVelocity, FlyingState, Movement, MovementStatus
 
-SATELLITES: Final = 14  # of its position fix, as clients are shown
-LINK_QUALITY: Final = 5  # of 5: a loopback loses nothing
+SATELLITES: Final = 14  # number of satellites that clients are shown
+LINK_QUALITY: Final = 5  # best value of 1 to 5: a loopback loses no packets
 RSSI_DBM: Final = -35
-UNKNOWN: Final = 500.0  # ARSDK's value for a latitude, longitude or altitude without a fix
-_EQUATOR_M: Final = 6_378_137.0  # WGS84's semi-major axis
-_ECCENTRICITY_2: Final = 0.00669437999014  # WGS84's first eccentricity, squared
+UNKNOWN: Final = 500.0  # ARSDK's value of an unknown latitude, longitude or altitude
+_EQUATOR_M: Final = 6_378_137.0  # semi-major axis of WGS84
+_ECCENTRICITY_2: Final = 0.00669437999014  # squared first eccentricity of WGS84
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorldLimits:
-    """What the body can do there.
+    """Limits of the body in its world.
 
     Raises:
         ValueRangeError: a limit is not positive.
@@ -33,7 +33,7 @@ class WorldLimits:
     max_speed_mps: float = 1.0  # m/s, horizontal
     max_climb_mps: float = 0.6  # m/s, up and down
     max_yaw_rate_radps: float = 1.4  # rad/s
-    ceiling_m: float = math.inf  # m above the take-off point that the firmware keeps below
+    ceiling_m: float = math.inf  # altitude limit of the firmware above the take-off point, m
 
     def __post_init__(self) -> None:
         limits = (self.max_speed_mps, self.max_climb_mps, self.max_yaw_rate_radps, self.ceiling_m)
@@ -43,14 +43,14 @@ class WorldLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class WorldState:
-    """What the drone's sensors measure."""
+    """Measurements of the drone's sensors."""
 
     time_s: float = 0.0
     flying: FlyingState = FlyingState.LANDED
-    lifting: bool = False  # whether it has left the ground; false while the motors spin up
+    lifting: bool = False  # whether the drone has left the ground; false during the spin-up
     attitude: Attitude = field(default_factory=Attitude)  # yaw clockwise from north
     velocity: BodyVelocity = field(default_factory=BodyVelocity)
-    north_m: float = 0.0  # from the world's origin
+    north_m: float = 0.0  # north of the world's origin
     east_m: float = 0.0
     altitude_m: float = 0.0  # above the take-off point
     height_m: float = 0.0  # above the surface below
@@ -59,25 +59,25 @@ class WorldState:
 
 
 class World(Protocol):
-    """Moves a body; may be called from another thread than its own."""
+    """Moves a body; its methods may be called from any thread."""
 
     @property
     def limits(self) -> WorldLimits:
-        """What the body can do."""
+        """The limits of the body."""
 
     def state(self) -> WorldState:
         """Return the newest state; never blocks."""
 
     def move(self, movement: Movement, pace: Pace | None = None) -> None:
-        """Order a movement; it replaces the one before. A `MoveBy` is ordered once, by its id.
+        """Command a movement; it replaces the last one. A `MoveBy` id is executed only once.
 
         Args:
             movement: the movement.
-            pace: of a `MoveBy`, within the body's limits; None flies it as fast as they allow.
+            pace: speed limits of a `MoveBy`, within the body's limits; None uses the latter.
         """
 
     def point(self, pitch_rad: float) -> None:
-        """Turn the camera: 0 level, negative down; within -pi/2 and pi/2."""
+        """Set the pitch of the camera: 0 level, negative down, within -pi/2 and pi/2."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,9 +98,9 @@ class Location:
         }
 
 
-GROUND_M: Final = 62.0  # of the world's ground above sea level, as GPS has it there
+GROUND_M: Final = 62.0  # altitude of the ground above sea level by GPS
 
-# Where Parrot's simulator Sphinx puts its drones: scripts that name a place were written for it.
+# Start position in Parrot's simulator Sphinx; scripts with coordinates were written for it.
 HOME: Final = Location(latitude_deg=48.878900, longitude_deg=2.367780)
 
 
@@ -114,7 +114,7 @@ def _metres_per_degree(latitude_deg: float) -> tuple[float, float]:
 
 
 def location(north_m: float, east_m: float, altitude_m: float = 0.0) -> Location:
-    """Return the point on earth at an offset from home; for distances of some kilometres.
+    """Return the geographic position at an offset from home, for offsets of some kilometres.
 
     Args:
         north_m: m north of home.
@@ -130,7 +130,7 @@ def location(north_m: float, east_m: float, altitude_m: float = 0.0) -> Location
 
 
 def offset_m(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-    """Return how far north and east of home a point lies, m.
+    """Return the offset of a point north and east of home, m.
 
     Args:
         latitude_deg: the point's latitude.

@@ -1,4 +1,4 @@
-"""Parrot's ANAFI, flown through the Olympe SDK: a real one, or a simulated one of Sphinx.
+"""Bridge to Parrot's ANAFI through the Olympe SDK: a real drone, or one simulated by Sphinx.
 
 The entry points register `AnafiConfig` and `SphinxConfig`. Only `sdk` imports Parrot's SDK, when a
 drone connects.

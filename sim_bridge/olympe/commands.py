@@ -1,4 +1,4 @@
-"""The thread that alone uses the SDK's object of a drone, and the queue of its commands."""
+"""Command queue, and the only thread that uses the SDK's drone object."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ Job = Callable[[], object]
 
 
 class Kind(enum.Enum):
-    """The kind of a command; of a kind that replaces itself the queue holds one at most."""
+    """Kind of a command. Kinds that replace waiting ones have at most one entry in the queue."""
 
     CONNECTION = "connection"
     STICKS = "sticks"
     GIMBAL = "gimbal"
-    CONTROL = "control"  # who has the sticks
+    CONTROL = "control"  # change of the piloting source
     LIMITS = "limits"
     MOVE = "move"
-    END = "end"  # landing, or motors cut
+    END = "end"  # landing or motor cut
 
 
 _REPLACES_ITSELF: Final = frozenset({Kind.STICKS, Kind.GIMBAL, Kind.CONTROL, Kind.END})
@@ -36,13 +36,12 @@ _DROPPED_BY_END: Final = frozenset({Kind.STICKS, Kind.MOVE, Kind.END})
 class CommandQueue:
     """Runs commands on one thread, in order with two exceptions.
 
-    Stick positions, gimbal targets and the like replace those still waiting, so that a call that
-    blocks leaves no backlog. A landing (and a cut of the motors) goes to the front, and the waiting
-    movements are dropped.
+    Stick positions, gimbal targets and similar commands replace waiting ones, so that a blocking
+    call causes no backlog. A landing or a motor cut goes to the front, and the waiting movements
+    are dropped.
 
     The SDK's object is made, used and destroyed on this thread only. Some of its calls take longer
-    than their callers wait. The thread finishes such a call all the same, and then goes on with the
-    next command.
+    than their callers wait. The thread still finishes such a call before the next command.
     """
 
     def __init__(self) -> None:
@@ -57,8 +56,8 @@ class CommandQueue:
         """Queue a command.
 
         Raises:
-            Exception: an earlier command raised it; it is raised once. This command is queued all
-                the same, since it may be the landing.
+            Exception: an earlier command raised it; it is raised once. The new command is still
+                queued, because it may be the landing.
         """
         with self._changed:
             self._put(kind, job)
@@ -67,17 +66,17 @@ class CommandQueue:
             raise fault
 
     def run(self, job: Job, limit_s: float) -> bool:
-        """Run a job after the commands that wait, and wait for its end.
+        """Run a job after the waiting commands, and wait for its end.
 
         Args:
             job: opens or closes the connection.
-            limit_s: longest wait, s. A job that takes longer is finished all the same.
+            limit_s: longest wait, s. A job that takes longer is still finished.
 
         Returns:
-            Whether it was done in time.
+            Whether the job ended in time.
 
         Raises:
-            Exception: the job raised it in time; a later one is logged.
+            Exception: the job raised it in time; later errors are logged.
         """
         future: Future[None] = Future()
 
@@ -98,10 +97,10 @@ class CommandQueue:
         return True
 
     def close(self, *last: Job) -> None:
-        """Take no more commands; those queued are done, then the last ones.
+        """Accept no more commands; run the queued ones, then the last ones.
 
-        Returns at once. Failures that no later `submit` can raise are logged: one that was not yet
-        raised, and those of the commands still to come.
+        Returns at once. Errors that no later `submit` can raise are logged: one that was not yet
+        raised, and those of the remaining commands.
         """
         with self._changed:
             for job in last:
@@ -137,7 +136,7 @@ class CommandQueue:
         while (job := self._next()) is not None:
             try:
                 job()
-            except BaseException as error:  # noqa: BLE001  # the SDK's cancellations are no Exception
+            except BaseException as error:  # noqa: BLE001  # cancellations are not an Exception
                 self._failed(error)
 
     def _failed(self, error: BaseException) -> None:
@@ -151,7 +150,7 @@ class CommandQueue:
 
 
 def _fault(error: BaseException) -> Exception:
-    """Return an error that may be raised on another thread: a cancellation would end that one."""
+    """Return an error that may be raised on another thread, which a cancellation would end."""
     return error if isinstance(error, Exception) else DroneError(f"the SDK gave up: {error!r}")
 
 

@@ -1,4 +1,4 @@
-"""Addresses, ports, limits and time-outs of an ANAFI flown through Olympe."""
+"""Configuration of an ANAFI flown through Olympe: addresses, ports, limits and timeouts."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.types import Airframe
 
 SKYCONTROLLER_HOST: Final = "192.168.53.1"  # over USB; from Parrot's documentation
-DISCOVERY_PORT: Final = 44445  # TCP; ARSDK's, as the SDK uses it
-RTSP_PORT: Final = 554  # TCP; the port registered for RTSP, and the ANAFI's
+DISCOVERY_PORT: Final = 44445  # TCP; port of ARSDK and of the SDK
+RTSP_PORT: Final = 554  # TCP; registered port of RTSP, used by the ANAFI
 GRAVITY_MPS2: Final = 9.81  # m/s2; standard gravity, rounded
-MIN_TILT_RAD: Final = math.radians(1.0)  # rad; the lowest MaxTilt that an ANAFI takes
+MIN_TILT_RAD: Final = math.radians(1.0)  # rad; the lowest MaxTilt that an ANAFI accepts
 _POSITIVE: Final = (
     *("speed_limit_mps", "climb_limit_mps", "yaw_rate_limit_radps"),
     *("altitude_limit_m", "tilt_limit_rad"),
@@ -26,58 +26,58 @@ _HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 
 @dataclass(frozen=True, kw_only=True)
 class OlympeConfig:
-    """How an ANAFI is reached and flown.
+    """Connection and limits of an ANAFI.
 
     Attributes:
-        address: HOST or HOST:DISCOVERY_PORT. None: the address that Parrot's documentation gives.
-        http_port: TCP port of the drone's web interface. Default: the ANAFI's.
-        rtsp_port: TCP port of the drone's video. Default: the ANAFI's.
-        airframe: size of the body, command delay and lag. A drone with guards needs another one.
-        image_size_px: width and height that frames are resized to. Default: half of the 1280x720
-            that the ANAFI streams.
-        probe_limit_s: longest wait for an answer at the discovery port, seconds. Chosen: a drone in
-            reach answers within milliseconds.
-        behind_limit_s: longest wait for a remote control to report its drone, seconds. Chosen.
-        connect_limit_s: longest wait for a connection, seconds. Chosen: two or three are usual, and
-            the SDK alone waits for 45.
-        close_limit_s: longest wait for the SDK to disconnect, seconds. Chosen: it needs one at most
-            from a drone that answers (`benchmarks/loopback_faults.py`), and half a minute from
-            others.
-        command_limit_s: longest wait at the end for the commands still queued, seconds. Chosen: one
-            call of the SDK may block for 2 s.
-        setting_limit_s: longest wait for the drone to report settings, before the first flight and
-            after the last one, seconds. In between nothing waits, and a warning follows. Chosen:
-            usually it takes milliseconds.
-        video_limit_s: longest wait for the video to be granted, seconds. Default: the SDK's.
-        speed_limit_mps: horizontal speed limit, m/s. Chosen: a lab of 5 m is crossed in 5 s.
-        climb_limit_mps: vertical speed limit, m/s. Chosen: a room of 3 m is climbed in 5 s.
-        yaw_rate_limit_radps: limit of the turning rate, rad/s. Chosen: a full turn in 4 s.
-        altitude_limit_m: the drone's own ceiling above the take-off point, m. Chosen: a room.
-        tilt_limit_rad: tilt at full stick, rad. Chosen: 10 degrees make 4 m/s in the long run.
-        return_home: whether the drone returns by itself during a flight. None: as it is set.
-        remote_control: whether a remote control answers at the address, as SkyController 3 does.
+        address: HOST or HOST:DISCOVERY_PORT. None: the address in Parrot's documentation.
+        http_port: TCP port of the drone's web interface. Default: that of the ANAFI.
+        rtsp_port: TCP port of the drone's video. Default: that of the ANAFI.
+        airframe: size of the body, command delay and lag. A drone with guards needs other values.
+        image_size_px: width and height to which frames are resized. Default: half of the ANAFI's
+            1280x720.
+        probe_limit_s: timeout of an answer at the discovery port, s. Chosen: a drone in reach
+            answers within milliseconds.
+        behind_limit_s: timeout of a remote control's report of its drone, s. Chosen.
+        connect_limit_s: timeout of the connection, s. Chosen: it usually takes two or three, and
+            the SDK waits for 45.
+        close_limit_s: timeout of the SDK's disconnection, s. Chosen: it takes at most 1 s with a
+            drone that answers (`benchmarks/loopback_faults.py`), otherwise 30 s.
+        command_limit_s: timeout of the queued commands at the end, s. Chosen: one call of the SDK
+            may block for 2 s.
+        setting_limit_s: timeout of the drone's reports of its settings, before the first flight
+            and after the last one, s. During a flight nothing waits for a report, and a missing
+            one causes a warning. Chosen: a report usually takes milliseconds.
+        video_limit_s: timeout of the request for the video, s. Default: that of the SDK.
+        speed_limit_mps: horizontal speed limit, m/s. Chosen: 5 m, the size of a lab, take 5 s.
+        climb_limit_mps: vertical speed limit, m/s. Chosen: 3 m, the height of a room, take 5 s.
+        yaw_rate_limit_radps: yaw rate limit, rad/s. Chosen: a full turn takes 4 s.
+        altitude_limit_m: altitude limit in the drone, above the take-off point, m. Chosen: the
+            height of a room.
+        tilt_limit_rad: tilt at full stick, rad. Chosen: 10 degrees reach 4 m/s in the long run.
+        return_home: whether the drone may return automatically during a flight. None: unchanged.
+        remote_control: whether a remote control answers at the address, as a SkyController 3.
         take_off_surface_m: height of the take-off surface above the carpet, m.
-        video_latency_s: least time from exposure to arrival of a frame, seconds. Default: an
-            estimate, not measured on a drone; the loopback drone's is 0.16 (`docs/results.md`).
-        order_repeat_s: time until a take-off or landing without effect is ordered again, seconds.
-            Chosen: the SDK gives up a packet without an acknowledgement after 0.9.
+        video_latency_s: least time from exposure to arrival of a frame, s. Default: an estimate,
+            not measured on a drone; the loopback drone has 0.16 (`docs/results.md`).
+        order_repeat_s: time after which a take-off or landing without effect is repeated, s.
+            Chosen: the SDK drops a packet without acknowledgement after 0.9.
         sticks_hold_s: time for which the SDK repeats stick positions, every 25 ms, before it
-            centres them, seconds. Chosen: a drone whose mission hangs flies half a metre on.
-        drag_per_s: of the speed control: share of the speed that the air takes away each second.
-            Default: an estimate below the 0.55 of full speed (15 m/s at 40 degrees of tilt, from
-            Parrot's data sheet: g tan(40) / 15), because the air resists less at walking pace.
-        proportional_per_s: of the speed control: its proportional gain, 1/s. Chosen: slow beside
-            the 0.3 s that telemetry and tilt take.
-        integral_per_s2: of the speed control: its integral gain, 1/s2. Chosen: it removes the rest
-            of the error within some seconds.
+            centres them, s. Chosen: a drone whose mission hangs flies at most half a metre.
+        drag_per_s: share of the speed lost to drag per second, for the speed control. Default: an
+            estimate. Drag is lower at walking speed than the 0.55 at full speed (15 m/s at 40
+            degrees of tilt, from Parrot's data sheet: g tan(40) / 15).
+        proportional_per_s: proportional gain of the speed control, 1/s. Chosen: slow compared to
+            the 0.3 s of telemetry and tilt.
+        integral_per_s2: integral gain of the speed control, 1/s2. Chosen: it removes the
+            remaining error within some seconds.
 
     Raises:
         InputError: the address is malformed.
         ValueRangeError: a number is out of its range.
     """
 
-    kind: ClassVar[str]  # the name that the drone is registered under
-    default_host: ClassVar[str]  # the address that Parrot's documentation gives
+    kind: ClassVar[str]  # registered name of the drone
+    default_host: ClassVar[str]  # the address in Parrot's documentation
 
     address: str | None = None
     http_port: int = 80
@@ -119,12 +119,12 @@ class OlympeConfig:
 
     @property
     def host(self) -> str:
-        """The drone's address on the network."""
+        """The network address of the drone."""
         return self._host_and_port()[0]
 
     @property
     def discovery_port(self) -> int:
-        """The port that the drone is asked on whether it is there."""
+        """The TCP port of the discovery."""
         return self._host_and_port()[1]
 
     def _host_and_port(self) -> tuple[str, int]:
@@ -141,14 +141,14 @@ class OlympeConfig:
 
     @property
     def through_skycontroller(self) -> bool:
-        """Whether the remote control stands between this machine and the drone."""
+        """Whether the drone is reached through its remote control."""
         return self.remote_control or self.host == SKYCONTROLLER_HOST
 
     @property
     def gentle_tilt_rad(self) -> float:
-        """The tilt that flies no faster than the speed limit, `MIN_TILT_RAD` at least.
+        """The tilt that reaches the speed limit, at least `MIN_TILT_RAD`.
 
-        Firmware that takes no speed with a movement flies it with the greatest tilt that is set.
+        Firmware without speeds for movements uses the largest tilt of the settings.
         """
         steady_rad = math.atan(self.drag_per_s * self.speed_limit_mps / GRAVITY_MPS2)
         return min(self.tilt_limit_rad, max(MIN_TILT_RAD, steady_rad))

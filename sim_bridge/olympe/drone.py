@@ -1,4 +1,4 @@
-"""`OlympeDrone`: an ANAFI behind the `Drone` protocol."""
+"""`OlympeDrone`: an ANAFI as a `Drone`."""
 
 from __future__ import annotations
 
@@ -33,24 +33,24 @@ from uav_bt.types import (
 )
 
 _SAME_PITCH_RAD: Final = 1e-3  # rad; chosen: 1/20 degree. Smaller changes are not sent.
-_MIN_PITCH_RAD: Final = -math.pi / 2  # rad, straight down; the gimbal's own end stop (Parrot)
-_FRAME_RATE_HZ: Final = 30.0  # frames a second of the ANAFI's stream
-# States in which a take-off or a landing need not be ordered (again).
+_MIN_PITCH_RAD: Final = -math.pi / 2  # rad, straight down; the end stop of the gimbal (Parrot)
+_FRAME_RATE_HZ: Final = 30.0  # frame rate of the ANAFI's stream
+# States in which a take-off or a landing need not be commanded (again).
 _UP: Final = frozenset(set(FlyingState) - {FlyingState.LANDED, FlyingState.LANDING})
 _DOWN: Final = frozenset({FlyingState.LANDED, FlyingState.LANDING, FlyingState.EMERGENCY})
 
 
 @dataclass(kw_only=True)
 class _Flight:
-    """What exists while connected."""
+    """Objects that exist while connected."""
 
     link: OlympeLink
     telemetry: Telemetry
     frames: NewestFrame
     commands: CommandQueue
     speed: SpeedHolder
-    ordered_s: dict[str, float] = field(default_factory=dict)  # when what had no effect yet
-    prepared: bool = False  # the drone's limits are set
+    ordered_s: dict[str, float] = field(default_factory=dict)  # times of commands without effect
+    prepared: bool = False  # whether the drone's limits are set
     pitch_rad: float | None = None  # the gimbal's last target
 
 
@@ -58,11 +58,11 @@ class OlympeDrone:
     """Flies an ANAFI, real or simulated by Sphinx; implements the `Drone` protocol.
 
     Args:
-        config: address, limits and time-outs.
-        sdk: loads Parrot's SDK; tests give a scripted one.
-        probe_first: returns whether a remote control answers; raises where nothing does.
+        config: address, limits and timeouts.
+        sdk: loads Parrot's SDK; tests pass a scripted one.
+        probe_first: returns whether a remote control answers; raises an error if nothing answers.
         clock: the live clock.
-        commands: makes the queue of the commands.
+        commands: makes the command queue.
     """
 
     def __init__(
@@ -78,23 +78,23 @@ class OlympeDrone:
         self._sdk = sdk
         self._probe = probe_first
         self._commands = commands
-        self.clock = clock or FrameClock()  # real time; it ticks with the frames
-        # The nominal intrinsics of its video; a camera file is more accurate.
+        self.clock = clock or FrameClock()  # real time, with a tick at each frame
+        # The nominal intrinsics of the video; a camera file is more accurate.
         self.camera = anafi_camera(*config.image_size_px)
         self.airframe = config.airframe
-        self.scene: Final = None  # only simulated places are known
-        self.referee: Final = None  # only a simulation knows the truth
+        self.scene: Final = None  # only simulated drones have a scene
+        self.referee: Final = None  # only simulated drones have ground truth
         self.live = True  # a real drone is checked before it takes off
         self.tick_s = 1.0 / _FRAME_RATE_HZ
         self._flight: _Flight | None = None
 
     def connect(self) -> None:
-        """Connect and start the video, which takes seconds; nothing about the drone changes.
+        """Connect and start the video, which takes seconds; the drone's settings do not change.
 
         Raises:
             MissingDependencyError: Parrot's SDK is not installed.
-            DroneError: the drone cannot be reached, or gives no video.
-            InputError: the installed SDK cannot use the ports that were asked for.
+            DroneError: the drone cannot be reached, or sends no video.
+            InputError: the installed SDK cannot use the ports of the configuration.
         """
         if self._flight is not None:
             return
@@ -131,7 +131,7 @@ class OlympeDrone:
         )
 
     def observe(self) -> Observation:
-        """Return the newest frame and state; old ones keep their capture times.
+        """Return the newest frame and state with their capture times.
 
         Raises:
             DroneError: not connected.
@@ -145,7 +145,7 @@ class OlympeDrone:
         return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
 
     def send(self, command: Command) -> Command:
-        """Send the changes that a command makes; return the command as it was sent.
+        """Send the changes of a command; return the command as it was sent.
 
         Raises:
             DroneError: not connected, or the SDK refused an earlier command.
@@ -161,7 +161,7 @@ class OlympeDrone:
         return replace(command, movement=movement, gimbal=gimbal)
 
     def disconnect(self) -> None:
-        """Disconnect; the drone then does as its firmware decides. Safe to call twice."""
+        """Disconnect; the firmware then decides what the drone does. Safe to call twice."""
         flight, self._flight = self._flight, None
         if flight is not None:
             flight.link.close()
@@ -179,7 +179,7 @@ class OlympeDrone:
             return
         if isinstance(movement, Land):
             flight.speed.reset()
-            # First of all: what follows may fail.
+            # First: the other commands may fail.
             self._repeat(flight, Kind.END, "land", orders.land, done=_is_in(flight, _DOWN))
             submit(Kind.STICKS, orders.let_go)
             self._take_sticks(flight)
@@ -232,26 +232,26 @@ class OlympeDrone:
             flight.commands.submit(Kind.MOVE, flight.link.orders.halt)
 
     def _prepare(self, flight: _Flight) -> None:
-        """Set the drone's limits, before its first movement."""
+        """Set the drone's limits before its first movement."""
         if flight.prepared:
             return
         flight.prepared = True
         config = self._config
-        # A movement that carries no speeds takes the greatest tilt.
+        # A movement without speeds uses the largest tilt.
         extended = flight.telemetry.has_extended_moves
         tilt_rad = config.tilt_limit_rad if extended else config.gentle_tilt_rad
         flight.speed.tilt_limit_rad = tilt_rad
         flight.commands.submit(Kind.LIMITS, lambda: flight.link.prepare(tilt_rad=tilt_rad))
 
     def _lend_sticks(self, flight: _Flight) -> None:
-        """Let the pilot fly, where we have the sticks of a remote control."""
+        """Give control to the pilot of a remote control, if this program has it."""
         telemetry = flight.telemetry
         if telemetry.has_sticks and not telemetry.lent:
             telemetry.lend()
             flight.commands.submit(Kind.CONTROL, flight.link.orders.give_sticks)
 
     def _take_sticks(self, flight: _Flight) -> None:
-        """Take lent sticks back; sticks that the pilot took stay with the pilot."""
+        """Take control back if it was given; do not take it if the pilot took it."""
         telemetry = flight.telemetry
         if telemetry.shares_sticks:
             self._repeat(
@@ -263,7 +263,7 @@ class OlympeDrone:
             )
 
     def _repeat(self, flight: _Flight, kind: Kind, what: str, order: Job, *, done: bool) -> None:
-        """Send an order, and again after `order_repeat_s` while it has no effect."""
+        """Send a command; repeat it after `order_repeat_s` while it has no effect."""
         now_s = self.clock.now()
         if done:
             flight.ordered_s.pop(what, None)

@@ -1,4 +1,4 @@
-"""The kinds of drones that fly through Olympe, as the entry points register them."""
+"""Configurations of Olympe's drones that the entry points register."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from sim_bridge.olympe.drone import OlympeDrone
 @dataclass(frozen=True, kw_only=True)
 class _DroneConfig(OlympeConfig):
     def create(self) -> OlympeDrone:
-        """Make a bridge to the drone; nothing is sent before its `connect`."""
+        """Return a bridge to the drone. Its `connect` opens the connection."""
         return OlympeDrone(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class AnafiConfig(_DroneConfig):
-    """A real ANAFI, on the drone's Wi-Fi or behind its remote control; see `OlympeConfig`."""
+    """A real ANAFI, over its Wi-Fi or through its remote control; see `OlympeConfig`."""
 
     kind: ClassVar[str] = "anafi"
     default_host: ClassVar[str] = "192.168.42.1"
@@ -26,7 +26,7 @@ class AnafiConfig(_DroneConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class SphinxConfig(_DroneConfig):
-    """An ANAFI simulated by Sphinx, where it puts its first drone; see `OlympeConfig`."""
+    """An ANAFI simulated by Sphinx, at the address of its first drone; see `OlympeConfig`."""
 
     kind: ClassVar[str] = "sphinx"
     default_host: ClassVar[str] = "10.202.0.1"

@@ -1,4 +1,4 @@
-"""One connection through the SDK: commands out, events and frames in."""
+"""Connection to one drone through the SDK: sends commands, receives events and frames."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class OlympeLink:
-    """Talks to one drone, from `open` to `close`; a new connection needs a new link.
+    """Connection to one drone, from `open` to `close`; a new connection needs a new link.
 
-    One thread, that of the commands, makes, uses and destroys the SDK's object. `open` and `close`
-    let it work and wait for it, within limits; `orders` and `prepare` must be called on it. Other
-    threads only read whether the SDK is connected, an attribute that the SDK's threads set.
+    The command thread makes, uses and destroys the SDK's object. `open` and `close` wait for that
+    thread, with timeouts; `orders` and `prepare` must be called on it. Other threads only read
+    whether the SDK is connected, an attribute that the SDK's threads set.
 
     Args:
         sdk: the SDK.
-        config: where the drone is.
-        commands: the thread.
+        config: address, limits and timeouts.
+        commands: the command thread.
         now: the clock, s.
-        on_event: called with each event's full name and arguments, on a thread of the SDK.
+        on_event: called with full name and arguments of each event, on a thread of the SDK.
         on_frame: called with each frame, on a thread of the SDK.
     """
 
@@ -54,24 +54,24 @@ class OlympeLink:
         self._on_event = on_event
         self._on_frame = on_frame
         self._drone: Any = None
-        self._hangs = False  # a call of the SDK took longer than its limit
+        self._hangs = False  # whether a call of the SDK took longer than its timeout
         self.orders: Final = Orders(sdk, config, self._present)
         self._settings = BorrowedSettings(self.orders.send, now, config.setting_limit_s)
-        self._failed: set[str] = set()  # events and frames that could not be taken
+        self._failed: set[str] = set()  # events and frames whose handling failed
         self._failing = threading.Lock()  # guards `_failed`: two threads of the SDK write to it
-        # A remote control's connection to its drone; without one there is nothing to wait for.
+        # Set while a remote control is connected to its drone, and without a remote control.
         self._drone_there = threading.Event()
         if not config.through_skycontroller:
             self._drone_there.set()
 
     @property
     def connected(self) -> bool:
-        """Whether the drone can be reached, as far as SDK and remote control know."""
+        """Whether the drone is connected, according to SDK and remote control."""
         return self._sdk_connected and self._drone_there.is_set()
 
     @property
     def lost(self) -> bool:
-        """Whether the SDK has given the connection up; a remote control may yet find its drone."""
+        """Whether the SDK has dropped the connection; a remote control may still find its drone."""
         return self._drone is not None and not self._sdk_connected
 
     @property
@@ -80,11 +80,11 @@ class OlympeLink:
         return drone is not None and bool(drone.connected)
 
     def open(self) -> None:
-        """Connect and ask for the video; nothing about the drone changes.
+        """Connect and request the video; the drone's settings do not change.
 
         Raises:
-            DroneError: the drone answers the port but not the SDK, or refuses the video.
-            InputError: the installed SDK cannot use the ports that were asked for.
+            DroneError: the port answers but not the SDK's requests, or the video is refused.
+            InputError: the installed SDK cannot use the ports of the configuration.
         """
         try:
             self._open()
@@ -93,16 +93,16 @@ class OlympeLink:
             raise
 
     def close(self) -> None:
-        """Restore the drone's settings and disconnect, after the commands that wait.
+        """Restore the drone's settings and disconnect, after the waiting commands.
 
-        An SDK that takes longer than the limits of the configuration finishes by itself.
+        An SDK that exceeds the timeouts of the configuration finishes in the background.
         """
         if self._hangs:
             self._commands.close(self._leave, self._destroy)
             return
         config = self._config
         limit_s = config.close_limit_s
-        if self.connected:  # otherwise no command is answered, and no setting is restored
+        if self.connected:  # otherwise no command is answered, and settings cannot be restored
             limit_s += config.command_limit_s + config.setting_limit_s
         try:
             if not self._commands.run(self._leave, limit_s):
@@ -113,18 +113,18 @@ class OlympeLink:
                     limit_s,
                 )
         finally:
-            # It takes half a minute for drones that are gone, and with 7.7.5 ten seconds for any.
+            # This takes 30 s for lost drones, and with SDK 7.7.5 always 10 s.
             self._commands.close(self._destroy)
 
     def check_settings(self) -> None:
-        """Warn, once, of limits that the drone has not confirmed in time."""
+        """Warn once about limits that the drone has not confirmed in time."""
         self._settings.check()
 
     def prepare(self, *, tilt_rad: float) -> None:
-        """Set the limits of a flight, without waiting; `close` restores the former values.
+        """Set the limits of a flight without waiting; `close` restores the former values.
 
         Args:
-            tilt_rad: the greatest tilt.
+            tilt_rad: the largest tilt.
         """
         self._settings.change(self._limits(tilt_rad))
 
@@ -135,7 +135,7 @@ class OlympeLink:
             settings.ALTITUDE: config.altitude_limit_m,
             settings.CLIMB: config.climb_limit_mps,
             settings.ROTATION: math.degrees(config.yaw_rate_limit_radps),
-            # A turn that rolls the drone would move it sideways in a lab.
+            # A banked turn would move the drone sideways.
             settings.BANKED_TURN: 0,
         }
         if config.return_home is not None:
@@ -148,29 +148,29 @@ class OlympeLink:
             self._connect,
             config.connect_limit_s,
             late=f"{config.where} accepts a connection, but is not ready for commands after "
-            f"{config.connect_limit_s:.0f} s: restart it, and see that no other program (a "
+            f"{config.connect_limit_s:.0f} s: restart it, and check that no other program (a "
             "FreeFlight, another uav-bt) is connected",
         )
         if not self._drone_there.wait(config.behind_limit_s):
             raise DroneError(
                 f"the remote control at {config.host} is there, but no drone is connected to it: "
-                "switch the drone on, and wait until the remote control shows that it has it"
+                "switch the drone on, and wait until the remote control shows the connection"
             )
-        # The SDK itself keeps the limit; one that takes twice as long hangs.
+        # The SDK keeps the timeout itself; a call that takes twice as long hangs.
         self._finish(self._play, 2.0 * config.video_limit_s, late=self._no_video)
         self._settings.await_reports(self._limits(config.tilt_limit_rad))
 
     def _finish(self, job: Job, limit_s: float, *, late: str) -> None:
-        """Do something on the thread of the commands.
+        """Run a job on the command thread.
 
         Raises:
-            DroneError: it is not done in time.
+            DroneError: the job does not end in time.
         """
-        self._hangs = True  # also where waiting is interrupted
+        self._hangs = True  # also if the wait is interrupted
         try:
             self._hangs = not self._commands.run(job, limit_s)
         except Exception:
-            self._hangs = False  # it has failed
+            self._hangs = False  # the job has ended with an error
             raise
         if self._hangs:
             raise DroneError(late)
@@ -179,7 +179,7 @@ class OlympeLink:
         """Make the SDK's object and connect it.
 
         Raises:
-            DroneError: the drone refuses.
+            DroneError: the drone refuses the connection.
         """
         start_s = time.monotonic()
         drone = self._drone = self._sdk.drone(self._config)
@@ -187,7 +187,7 @@ class OlympeLink:
         if not drone.connect():
             raise DroneError(
                 f"{self._config.where} refused the connection after "
-                f"{time.monotonic() - start_s:.1f} s: see that no other program (a FreeFlight, "
+                f"{time.monotonic() - start_s:.1f} s: check that no other program (a FreeFlight, "
                 "another uav-bt) is connected; if none is, restart it"
             )
 
@@ -199,18 +199,18 @@ class OlympeLink:
     def _no_video(self) -> str:
         config = self._config
         return (
-            f"{config.where} gives no video (RTSP port {config.rtsp_port}) within "
-            f"{config.video_limit_s:.0f} s: another program may hold it, or a firewall keeps UDP "
-            "out"
+            f"{config.where} sends no video (RTSP port {config.rtsp_port}) within "
+            f"{config.video_limit_s:.0f} s: another program may use it, or a firewall blocks "
+            "UDP"
         )
 
     def _leave(self) -> None:
-        """Let go of sticks and settings and disconnect; what fails stops nothing that follows."""
+        """Release sticks and settings and disconnect; a failed step does not stop the next ones."""
         drone = self._drone
         if drone is None:
             return
         if self.connected:
-            _attempt("letting go of the sticks", self.orders.let_go)
+            _attempt("releasing the sticks", self.orders.let_go)
             _attempt("restoring the drone's settings", self._settings.restore)
         else:
             self._settings.give_up()
@@ -235,7 +235,7 @@ class OlympeLink:
         del scheduler
         message, args = getattr(event, "message", None), getattr(event, "args", None)
         kind = getattr(getattr(message, "message_type", None), "name", "")
-        # Commands come by here as well; they carry nothing about the drone.
+        # Commands arrive here as well; they contain no data about the drone.
         if message is not None and kind == "EVT" and isinstance(args, Mapping):
             named = {key: getattr(arg, "name", arg) for key, arg in args.items()}
             with self._complaining(f"its event {message.fullName}"):
@@ -262,7 +262,7 @@ class OlympeLink:
 
     @contextmanager
     def _complaining(self, what: str) -> Iterator[None]:
-        """Log a failure once for each thing: the SDK would keep it to itself."""
+        """Log the first failure of each event or frame type, because the SDK would hide it."""
         try:
             yield
         except Exception:
@@ -277,5 +277,5 @@ class OlympeLink:
 def _attempt(what: str, action: Callable[[], object]) -> None:
     try:
         action()
-    except BaseException as error:  # noqa: BLE001  # also the SDK's cancellations
+    except BaseException as error:  # noqa: BLE001  # includes the SDK's cancellations
         _LOG.warning("%s failed: %s: %s", what, type(error).__name__, error)

@@ -1,9 +1,9 @@
-"""Which `MoveBy` an end event of the drone belongs to.
+"""Ledger of movements: assigns the drone's end events to `MoveBy` commands.
 
-The drone's events carry no id, only distances. The firmware ends every relative movement with one
-event, and a second command ends the first one with "interrupted" (ARSDK,
-ardrone3.PilotingEvent.moveByEnd). Commands and events cross in transit, so those sent and not yet
-ended are kept in order.
+The events carry no id, only distances. The firmware ends every relative movement with one event,
+and a second command ends the first one with "interrupted" (ARSDK,
+ardrone3.PilotingEvent.moveByEnd). Commands and events cross in transit, so the open movements are
+kept in order.
 """
 
 from __future__ import annotations
@@ -22,44 +22,44 @@ _REFUSALS: Final = frozenset({"busy", "notAvailable", "unknown"})
 
 @dataclass(frozen=True, kw_only=True)
 class _Entry:
-    """A movement that was sent and has not ended."""
+    """An open movement: sent, but not ended."""
 
-    id: int | None  # None for the halt that replaces a movement
+    id: int | None  # None: a halt that replaces a movement
     wanted: Displacement
 
 
 class MoveLedger:
-    """Keeps the movements that were sent to the drone until it reports how they ended."""
+    """Stores the movements that were sent until the drone reports their end."""
 
     def __init__(self) -> None:
         self._open: deque[_Entry] = deque()
-        self.status: MovementStatus | None = None  # of the latest `MoveBy`
+        self.status: MovementStatus | None = None  # status of the latest `MoveBy`
 
     @property
     def moving(self) -> bool:
-        """Whether the latest `MoveBy` is still under way and wanted."""
+        """Whether the latest `MoveBy` is running and was not halted."""
         return bool(self._open) and self._open[-1].id is not None
 
     def is_latest(self, move: MoveBy) -> bool:
-        """Return whether a movement is the one sent last."""
+        """Return whether a movement is the last one that was sent."""
         return self.status is not None and self.status.id == move.id
 
     def sent(self, move: MoveBy) -> None:
-        """Note a movement that is sent to the drone."""
+        """Record a movement that is sent to the drone."""
         wanted = (move.forward_m, move.right_m, move.down_m, move.yaw_rad)
         self._open.append(_Entry(id=move.id, wanted=wanted))
         self.status = MovementStatus(id=move.id, state=MovementState.RUNNING)
 
     def halted(self) -> None:
-        """Note that a movement by zero is sent to the drone, which ends the one before."""
+        """Record a movement by zero, which ends the one before."""
         self._open.append(_Entry(id=None, wanted=(0.0, 0.0, 0.0, 0.0)))
 
     def ended(self, error: str, flown: Displacement) -> None:
         """Handle the drone's end event.
 
         Args:
-            error: the event's: ok, interrupted, busy, notAvailable or unknown.
-            flown: the displacement that it reports.
+            error: error of the event: ok, interrupted, busy, notAvailable or unknown.
+            flown: displacement in the event.
         """
         if not self._open:
             return
@@ -68,14 +68,14 @@ class MoveLedger:
         elif error == "interrupted":
             self._close(self._open.popleft(), MovementState.INTERRUPTED)
         else:
-            # A later command or an earlier event may have been lost: distances show which it is.
+            # A command or an event may have been lost, so the nearest displacement is selected.
             done = min(self._open, key=lambda entry: math.dist(entry.wanted, flown))
             while self._open[0] is not done:
                 self._close(self._open.popleft(), MovementState.INTERRUPTED)
             self._close(self._open.popleft(), MovementState.DONE)
 
     def drop(self, state: MovementState = MovementState.INTERRUPTED) -> None:
-        """Close all open movements: the drone landed, or reports nothing any more."""
+        """Close all open movements, after a landing or a lost connection."""
         while self._open:
             self._close(self._open.popleft(), state)
 

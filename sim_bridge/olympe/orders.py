@@ -1,4 +1,4 @@
-"""What an ANAFI is ordered to do, in the SDK's terms."""
+"""Commands to an ANAFI through the SDK."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uav_bt.types import MoveBy
 
 
 class Orders:
-    """Sends orders to a drone; none of them waits for its effect.
+    """Sends commands to a drone without waiting for their effect.
 
     Args:
         sdk: the SDK.
@@ -29,15 +29,15 @@ class Orders:
         self._steering = False
 
     def send(self, name: str, **args: Any) -> None:
-        """Send a command by its full name."""
+        """Send a command, given by its full name."""
         self._drone()(self._sdk.message(name)(**args))
 
     def take_sticks(self) -> None:
-        """Make a remote control pass our commands on in place of its sticks."""
+        """Make a remote control forward this program's commands instead of its sticks."""
         self.send("skyctrl.CoPiloting.setPilotingSource", source="Controller")
 
     def give_sticks(self) -> None:
-        """Make a remote control's sticks fly the drone again."""
+        """Make a remote control use its sticks again."""
         self.send("skyctrl.CoPiloting.setPilotingSource", source="SkyController")
 
     def take_off(self) -> None:
@@ -47,18 +47,18 @@ class Orders:
     def land(self) -> None:
         """Descend and stop the motors."""
         self.send("ardrone3.Piloting.Landing")
-        self.let_go()  # after the landing was sent: it may fail
+        self.let_go()  # after the landing, because it may fail
 
     def cut_motors(self) -> None:
         """Stop the motors in flight."""
         self.send("ardrone3.Piloting.Emergency")
 
     def move(self, move: MoveBy, *, at_speed: bool) -> None:
-        """Start a relative movement; it ends the one before.
+        """Start a relative movement; it replaces the one before.
 
         Args:
             move: the movement.
-            at_speed: keep within the configuration's speeds, which older firmware cannot.
+            at_speed: keep the speed limits of the configuration; older firmware cannot.
         """
         self.let_go()
         if not at_speed:
@@ -82,17 +82,17 @@ class Orders:
         )
 
     def halt(self) -> None:
-        """End the movement under way: a movement by nothing replaces it, on any firmware."""
+        """End the present movement: a movement by zero replaces it, with any firmware."""
         self.send("ardrone3.Piloting.moveBy", dX=0.0, dY=0.0, dZ=0.0, dPsi=0.0)
 
     def steer(self, sticks: Sticks) -> None:
-        """Hold these stick positions until the next ones, for `sticks_hold_s` at most."""
+        """Hold stick positions until the next ones, for at most `sticks_hold_s`."""
         self._steering = True
         drone = self._drone()
         if not drone.piloting(
             sticks.roll, sticks.pitch, sticks.yaw, sticks.climb, self._config.sticks_hold_s
         ):
-            raise DroneError(f"{self._config.where} does not take stick positions any more")
+            raise DroneError(f"{self._config.where} no longer accepts stick positions")
 
     def centre(self) -> None:
         """Centre the sticks, if they are held."""
@@ -100,7 +100,7 @@ class Orders:
             self._drone().piloting(0, 0, 0, 0, 0.0)
 
     def let_go(self) -> None:
-        """Send no more stick positions."""
+        """Stop sending stick positions."""
         if self._steering:
             self._steering = False
             drone = self._drone()
@@ -108,7 +108,7 @@ class Orders:
             drone.stop_piloting()
 
     def point(self, pitch_rad: float) -> None:
-        """Point the camera: rad from the horizon, negative down."""
+        """Set the pitch of the camera: 0 level, negative down."""
         self.send(
             "gimbal.set_target",
             gimbal_id=0,

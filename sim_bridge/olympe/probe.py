@@ -1,4 +1,4 @@
-"""Whether a drone or a remote control answers at an address, before the SDK is even imported."""
+"""Probe of an address for a drone or a remote control, before the SDK is imported."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Final
 from sim_bridge.olympe.config import SKYCONTROLLER_HOST, OlympeConfig
 from uav_bt.errors import DroneError
 
-_SKYCONTROLLER_3: Final = 0x0918  # the model that it announces; from ARSDK's device types
-_MAX_ANNOUNCEMENT_BYTES: Final = 4096  # chosen: an announcement has some 100 bytes
+_SKYCONTROLLER_3: Final = 0x0918  # model number, from ARSDK's device types
+_MAX_ANNOUNCEMENT_BYTES: Final = 4096  # chosen: an announcement has about 100 bytes
 _HINTS: Final = {
     "anafi": (
         "switch the drone on, join its Wi-Fi (or plug the SkyController in and use "
@@ -23,10 +23,12 @@ _HINTS: Final = {
 
 
 def probe(config: OlympeConfig) -> bool:
-    """Return whether a remote control answers, not a drone; the SDK alone would wait for 45 s.
+    """Return whether a remote control answers (True) or a drone (False).
+
+    The SDK alone would wait for 45 s.
 
     Raises:
-        DroneError: nobody does, within the time that the configuration gives.
+        DroneError: nothing answers within `probe_limit_s`.
     """
     limit_s = config.probe_limit_s
     try:
@@ -47,7 +49,7 @@ def probe(config: OlympeConfig) -> bool:
 
 
 def _model(connection: socket.socket, deadline_s: float) -> int | None:
-    """Return the model that is announced; None where none is, which the SDK will complain about."""
+    """Return the announced model; None without one, which the SDK reports as an error."""
     data = b""
     try:
         while b"\0" not in data and len(data) < _MAX_ANNOUNCEMENT_BYTES:

@@ -1,14 +1,15 @@
-"""Parrot's SDK. This module alone imports it, and alone knows how its versions differ.
+"""Adapter of Parrot's SDK: the only module that imports it and handles its versions.
 
-Differences met between parrot-olympe 7.7.5 and 8.5.0:
+Differences between parrot-olympe 7.7.5 and 8.5.0:
 
-- the web interface's port is `media_port`, then `http_port`; the discovery port cannot be chosen,
-  then can;
-- the callback for decoded frames is given by `set_callbacks` before `play`, then with a stream;
-- `play` takes the drone's first medium, then only one of a name that direct Wi-Fi uses and a remote
-  control does not; `play_multiple_stream` takes the first one still;
-- `subscribe` names the expectation as an option, then demands it;
-- `connect` takes 6 s at most, then never less than 45 s.
+- The port of the web interface is `media_port` in 7.7.5 and `http_port` in 8.5.0. Only 8.5.0 lets
+  the user choose the discovery port.
+- The callback for decoded frames is set by `set_callbacks` before `play` in 7.7.5, and with a
+  stream in 8.5.0.
+- `play` uses the drone's first medium in 7.7.5. In 8.5.0 it requires the name that direct Wi-Fi has
+  and a remote control has not; `play_multiple_stream` still uses the first medium.
+- The expectation of `subscribe` is optional in 7.7.5 and required in 8.5.0.
+- `connect` takes at most 6 s in 7.7.5, and at least 45 s in 8.5.0.
 """
 
 from __future__ import annotations
@@ -27,23 +28,23 @@ from typing import Any, Final
 from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
 
-_NEW_API: Final = 8  # the major version that brought the differences listed above
-_LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # loggers that the SDK gives handlers
+_NEW_API: Final = 8  # major version with the differences above
+_LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # the SDK adds handlers to them
 _LEVELS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sdk:
-    """The SDK as this project uses it."""
+    """The parts of the SDK that this project uses."""
 
     version: tuple[int, ...]
     classes: Any  # has Drone and SkyController3
-    message: Callable[[str], Any]  # a command's or an event's class by its full name
-    # From version 8 on: a stream of whatever medium there is, by the callback for its frames.
+    message: Callable[[str], Any]  # class of a command or an event by its full name
+    # Version 8 or later: makes a stream of the first medium from the callback for its frames.
     stream: Callable[[Callable[[Any], None]], Any]
 
     def drone(self, config: OlympeConfig) -> Any:
-        """Return a fresh SDK object for a drone: the same one twice fails to connect now and then.
+        """Return a new SDK object for a drone; a reused one sometimes fails to connect.
 
         Raises:
             InputError: this version cannot use the ports of the configuration.
@@ -66,12 +67,12 @@ class Sdk:
         """Start the video; frames then come on a thread of the SDK.
 
         Args:
-            streaming: the connected drone's.
-            config: the port.
-            on_frame: called with the SDK's frame, which is valid during the call.
+            streaming: streaming object of the connected drone.
+            config: source of the port.
+            on_frame: called with the SDK's frame, which is valid only during the call.
 
         Returns:
-            Whether the drone agreed in time.
+            Whether the drone accepted in time.
         """
         shared = config.through_skycontroller and config.rtsp_port == RTSP_PORT
         port = None if shared else config.rtsp_port
@@ -86,22 +87,22 @@ class Sdk:
             streaming.set_callbacks(raw_cb=on_frame)
             return bool(streaming.play(port=port, timeout=limit_s))
         except (TimeoutError, concurrent.futures.CancelledError, asyncio.CancelledError):
-            return False  # how the SDK says that the drone refused
+            return False  # the SDK's answer if the drone refused
 
 
 def load_sdk() -> Sdk:
-    """Import the SDK and redirect its log.
+    """Import the SDK and redirect its log messages.
 
     Raises:
-        MissingDependencyError: it is not installed, or does not run with this Python.
+        MissingDependencyError: the SDK is not installed, or does not run with this Python.
     """
     disabled = logging.root.manager.disable
     logging.disable(
         logging.CRITICAL
-    )  # it logs while it is imported, before its handlers can be replaced
+    )  # the SDK logs during its import, before its handlers can be replaced
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of packages it draws in, at every start
+            warnings.simplefilter("ignore")  # warnings of its dependencies, at every start
             _do_without_glx()
             olympe = importlib.import_module("olympe")
         version = tuple(int(part) for part in str(olympe.__version__).split(".")[:3])
@@ -123,9 +124,9 @@ def load_sdk() -> Sdk:
 
 
 def _do_without_glx() -> None:
-    """Let the SDK be imported where PyOpenGL already draws without a window, as the twin does.
+    """Let the SDK be imported when PyOpenGL already draws without a window, as in the twin.
 
-    PyOpenGL then has no GLX, which the SDK imports for a viewer that is never opened.
+    PyOpenGL then has no GLX. The SDK imports it for a viewer that is never opened.
     """
     try:
         importlib.import_module("OpenGL.GLX")
@@ -147,7 +148,7 @@ def _stream(on_frame: Callable[[Any], None]) -> Any:
 
 
 class _Redirect(logging.Handler):
-    """Logs the SDK's records here at a lower level: its errors are often harmless."""
+    """Logs the SDK's records at a lower level, because its errors are often harmless."""
 
     def emit(self, record: logging.LogRecord) -> None:
         logging.getLogger(f"{__name__}.{record.name}").log(

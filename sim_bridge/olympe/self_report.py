@@ -1,4 +1,4 @@
-"""What an ANAFI reports about itself that should be mended before it flies indoors."""
+"""Faults that an ANAFI reports and that must be fixed before an indoor flight."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ _LOG: Final = logging.getLogger(__name__)
 
 _CALIBRATE: Final = "calibrate it with FreeFlight"
 _RESTART: Final = "restart the drone; if that does not help, it needs repair"
-_OUTDOORS: Final = frozenset({"gps", "GPS"})  # nobody needs it indoors
-_ZOOMED: Final = 1.01  # zoom level; chosen: float32 rounds 1.0 by far less. Above: zoomed in.
+_OUTDOORS: Final = frozenset({"gps", "GPS"})  # not needed indoors
+_ZOOMED: Final = 1.01  # zoom level above which it is zoomed in; chosen: above float32 rounding
 _AUTO_TRIGGER: Final = "rth.auto_trigger_mode"
 
-# The faults that an event reports, by the part of the drone; None: that part works.
+# Faults in an event, by part of the drone; None: the part works.
 Findings = Mapping[str, DroneFault | None]
 
 
 class SelfReport:
-    """Keeps the faults of the drone, as of its latest events.
+    """Stores the faults in the drone's latest events.
 
     Args:
-        return_home: whether its automatic return home is wanted; None where that does not matter.
+        return_home: whether the automatic return home is wanted; None accepts both.
     """
 
     def __init__(self, *, return_home: bool | None = None) -> None:
@@ -33,11 +33,11 @@ class SelfReport:
         self._received: set[str] = set()
 
     def take(self, name: str, args: Mapping[str, Any]) -> None:
-        """Take an event.
+        """Process an event.
 
         Args:
-            name: its full name.
-            args: its arguments, enumerations as names.
+            name: full name of the event.
+            args: arguments of the event, enumerations as names.
         """
         self._received.add(name)
         reader = _READERS.get(name)
@@ -50,9 +50,9 @@ class SelfReport:
 
     @property
     def faults(self) -> tuple[DroneFault, ...]:
-        """All that is wrong."""
+        """All present faults."""
         faults = tuple(self._wrong.values())
-        # It is switched off before a take-off, on firmware that knows how.
+        # It is switched off before a take-off if the firmware has the setting.
         if self._return_home is False and _AUTO_TRIGGER not in self._received:
             faults += (_RETURNS_HOME,)
         return faults
@@ -60,7 +60,7 @@ class SelfReport:
 
 _RETURNS_HOME: Final = DroneFault(
     what="return home",
-    found="this firmware does not let a program switch it off, as the site file wants",
+    found="the site file requires it to be off, but this firmware cannot switch it off",
     remedy="update the firmware to 1.7 or later, or leave 'return_home' out of the site file",
 )
 
@@ -69,13 +69,13 @@ def _light(args: Mapping[str, Any]) -> Findings:
     fault = DroneFault(
         what="light",
         found="too dark to hover without GPS",
-        remedy="switch lights on, and let it stand above a floor with texture",
+        remedy="switch lights on, and put it on a floor with texture",
     )
     return {"light": fault if args["no_gps_too_dark"] else None}
 
 
 def _magnetometer(args: Mapping[str, Any]) -> Findings:
-    # 2 only recommends a calibration.
+    # The value 2 only recommends a calibration.
     fault = DroneFault(what="magnetometer", found="needs a calibration", remedy=_CALIBRATE)
     return {"magnetometer": fault if args["required"] == 1 else None}
 
@@ -92,7 +92,7 @@ def _motors(args: Mapping[str, Any]) -> Findings:
     fault = DroneFault(
         what=f"motor {', '.join(motors)}" if motors else "motors",
         found=error,
-        remedy="see that all propellers turn freely, and restart the drone",
+        remedy="check that all propellers turn freely, and restart the drone",
     )
     return {"motors": None if error == "noError" else fault}
 
@@ -107,7 +107,7 @@ def _gimbal_alert(args: Mapping[str, Any]) -> Findings:
     fault = DroneFault(
         what="gimbal",
         found=f"reports an error ({error})",
-        remedy="take its protection off, let it move freely, and restart the drone",
+        remedy="remove its protection, let it move freely, and restart the drone",
     )
     return {"gimbal alert": fault if error else None}
 
@@ -124,7 +124,7 @@ def _zoom(args: Mapping[str, Any]) -> Findings:
 
 def _alert(args: Mapping[str, Any]) -> Findings:
     state = str(args["state"])
-    # A low battery is checked by its charge.
+    # A low battery is detected by its charge.
     calm = state.lower() == "none" or "battery" in state
     fault = DroneFault(what="alert", found=state.replace("_", " "), remedy=_RESTART)
     return {"alert": None if calm else fault}
@@ -134,7 +134,7 @@ def _checklist(args: Mapping[str, Any]) -> Findings:
     name = str(args.get("check"))
     fault = DroneFault(
         what="take-off checklist",
-        found=f"{name.replace('_', ' ')} keeps it from taking off",
+        found=f"{name.replace('_', ' ')} prevents a take-off",
         remedy="see what FreeFlight says about it",
     )
     return {f"checklist {name}": fault if _on(args) and name not in _OUTDOORS else None}

@@ -1,4 +1,4 @@
-"""The drone's own limits, changed for a flight and restored after it."""
+"""Settings of the drone, changed for a flight and restored after it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 _LOG: Final = logging.getLogger(__name__)
-_WIRE_PRECISION: Final = 1e-6  # relative: events carry float32 (ARSDK), 24 bits of mantissa
+_WIRE_PRECISION: Final = 1e-6  # relative error: events carry float32 (ARSDK), 24-bit mantissa
 
-Send = Callable[..., Any]  # sends a command, by its name and arguments; does not wait for an answer
+Send = Callable[..., Any]  # sends a command by name and arguments; does not wait for an answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,10 +20,10 @@ class Setting:
     """A setting of the drone."""
 
     command: str
-    argument: str  # of the command
-    event: str  # that reports it
-    reported: str  # the argument of the event
-    optional: bool = False  # some firmware lacks it, and nobody is warned of that
+    argument: str  # argument of the command
+    event: str  # event that reports the setting
+    reported: str  # argument of the event
+    optional: bool = False  # True: some firmware lacks it, which causes no warning
 
 
 def _current(group: str, name: str) -> Setting:
@@ -38,7 +38,7 @@ def _current(group: str, name: str) -> Setting:
 TILT: Final = _current("Piloting", "MaxTilt")  # degrees
 ALTITUDE: Final = _current("Piloting", "MaxAltitude")  # m above the take-off point
 CLIMB: Final = _current("Speed", "MaxVerticalSpeed")  # m/s
-ROTATION: Final = _current("Speed", "MaxRotationSpeed")  # degrees a second
+ROTATION: Final = _current("Speed", "MaxRotationSpeed")  # degrees per second
 BANKED_TURN: Final = Setting(
     command="ardrone3.PilotingSettings.BankedTurn",
     argument="value",
@@ -57,35 +57,36 @@ _BY_EVENT: Final = {setting.event: setting for setting in _ALL}
 
 
 class BorrowedSettings:
-    """Changes settings, remembers their former values, and restores these.
+    """Changes settings, stores their former values, and restores these.
 
-    An event says how a setting is, not since when. So a former value is known only if the drone
-    reported it before the change; a warning names every setting that cannot be restored.
+    An event contains the value of a setting, but not the time of its change. So a former value is
+    known only if the drone reported it before the change. A warning lists the settings that cannot
+    be restored.
 
-    Events come on a thread of the SDK, commands go out on another one.
+    Events arrive on a thread of the SDK; commands are sent on another thread.
 
     Args:
         send: sends a command.
         now: the clock, s.
-        limit_s: time within which the drone should report a setting, s.
+        limit_s: timeout of the drone's report of a setting, s.
     """
 
     def __init__(self, send: Send, now: Callable[[], float], limit_s: float) -> None:
         self._send = send
         self._now = now
         self._limit_s = limit_s
-        self._changed = threading.Condition()  # guards all that follows
+        self._changed = threading.Condition()  # guards all attributes below
         self._reported: dict[Setting, Any] = {}
-        self._before: dict[Setting, Any] = {}  # the former values; None: not reported
-        self._wanted: dict[Setting, Any] = {}  # the values of the flight
-        self._check_s = math.inf  # the time by which the drone should have confirmed them
+        self._before: dict[Setting, Any] = {}  # former values; None: not reported
+        self._wanted: dict[Setting, Any] = {}  # values of the flight
+        self._check_s = math.inf  # deadline of the drone's confirmation
 
     def take(self, name: str, args: Mapping[str, Any]) -> None:
-        """Take an event of the drone.
+        """Process an event of the drone.
 
         Args:
-            name: its full name.
-            args: its arguments, enumerations as names.
+            name: full name of the event.
+            args: arguments of the event, enumerations as names.
         """
         setting = _BY_EVENT.get(name)
         if setting is not None:
@@ -94,13 +95,13 @@ class BorrowedSettings:
                 self._changed.notify_all()
 
     def await_reports(self, wanted: Collection[Setting]) -> None:
-        """Wait until the drone has reported these settings, for `limit_s` at most."""
+        """Wait until the drone has reported these settings, for at most `limit_s`."""
         needed = {setting for setting in wanted if not setting.optional}
         with self._changed:
             self._changed.wait_for(lambda: needed <= self._reported.keys(), self._limit_s)
 
     def change(self, wanted: Mapping[Setting, Any]) -> None:
-        """Send new values, once, without waiting for an answer; warn of unknown former values."""
+        """Send new values once, without waiting for an answer; warn about unknown former values."""
         with self._changed:
             self._wanted = dict(wanted)
             self._before = {setting: self._reported.get(setting) for setting in wanted}
@@ -119,7 +120,7 @@ class BorrowedSettings:
         self._write(wanted)
 
     def check(self) -> None:
-        """Warn, once, of settings that the drone has not confirmed within `limit_s`."""
+        """Warn once about settings that the drone has not confirmed within `limit_s`."""
         with self._changed:
             if self._now() < self._check_s:
                 return
@@ -128,7 +129,7 @@ class BorrowedSettings:
         self._warn_of(missing)
 
     def restore(self) -> None:
-        """Send the former values and wait for the answers, for `limit_s` at most."""
+        """Send the former values and wait for the answers, for at most `limit_s`."""
         former, left = self._end()
         self._write(former)
         with self._changed:
@@ -138,12 +139,12 @@ class BorrowedSettings:
         _warn_of_left(left)
 
     def give_up(self) -> None:
-        """Warn of the settings that stay as they are, because the drone cannot be reached."""
+        """Warn about settings that are not restored because the drone cannot be reached."""
         former, left = self._end()
         _warn_of_left([*former, *left])
 
     def _end(self) -> tuple[dict[Setting, Any], list[Setting]]:
-        """Return the former values that the flight changed, and the settings without one."""
+        """Return the former values of changed settings, and the settings without one."""
         with self._changed:
             before, self._before, self._check_s = self._before, {}, math.inf
             former = {
@@ -156,7 +157,7 @@ class BorrowedSettings:
                 for setting, value in before.items()
                 if value is None and (not setting.optional or setting in self._reported)
             ]
-            for setting in former:  # only reports from now on are answers
+            for setting in former:  # only later reports are answers
                 self._reported.pop(setting, None)
             return former, left
 
@@ -165,7 +166,7 @@ class BorrowedSettings:
             self._send(setting.command, **{setting.argument: value})
 
     def _unconfirmed(self, asked: Mapping[Setting, Any]) -> dict[Setting, str]:
-        """Return a sentence about each setting whose latest report is not the value asked for."""
+        """Describe each setting whose latest report differs from the wanted value."""
         return {
             setting: f"{setting.command} = {value} (it reports {self._reported.get(setting)})"
             for setting, value in asked.items()

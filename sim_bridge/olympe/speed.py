@@ -1,4 +1,4 @@
-"""Speeds to stick positions: an ANAFI's sticks are tilt angles, ours are metres a second."""
+"""Speed control: converts velocities to stick positions, which command tilt angles."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from sim_bridge.olympe.config import GRAVITY_MPS2, OlympeConfig
 from uav_bt.types import BodyVelocity, Velocity
 from uav_bt.types.bounds import clamp, limit_length
 
-# s between two orders of one manoeuvre; chosen: nine ticks of 1/30 s. A longer gap starts afresh.
+# Longest time between two commands of one manoeuvre, s; chosen: nine ticks of 1/30 s. A longer gap
+# starts a new manoeuvre.
 _MAX_STEP_S: Final = 0.3
-# m/s; chosen: a drone that should stand and is slower holds its position itself.
+# Speed below which a drone that should stop holds its position itself, m/s; chosen.
 _STANDING_MPS: Final = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sticks:
-    """Stick positions as the SDK takes them, percent of the greatest values set in the drone."""
+    """Stick positions for the SDK, per cent of the largest values in the drone's settings."""
 
     roll: int = 0  # right positive
     pitch: int = 0  # forward positive
@@ -27,10 +28,10 @@ class Sticks:
 
 
 class SpeedHolder:
-    """Holds horizontal speeds by tilting: feed-forward, proportional and integral.
+    """Controls horizontal speeds by the tilt, with feed-forward and PI control.
 
-    The integral corrects the drag, which is an estimate, so that also a drone that takes its
-    sticks for speeds reaches the speed.
+    The integral part corrects the estimated drag, so that a drone whose sticks command speeds
+    reaches the speed, too.
 
     Args:
         config: limits and gains.
@@ -38,17 +39,17 @@ class SpeedHolder:
 
     def __init__(self, config: OlympeConfig) -> None:
         self._config = config
-        self.tilt_limit_rad = config.tilt_limit_rad  # what full sticks mean to the drone
+        self.tilt_limit_rad = config.tilt_limit_rad  # tilt at full stick
         self._integral_mps2 = [0.0, 0.0]
         self._last_s = -math.inf
 
     def reset(self) -> None:
-        """Forget the manoeuvre before."""
+        """Start a new manoeuvre."""
         self._integral_mps2 = [0.0, 0.0]
         self._last_s = -math.inf
 
     def limited(self, order: Velocity) -> Velocity:
-        """Return an order within the limits of the configuration."""
+        """Return a velocity within the limits of the configuration."""
         config = self._config
         forward_mps, right_mps = limit_length(
             order.forward_mps, order.right_mps, config.speed_limit_mps
@@ -61,12 +62,12 @@ class SpeedHolder:
         )
 
     def sticks(self, order: Velocity, measured: BodyVelocity, now_s: float) -> Sticks:
-        """Return the stick positions for an order.
+        """Return the stick positions for a velocity.
 
         Args:
-            order: within the limits.
-            measured: the latest measured velocity.
-            now_s: the clock's time, s.
+            order: wanted velocity, within the limits.
+            measured: latest measured velocity.
+            now_s: time of the clock, s.
         """
         config = self._config
         step_s = now_s - self._last_s
@@ -84,9 +85,9 @@ class SpeedHolder:
         )
 
     def _tilt(self, axis: int, wanted_mps: float, measured_mps: float, step_s: float) -> float:
-        """Return the tilt for one axis, radians, within the limit."""
+        """Return the tilt for one axis within the limit, rad."""
         if wanted_mps == 0.0 and abs(measured_mps) < _STANDING_MPS:
-            # Centred sticks: the drone's own position hold is better than ours.
+            # Centred sticks: the drone's position hold is better than this controller.
             self._integral_mps2[axis] = 0.0
             return 0.0
         error = wanted_mps - measured_mps

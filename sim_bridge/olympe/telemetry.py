@@ -1,4 +1,4 @@
-"""The drone's events as one `DroneState`."""
+"""Telemetry: collects the drone's events into one `DroneState`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from uav_bt.types import (
     rotate,
 )
 
-STANDING_M: Final = 0.05  # m, the body's centre above the surface that it stands on
+STANDING_M: Final = 0.05  # height of the body's centre on the ground, m
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -42,8 +42,8 @@ _NO_MOVES: Final = frozenset(
 )
 _BEST_LINK: Final = 5.0  # ARSDK, common.CommonState.LinkSignalQuality: 1 to 5 in the lower bits
 _LINK_BITS: Final = 0x0F
-# The events that carry a measurement, and whose time each one is. All others (a remote control
-# sends 20 a second, also when its drone is gone) say nothing about the age of the state.
+# Events with a measurement, and the quantity whose time they set. Other events do not change the
+# age of the state: a remote control sends 20 per second, even without its drone.
 _MEASURES: Final = {
     "ardrone3.PilotingState.AttitudeChanged": "attitude_s",
     "ardrone3.PilotingState.SpeedChanged": "velocity_s",
@@ -51,13 +51,13 @@ _MEASURES: Final = {
     "ardrone3.PilotingState.AltitudeAboveGroundChanged": "height_s",
     "gimbal.attitude": "gimbal_s",
 }
-_PILOT: Final = "SkyController"  # as a piloting source; otherwise it is "Controller", which we are
-_EXTENDED_MOVES: Final = (1, 7)  # the firmware that takes a speed with each movement
+_PILOT: Final = "SkyController"  # piloting source of the pilot; this program is "Controller"
+_EXTENDED_MOVES: Final = (1, 7)  # first firmware version that accepts speeds of a movement
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Known:
-    """The latest values, in the drone's terms."""
+    """The latest values in the units of the drone's events."""
 
     measured: MeasurementTimes = field(default_factory=lambda: MeasurementTimes.all_at(-math.inf))
     flying: FlyingState = FlyingState.LANDED
@@ -66,21 +66,21 @@ class _Known:
     east_mps: float = 0.0
     down_mps: float = 0.0
     altitude_m: float = 0.0
-    ground_m: float | None = None  # above the surface below; only some firmware has the event
+    ground_m: float | None = None  # height above the surface below; only some firmware sends it
     gimbal_pitch_rad: float = 0.0
     battery: float | None = None
     link: float | None = None
-    source: str | None = None  # of piloting, where a remote control says so
+    source: str | None = None  # piloting source; None without a remote control
     firmware: tuple[int, ...] = ()
 
 
 class Telemetry:
-    """Takes events on the SDK's threads, gives states on the mission's.
+    """Receives events on the SDK's threads; returns states on the mission's thread.
 
     Args:
         now: the clock.
         take_off_surface_m: height of the take-off surface above the carpet, m.
-        return_home: whether its automatic return home is wanted; None accepts both.
+        return_home: whether the automatic return home is wanted; None accepts both.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Telemetry:
     ) -> None:
         self._now = now
         self._report = SelfReport(return_home=return_home)
-        self._lent = True  # the sticks are the pilot's, and not because a pilot took them
+        self._lent = True  # whether the pilot has control without having taken it
         self._above_carpet_m = take_off_surface_m + STANDING_M
         self._lock = threading.Lock()
         self._known = _Known()
@@ -114,11 +114,11 @@ class Telemetry:
         }
 
     def take(self, name: str, args: Mapping[str, Any]) -> None:
-        """Take an event.
+        """Process an event.
 
         Args:
-            name: its full name.
-            args: its arguments, enumerations as names.
+            name: full name of the event.
+            args: arguments of the event, enumerations as names.
         """
         with self._lock:
             handler = self._handlers.get(name)
@@ -130,7 +130,7 @@ class Telemetry:
             self._report.take(name, args)
 
     def state(self) -> DroneState:
-        """Return the newest value of each quantity, with the time at which its event arrived."""
+        """Return the newest value of each quantity, with the arrival time of its event."""
         with self._lock:
             known, movement, lent = self._known, self._moves.status, self._lent
             faults: tuple[DroneFault, ...] = self._report.faults
@@ -160,37 +160,37 @@ class Telemetry:
 
     @property
     def shares_sticks(self) -> bool:
-        """Whether a remote control says who has the sticks."""
+        """Whether a remote control reports the piloting source."""
         return self._known.source is not None
 
     @property
     def has_sticks(self) -> bool:
-        """Whether a remote control passes our commands on in place of its sticks."""
+        """Whether a remote control forwards this program's commands instead of its sticks."""
         return self._known.source not in (None, _PILOT)
 
     @property
     def lent(self) -> bool:
-        """Whether the pilot has the sticks because we gave them, or have not asked for them."""
+        """Whether the pilot has control because it was given, or has not been requested."""
         return self._lent
 
     def lend(self) -> None:
-        """Note that the pilot is given the sticks until they are asked for again."""
+        """Record that control is given to the pilot until it is requested again."""
         with self._lock:
             self._lent = True
 
     @property
     def has_extended_moves(self) -> bool:
-        """Whether the firmware takes a speed with each movement."""
+        """Whether the firmware accepts speeds of a movement."""
         return self._known.firmware[:2] >= _EXTENDED_MOVES
 
     def with_moves(self, change: Callable[[MoveLedger], None]) -> None:
-        """Change the ledger of movements while no event does."""
+        """Change the ledger of movements, protected from concurrent events."""
         with self._lock:
             change(self._moves)
 
     @property
     def moving(self) -> bool:
-        """Whether the latest `MoveBy` is under way and wanted."""
+        """Whether the latest `MoveBy` is running and was not halted."""
         with self._lock:
             return self._moves.moving
 

@@ -1,8 +1,8 @@
-"""The newest video frame, never a queue of old ones; its metadata; the clock that ticks with it.
+"""Newest video frame with its metadata, and the clock that ticks with the frames.
 
-The SDK writes the metadata that came with a frame as JSON, in one of two shapes: newer firmware
-sends a message with `drone` and `camera`, older a flat record (versions 2 and 3). Read from
-libvideo-metadata's output in the wheels parrot-olympe 7.7.5 and 8.5.0.
+The SDK writes the metadata of a frame as JSON in one of two formats: newer firmware sends a message
+with `drone` and `camera`, older firmware a flat record (versions 2 and 3). Source: output of
+libvideo-metadata in the wheels parrot-olympe 7.7.5 and 8.5.0.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from uav_bt.types import Attitude, DroneState, Frame
 
 @dataclass(frozen=True, kw_only=True)
 class FrameMetadata:
-    """The telemetry of a frame's capture; None where the frame does not have it."""
+    """Telemetry at the capture of a frame; None for values that the frame lacks."""
 
     attitude: Attitude | None = None
     gimbal_pitch_rad: float | None = None
     height_m: float | None = None  # above the surface below
     altitude_m: float | None = None  # above the take-off point
-    captured_us: int | None = None  # of the camera's clock
+    captured_us: int | None = None  # capture time by the camera's clock
 
 
 def frame_metadata(vmeta: Mapping[str, Any]) -> FrameMetadata:
     """Return the metadata of a frame.
 
     Args:
-        vmeta: the SDK's dictionary; unknown and missing entries are no error.
+        vmeta: the SDK's dictionary; unknown and missing entries are ignored.
     """
     drone, camera = _mapping(vmeta.get("drone")), _mapping(vmeta.get("camera"))
-    if not drone and not camera:  # the flat record
+    if not drone and not camera:  # flat record
         drone = {"quat": vmeta.get("drone_quat"), "ground_distance": vmeta.get("ground_distance")}
         camera = {"quat": vmeta.get("frame_quat")}
     attitude, view = _attitude(drone.get("quat")), _attitude(camera.get("quat"))
@@ -54,12 +54,12 @@ def frame_metadata(vmeta: Mapping[str, Any]) -> FrameMetadata:
     )
 
 
-# No unit; chosen: half of a rotation's norm, 1. Firmware sends all zeros for an unknown rotation.
+# Least norm of a valid quaternion, no unit; chosen: half of 1. An unknown rotation is all zeros.
 _LEAST_NORM: Final = 0.5
 
 
 def _attitude(quaternion: Any) -> Attitude | None:
-    """Return roll, pitch and yaw of a rotation from body to north-east-down, None without one."""
+    """Return roll, pitch and yaw of a quaternion from body to north-east-down; None if unknown."""
     parts = _mapping(quaternion)
     numbers = [_number(parts.get(name)) for name in "wxyz"]
     w, x, y, z = (0.0 if number is None else number for number in numbers)
@@ -83,36 +83,36 @@ def _number(value: Any) -> float | None:
     return float(value) if known and math.isfinite(value) else None
 
 
-# s/s; chosen: ten times the 20 parts in a million by which two quartz clocks drift apart.
+# Allowed drift between two clocks, s/s; chosen: ten times the 20 parts per million of quartz.
 _DRIFT: Final = 2e-4
-# s; chosen: frames are delayed by less. A greater delay shows that the drone's clock was set back.
+# Delay that shows a reset of the drone's clock, s; chosen: above all delays of frames.
 _RESTARTED_S: Final = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class DecodedFrame:
-    """A decoded frame as the SDK delivers it, copied out of its memory."""
+    """A decoded frame, copied out of the SDK's memory."""
 
     planes: NDArray[np.uint8]  # (3 H / 2, W): Y above the two colour planes
-    layout: str = "yuv420p"  # or nv12, in FFmpeg's names
+    layout: str = "yuv420p"  # yuv420p or nv12, names of FFmpeg
     full_range: bool = False
-    bt601: bool = False  # how colours were made; otherwise BT.709, which HD video says or means
+    bt601: bool = False  # True: colours by BT.601; False: BT.709, the default of HD video
     metadata: FrameMetadata = field(default_factory=FrameMetadata)
-    streamed_us: int | None = None  # of the stream's clock, which begins anywhere
+    streamed_us: int | None = None  # time by the stream's clock, with an arbitrary zero
 
     @property
     def stamp(self) -> tuple[str, int] | None:
-        """The best time stamp it carries: its clock's name, and microseconds."""
+        """The best timestamp of the frame: name of the clock, microseconds."""
         if self.metadata.captured_us is not None:
             return "camera", self.metadata.captured_us
         return None if self.streamed_us is None else ("stream", self.streamed_us)
 
 
 def decode_frame(frame: Any) -> DecodedFrame | None:
-    """Return a copy of the SDK's frame, None where it has no content.
+    """Return a copy of the SDK's frame; None if it has no content.
 
     Args:
-        frame: referenced, so that the SDK fills it.
+        frame: the SDK's frame, with a reference held, so that it is valid.
     """
     info, planes = frame.info(), frame.as_ndarray()
     if not info or planes is None:
@@ -130,11 +130,11 @@ def decode_frame(frame: Any) -> DecodedFrame | None:
 
 
 class CaptureTimes:
-    """Capture times of frames, in this machine's clock.
+    """Converts timestamps of frames to capture times by this machine's clock.
 
-    The drone stamps frames by another clock. The fastest frame so far shows how the two
-    clocks relate, up to the minimum latency; what arrives later than that was delayed. Without
-    stamps every frame is taken for one of minimum latency.
+    The drone stamps frames by another clock. The frame with the least delay gives the offset of the
+    two clocks, assuming the minimum latency for it. Later frames were delayed by the difference.
+    Frames without timestamps count as frames of minimum latency.
 
     Args:
         latency_s: minimum time from exposure to arrival, s.
@@ -142,14 +142,14 @@ class CaptureTimes:
 
     def __init__(self, latency_s: float) -> None:
         self._latency_s = latency_s
-        self._offsets_s: dict[str, tuple[float, float]] = {}  # by clock, and as of when
+        self._offsets_s: dict[str, tuple[float, float]] = {}  # by clock: offset and its time
 
     def captured(self, arrived_s: float, stamp: tuple[str, int] | None) -> float:
         """Return the capture time of a frame, s.
 
         Args:
-            arrived_s: its arrival, s of this machine's clock.
-            stamp: the clock's name, and its microseconds; two clocks have nothing in common.
+            arrived_s: arrival time by this machine's clock, s.
+            stamp: name of the clock and its microseconds; clocks are independent.
         """
         if stamp is None:
             return arrived_s - self._latency_s
@@ -165,13 +165,13 @@ class CaptureTimes:
 
 
 class FrameClock:
-    """The live clock: real time since it was made, and a tick when a new frame arrives.
+    """The live clock: real time since its creation, and a tick at each new frame.
 
     Args:
-        timeout_s: longest wait for a frame after the wanted time, s. Chosen: a mission whose video
-            stopped ticks ten times a second.
+        timeout_s: longest wait for a frame after the wanted time, s. Chosen: without video a
+            mission ticks ten times a second.
         monotonic: returns the real time, s.
-        condition: is waited on and notified.
+        condition: condition variable for the wait.
     """
 
     def __init__(
@@ -188,22 +188,22 @@ class FrameClock:
         self._fresh = False
 
     def now(self) -> float:
-        """Return the time in seconds."""
+        """Return the time, s."""
         return self._monotonic() - self._start_s
 
     def frame_arrived(self) -> None:
-        """End the waiting; called on the video's thread."""
+        """End the wait; called on the thread of the video."""
         with self._condition:
             self._fresh = True
             self._condition.notify_all()
 
     def frame_seen(self) -> None:
-        """Note that the newest frame was used: the next one is worth waiting for."""
+        """Record that the newest frame was used, so that `sleep_until` waits for the next one."""
         with self._condition:
             self._fresh = False
 
     def sleep_until(self, time_s: float) -> None:
-        """Return at the first frame after a time, s, or without one after the time-out."""
+        """Return at the first new frame after a time, s, or after the timeout."""
         with self._condition:
             while (left_s := time_s - self.now()) > 0.0:
                 self._condition.wait(left_s)
@@ -212,13 +212,13 @@ class FrameClock:
 
 
 class NewestFrame:
-    """Takes frames on the SDK's thread; converts the newest when it is asked for.
+    """Stores the newest frame on the SDK's thread; converts it on request.
 
     Args:
         size_px: width and height of the frames.
         now: the clock.
         latency_s: minimum time from exposure to arrival, s.
-        arrived: called for each new frame.
+        arrived: called at each new frame.
     """
 
     def __init__(
@@ -239,7 +239,7 @@ class NewestFrame:
         self._frame: Frame | None = None
 
     def take(self, decoded: DecodedFrame) -> None:
-        """Take a frame in place of the one before."""
+        """Store a frame; it replaces the one before."""
         captured_s = self._times.captured(self._now(), decoded.stamp)
         with self._lock:
             self._held = (self._count, captured_s, decoded)
@@ -247,10 +247,10 @@ class NewestFrame:
         self._arrived()
 
     def newest(self, state: DroneState, above_carpet_m: float) -> Frame | None:
-        """Return the newest frame, None before the first.
+        """Return the newest frame; None before the first.
 
         Args:
-            state: supplies values that the frame's metadata lack.
+            state: source of values that the frame's metadata lack.
             above_carpet_m: height of the body's centre above the carpet before take-off, m.
         """
         with self._lock:
@@ -279,7 +279,7 @@ def _known(value: Any, otherwise: Any) -> Any:
 
 
 def _rgb(decoded: DecodedFrame, size_px: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return the frame as RGB at a size, (H, W, 3)."""
+    """Return the frame as RGB of a size, (H, W, 3)."""
     frame = av.VideoFrame.from_ndarray(decoded.planes, format=decoded.layout)
     image = frame.reformat(
         width=size_px[0],
@@ -288,6 +288,6 @@ def _rgb(decoded: DecodedFrame, size_px: tuple[int, int]) -> NDArray[np.uint8]:
         src_colorspace=Colorspace.ITU601 if decoded.bt601 else Colorspace.ITU709,
         src_color_range=ColorRange.JPEG if decoded.full_range else ColorRange.MPEG,
         interpolation="AREA",
-        threads=1,  # it takes 0.2 ms: handing it to others takes longer, on busy cores by far
+        threads=1,  # it takes 0.2 ms, less than starting more threads, above all on busy cores
     ).to_ndarray()
     return np.ascontiguousarray(image, dtype=np.uint8)

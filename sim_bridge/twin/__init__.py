@@ -1,6 +1,6 @@
 """The MuJoCo twin of the lab: a simulated ANAFI among patterned boxes.
 
-Nothing heavy is imported before a drone is made; `views` makes images without flying.
+Heavy modules are imported when a drone is made. `views` renders images without a flight.
 """
 
 from __future__ import annotations
@@ -18,15 +18,16 @@ DEFAULT_SCENE = "train-a"
 
 @dataclass(frozen=True, kw_only=True)
 class TwinConfig:
-    """A flight of the twin; what the entry point `twin` registers.
+    """Settings of a flight in the twin; the entry point `twin` registers this class.
 
     Attributes:
-        scene: a shipped scene's name, or a scene file.
-        seed: of everything random, 0 or more.
-        profile: limits and imperfections: ideal, lab, harsh, lab-instant or harsh-instant.
-        image_size_px: width and height of the video, 16:9.
-        realtime: keep pace with the wall clock instead of running as fast as it can.
-        movers: how many people and carts, drawn from the seed, move in the scene beside its own.
+        scene: name of a shipped scene, or path of a scene file.
+        seed: random seed of the whole flight, 0 or more.
+        profile: name of the limits and imperfections: ideal, lab, harsh, lab-instant or
+            harsh-instant.
+        image_size_px: width and height of the video, pixels, 16:9.
+        realtime: run at wall-clock speed instead of as fast as possible.
+        movers: number of random people and carts to add to the movers of the scene.
     """
 
     scene: str = DEFAULT_SCENE
@@ -37,14 +38,14 @@ class TwinConfig:
     movers: int = 0
 
     def create(self) -> TwinDrone:
-        """Make a twin; nothing is built before its `connect`.
+        """Return a twin. Its `connect` builds the scene.
 
         Raises:
-            InputError: the scene, the profile, the size or the machine's OpenGL cannot be used.
+            InputError: the scene, the profile, the image size or the machine's OpenGL is unusable.
         """
-        from sim_bridge.twin.profile import Profile  # noqa: PLC0415  (heavy imports wait)
-        from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415  (heavy imports wait)
-        from sim_bridge.twin.variation import with_movers  # noqa: PLC0415  (heavy imports wait)
+        from sim_bridge.twin.profile import Profile  # noqa: PLC0415  (heavy import)
+        from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415  (heavy import)
+        from sim_bridge.twin.variation import with_movers  # noqa: PLC0415  (heavy import)
 
         scene, profile = load_scene(self.scene), Profile.named(self.profile)
         if self.movers:

@@ -1,7 +1,7 @@
-"""The flight controller: movement commands in, accelerations out, as the ANAFI's own does it.
+"""Flight controller of the twin: turns movement commands into accelerations, as the ANAFI does.
 
-Here are its modes and what leads from one to the next; a reference moves as the mode wants
-(`reference`), and the drone is made to follow it (`control_law`).
+This module holds the modes and their transitions. Each mode moves a reference point (`reference`);
+the control law (`control_law`) makes the drone follow that point.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ from uav_bt.types import (
 
 @dataclass(frozen=True, kw_only=True)
 class AutopilotConfig:
-    """When a mode has run its course."""
+    """Thresholds at which a mode ends, and speeds of a landing."""
 
-    reach_m: float = 0.5  # how far the reference may run ahead of the drone
-    settle_s: float = 0.2  # at its goal for so long, a movement is done
-    max_settle_s: float = 3.0  # or so long after its reference arrived, in whatever wind
-    settled_m: float = 0.08  # from the goal
+    reach_m: float = 0.5  # largest distance of the reference from the drone, each axis
+    settle_s: float = 0.2  # a movement is done after this time at its goal
+    max_settle_s: float = 3.0  # longest time from the reference's arrival to the end of a movement
+    settled_m: float = 0.08  # distance from the goal that counts as at the goal
     settled_mps: float = 0.12
     settled_rad: float = 0.035
-    hover_mps: float = 0.05  # of the reference, below which the ANAFI reports hovering
+    hover_mps: float = 0.05  # reference speed below which the drone reports hovering
     descent_mps: float = 0.5  # landing speed
     touch_down_mps: float = 0.25  # landing speed near the ground
     near_ground_m: float = 0.5
-    standing_s: float = 0.3  # ground contact for so long stops the motors
-    standing_mps: float = 0.15  # at less than this vertical speed
-    # Horizontally an estimate that drifts says that a drone on the ground moves.
+    standing_s: float = 0.3  # the motors stop after this time of ground contact
+    standing_mps: float = 0.15  # largest vertical speed of a drone on the ground
+    # Largest estimated horizontal speed on the ground; the estimate of a standing drone drifts.
     standing_flat_mps: float = 0.5
 
 
 class Mode(enum.Enum):
-    """What the autopilot is doing."""
+    """Mode of the autopilot."""
 
     OFF = "off"
     SPIN_UP = "spin up"
@@ -67,7 +67,7 @@ _FLYING = (Mode.HOLD, Mode.MOVE, Mode.VELOCITY)
 
 
 class Autopilot:
-    """Follows one movement command at a time.
+    """Executes one movement command at a time.
 
     Args:
         profile: the drone's limits.
@@ -84,13 +84,13 @@ class Autopilot:
             yaw_rate_radps=profile.max_yaw_rate_radps,
         )
         self._mode = Mode.OFF
-        self._elapsed_s = 0.0  # in the present mode
+        self._elapsed_s = 0.0  # time in the present mode
         self._settled_s = 0.0
         self._arrived_s = 0.0
         self._goal_m = (0.0, 0.0, 0.0)  # world x, y, z
         self._goal_yaw_rad = 0.0
         self._velocity = Velocity()
-        self.movement: MovementStatus | None = None  # of the latest `MoveBy`
+        self.movement: MovementStatus | None = None  # status of the latest `MoveBy`
 
     @property
     def motors_on(self) -> bool:
@@ -99,12 +99,12 @@ class Autopilot:
 
     @property
     def lifting(self) -> bool:
-        """Whether the rotors carry the drone (spinning up, they do not yet)."""
+        """Whether the rotors carry the drone; false while they spin up."""
         return self.motors_on and self._mode is not Mode.SPIN_UP
 
     @property
     def flying_state(self) -> FlyingState:
-        """The flying state as the ANAFI would report it."""
+        """The flying state, as the ANAFI reports it."""
         if self._mode in _FLYING:
             slow = max(map(abs, self._reference.velocity)) < self._config.hover_mps
             hovers = slow and self._mode is Mode.HOLD
@@ -118,12 +118,12 @@ class Autopilot:
         }[self._mode]
 
     def obey(self, movement: Movement, estimate: Estimate, pace: Pace | None = None) -> None:
-        """Take a command that has arrived.
+        """Execute a command that has arrived.
 
         Args:
-            movement: the command; what the drone is doing already is not begun again.
+            movement: the command; a command that is already being executed does not start again.
             estimate: the drone's estimate of its pose and velocity.
-            pace: of a `MoveBy`; None: as fast as the profile allows.
+            pace: speed limits of a `MoveBy`; None uses the limits of the profile.
         """
         if isinstance(movement, MoveBy):
             self._start_move(movement, estimate, pace or self._full_pace)
@@ -139,7 +139,7 @@ class Autopilot:
         elif self._mode is Mode.VELOCITY or (
             self._mode is Mode.MOVE and isinstance(movement, Hover)
         ):
-            # Without stick positions the drone takes the sticks for centred.
+            # Without stick positions the drone treats the sticks as centred.
             self._enter(Mode.HOLD)
 
     def _take_off(self, estimate: Estimate) -> None:
@@ -162,12 +162,12 @@ class Autopilot:
                 self._enter(Mode.VELOCITY)
 
     def take_over(self) -> None:
-        """Let a pilot's centred sticks replace whatever was commanded."""
+        """Replace the present command by the centred sticks of a pilot."""
         if self._mode in (Mode.MOVE, Mode.VELOCITY):
             self._enter(Mode.HOLD)
 
     def refuse(self, move: MoveBy) -> None:
-        """Answer a movement that may not be flown; one sent before keeps its state."""
+        """Report a movement as rejected; one that was reported before keeps its state."""
         if self.movement is None or self.movement.id != move.id:
             self.movement = MovementStatus(id=move.id, state=MovementState.REJECTED)
 
@@ -193,15 +193,15 @@ class Autopilot:
         self._elapsed_s = self._settled_s = self._arrived_s = 0.0
 
     def update(self, estimate: Estimate, *, height_m: float, touching: bool) -> Demand | None:
-        """Move on by one control step.
+        """Advance by one control step.
 
         Args:
             estimate: the drone's estimate of its pose and velocity.
-            height_m: above the surface below.
+            height_m: height above the surface below.
             touching: whether the hull touches anything.
 
         Returns:
-            What to ask of the airframe; None while the motors do not carry.
+            The accelerations to produce; None while the rotors do not carry the drone.
         """
         self._elapsed_s += CONTROL_STEP_S
         self._follow(estimate, height_m)
@@ -211,7 +211,7 @@ class Autopilot:
         return demand(self._reference, estimate, self._profile)
 
     def _follow(self, estimate: Estimate, height_m: float) -> None:
-        """Move the reference as the mode wants."""
+        """Move the reference according to the mode."""
         reference, profile, cfg = self._reference, self._profile, self._config
         if self._mode is Mode.CLIMB:
             there = reference.go_to(self._goal_m, self._full_pace, CONTROL_STEP_S)
@@ -237,7 +237,7 @@ class Autopilot:
             reference.keep_near(estimate.x_m, estimate.y_m, estimate.z_m, self._config.reach_m)
 
     def _finish(self, estimate: Estimate, *, touching: bool) -> None:
-        """Go from one mode to the next where it has run its course."""
+        """Change the mode if the present one has ended."""
         if self._mode is Mode.SPIN_UP and self._elapsed_s >= self._profile.spin_up_s:
             top_m = estimate.z_m + self._profile.take_off_height_m
             self._goal_m = (estimate.x_m, estimate.y_m, top_m)

@@ -1,4 +1,4 @@
-"""The twin's camera: where it is, and the blur, exposure and noise it adds to a clean image."""
+"""Camera of the twin: its pose, and the blur, exposure error and noise of its images."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.profile import Profile
 from uav_bt.types import Pose
 
-_REFERENCE_WIDTH_PX = 640  # the width at which `Profile.blur_sigma_px` is meant
-_SLACK = 1 << 17  # how far the noise may be shifted from frame to frame
+_REFERENCE_WIDTH_PX = 640  # image width to which `Profile.blur_sigma_px` refers
+_SLACK = 1 << 17  # range of the offset into the noise, array elements
 _SCATTER = 2654435761  # Knuth's multiplicative hash: neighbouring frames get different noise
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CameraPose(Pose):
-    """Where the lens is and where it looks; the gimbal keeps the horizon level."""
+    """Position and viewing direction of the lens; the gimbal keeps the horizon level."""
 
     pitch_rad: float  # 0 level, negative down
 
@@ -32,16 +32,16 @@ class CameraPose(Pose):
 
 
 class Optics:
-    """Applies a camera's blur, exposure and noise to images of one size, the same every time.
+    """Applies blur, exposure error and noise to images of one size, reproducibly.
 
-    Noise is drawn once; each frame uses it from another offset on, which takes a tenth of the time
-    of drawing it anew.
+    The noise is generated once. Each frame uses it from a different offset, which takes a tenth of
+    the time of new noise.
 
     Args:
-        profile: how strong they are.
-        width_px: of the images.
-        height_px: of the images.
-        seed: of the noise.
+        profile: strength of the errors.
+        width_px: image width, pixels.
+        height_px: image height, pixels.
+        seed: random seed of the noise.
     """
 
     def __init__(self, profile: Profile, width_px: int, height_px: int, seed: int) -> None:
@@ -56,14 +56,14 @@ class Optics:
             self._darker = np.maximum(-noise, 0.0).astype(np.uint8)
 
     def degrade(self, image: NDArray[np.uint8], index: int, exposure: float) -> NDArray[np.uint8]:
-        """Return the image as the camera sends it.
+        """Return an image with the errors of the camera.
 
         Args:
             image: clean image, (H, W, 3) RGB.
-            index: the frame's number, which decides its noise.
-            exposure: relative brightness, 1 is correct.
+            index: number of the frame; selects the noise.
+            exposure: relative brightness; 1 is correct.
         """
-        result: NDArray[np.uint8] = np.array(image, order="C")  # the caller keeps the clean one
+        result: NDArray[np.uint8] = np.array(image, order="C")  # a copy
         if self._sigma > 0.2:
             width = 3 if self._sigma < 0.8 else 2 * round(2.0 * self._sigma) + 1
             result = cv2.GaussianBlur(result, (width, width), self._sigma).astype(

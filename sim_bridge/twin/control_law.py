@@ -1,4 +1,4 @@
-"""The control law: from the reference and the estimate to the accelerations that close the gap."""
+"""Control law of the twin: PD control from the reference and the estimate to accelerations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Reference
 from sim_bridge.twin.sensors import Estimate
 
-# Of the position loop: critically damped at 2 rad/s, well below the thrust's lag.
+# Gains of the position loop: critically damped at 2 rad/s, far below the bandwidth of the thrust.
 _POSITION_GAIN: Final = 4.0  # 1/s2
 _VELOCITY_GAIN: Final = 4.0  # 1/s
 _YAW_GAIN: Final = 36.0  # 1/s2, critically damped at 6 rad/s
@@ -19,19 +19,19 @@ _YAW_RATE_GAIN: Final = 12.0  # 1/s
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Demand:
-    """Accelerations asked of the airframe; world axes, yaw counter-clockwise."""
+    """Demanded accelerations; world axes, yaw counter-clockwise."""
 
-    acceleration_mps2: tuple[float, float, float]  # gravity not counted
+    acceleration_mps2: tuple[float, float, float]  # without gravity
     yaw_acceleration_radps2: float
 
 
 def demand(reference: Reference, estimate: Estimate, profile: Profile) -> Demand:
-    """Return what makes the drone follow its reference.
+    """Return the accelerations that make the drone follow its reference.
 
     Args:
-        reference: where the drone should be, and how fast.
-        estimate: where it is, as far as it knows.
-        profile: its limits.
+        reference: the wanted pose, velocity and acceleration.
+        estimate: the drone's estimate of its pose and velocity.
+        profile: the drone's limits.
     """
     here = (estimate.x_m, estimate.y_m, estimate.z_m)
     speed = (estimate.vx_mps, estimate.vy_mps, estimate.vz_mps)
@@ -41,7 +41,7 @@ def demand(reference: Reference, estimate: Estimate, profile: Profile) -> Demand
         + _POSITION_GAIN * (reference.trailing[axis] - here[axis])
         for axis in range(3)
     ]
-    # Corrections may ask for more than the reference does, but tilt is bounded.
+    # Corrections may exceed the limits of the reference, but the tilt stays bounded.
     flat_limit = 2.0 * profile.max_acceleration_mps2
     flat = math.hypot(wanted[0], wanted[1])
     share = min(1.0, flat_limit / flat) if flat else 1.0

@@ -1,4 +1,4 @@
-"""The radio link of the twin's telemetry: a rate and a delay for each quantity."""
+"""Radio link of the twin's telemetry: each quantity has a rate and a delay."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.sensors import Telemetry
 from uav_bt.types import Attitude, BodyVelocity, FlyingState, MeasurementTimes, MovementStatus
 
-_TIME_SLACK_S: Final = 1e-6  # a sum of control steps is this exact
+_TIME_SLACK_S: Final = 1e-6  # rounding error of a sum of control steps, s
 
 Value = TypeVar("Value")
 
 
 class _Stream(Generic[Value]):
-    """One quantity on its way down.
+    """Transmission of one quantity.
 
     Args:
-        period_s: time between two measurements that are sent, s; 0 sends each.
+        period_s: time between two measurements that are sent, s; 0 sends every measurement.
         latency_s: time from a measurement to its arrival, s.
-        phase: share of a period before the second measurement is sent; the first is known at once.
+        phase: share of a period before the second measurement is sent. The first arrives at once.
     """
 
     def __init__(self, period_s: float, latency_s: float, phase: float) -> None:
@@ -34,7 +34,7 @@ class _Stream(Generic[Value]):
         self._heard: tuple[float, Value] | None = None
 
     def take(self, value: Value, now_s: float) -> None:
-        """Send a measurement if one is due, and receive those that were sent a delay ago."""
+        """Send a measurement if one is due, and receive those whose delay has passed."""
         if now_s >= self._due_s - _TIME_SLACK_S:
             self._due_s += self._period_s
             self._sent.append((now_s, value))
@@ -45,7 +45,7 @@ class _Stream(Generic[Value]):
 
     @property
     def heard(self) -> tuple[float, Value]:
-        """The newest measurement that has arrived, and when it was taken."""
+        """The newest measurement that has arrived, and its time."""
         if self._heard is None:
             raise RuntimeError("telemetry is read before the first control step measured it")
         return self._heard
@@ -53,7 +53,7 @@ class _Stream(Generic[Value]):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Events:
-    """Reports that are sent when they change."""
+    """States that are sent when they change."""
 
     flying: FlyingState
     movement: MovementStatus | None
@@ -61,7 +61,7 @@ class Events:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Heard:
-    """The newest value of each quantity that has arrived, and when each was measured."""
+    """The newest value of each quantity that has arrived, with its measurement time."""
 
     attitude: Attitude
     velocity: BodyVelocity
@@ -74,13 +74,14 @@ class Heard:
 
 
 class Downlink:
-    """Carries telemetry from the drone to the mission.
+    """Delivers telemetry from the drone to the mission.
 
-    All quantities are known at the first step: a drone reports its whole state on connecting.
+    All quantities are known at the first step, because a drone reports its whole state on
+    connecting.
 
     Args:
         profile: rates and delays.
-        seed: the flight's seed; it shifts when in a period the measurements are sent.
+        seed: seed of the flight; sets the phase at which measurements are sent.
     """
 
     def __init__(self, profile: Profile, seed: int) -> None:
@@ -100,13 +101,13 @@ class Downlink:
     def take(
         self, telemetry: Telemetry, gimbal_pitch_rad: float, events: Events, now_s: float
     ) -> None:
-        """Take the measurements of one control step.
+        """Send the measurements of one control step, and receive those that are due.
 
         Args:
-            telemetry: its motion.
-            gimbal_pitch_rad: of the camera; 0 level, negative down.
-            events: its flying state and movement.
-            now_s: time of the step; times rise.
+            telemetry: measurements of the motion.
+            gimbal_pitch_rad: pitch of the camera; 0 level, negative down.
+            events: flying state and movement status.
+            now_s: time of the step; must not decrease.
         """
         self._attitude.take(telemetry.attitude, now_s)
         self._velocity.take(telemetry.velocity, now_s)

@@ -1,4 +1,4 @@
-"""`TwinDrone`: the lab's drone as the mission sees it."""
+"""`TwinDrone`: the simulated ANAFI behind the `Drone` protocol."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim_bridge.twin.variation import start_pose
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.types import Command, Frame, Observation, Velocity, clamp, limit_length
 
-load_mujoco()  # before the modules below do: how it draws is settled at its import
+load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
 
 from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_mujoco)
@@ -24,7 +24,7 @@ from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after
 
 @dataclass(frozen=True, kw_only=True)
 class _Flight:
-    """What exists while connected."""
+    """Objects that exist while connected."""
 
     simulation: Simulation
     renderer: Renderer
@@ -35,14 +35,14 @@ class _Flight:
 class TwinDrone:
     """A simulated ANAFI in the simulated lab; implements the `Drone` protocol.
 
-    Time stands still except in `clock.sleep_until`, which steps the physics in steps of 10 ms.
+    Time passes only in `clock.sleep_until`, which advances the physics in steps of 10 ms.
 
     Args:
         scene: the lab.
         profile: limits and imperfections.
-        seed: of everything random, from 0.
-        image_size_px: width and height of the video, 16:9.
-        realtime: keep pace with the wall clock instead of running as fast as it can.
+        seed: random seed of the flight, 0 or more.
+        image_size_px: width and height of the video, pixels, 16:9.
+        realtime: run at wall-clock speed instead of as fast as possible.
 
     Raises:
         ValueRangeError: the seed is negative or the size is not 16:9.
@@ -65,19 +65,19 @@ class TwinDrone:
         self.airframe = ANAFI_AIRFRAME
         self.clock = TwinClock(self, realtime=realtime)
         self.live = False  # a simulated drone needs no check before it takes off
-        self.tick_s = None  # the mission sets the tick's length
+        self.tick_s = None  # None: the mission sets the length of a tick
         self._seed = seed
         self._flight: _Flight | None = None
         self._last: Frame | None = None
 
     @property
     def referee(self) -> TwinReferee | None:
-        """The truth; None before connecting."""
+        """The referee; None before connecting."""
         return self._flight.referee if self._flight is not None else None
 
     @property
     def pilot_has_control(self) -> bool:
-        """Whether a person flies; tests set it. Commands are then not obeyed."""
+        """Whether a pilot flies; tests set it. Commands are then ignored."""
         return self.simulation.pilot_has_control
 
     @pilot_has_control.setter
@@ -99,11 +99,11 @@ class TwinDrone:
         wind_mps2: tuple[float, float] = (0.0, 0.0),
         drift_mps: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Disturb the flight steadily from now on; tests do it. Without arguments, no longer.
+        """Apply a steady disturbance from now on, for tests; without arguments, remove it.
 
         Args:
-            wind_mps2: what a wind accelerates it by, world x and y.
-            drift_mps: how fast it drifts without noticing, world x and y.
+            wind_mps2: acceleration by the wind, world x and y.
+            drift_mps: velocity that the drone does not measure, world x and y.
 
         Raises:
             DroneError: not connected.
@@ -111,10 +111,10 @@ class TwinDrone:
         self.simulation.disturb(wind_mps2=wind_mps2, drift_mps=drift_mps)
 
     def connect(self) -> None:
-        """Build the lab and the renderer; the drone stands at its start.
+        """Build the lab and the renderer, and put the drone at its take-off point.
 
         Raises:
-            MissingDependencyError: OpenGL does not work here, with what to install.
+            MissingDependencyError: OpenGL does not work here; the message says what to install.
         """
         if self._flight is not None:
             return
@@ -132,7 +132,7 @@ class TwinDrone:
         )
 
     def observe(self) -> Observation:
-        """Return the newest delivered frame (drawn now, if it is new) and the state.
+        """Return the newest delivered frame and the state. A new frame is rendered now.
 
         Raises:
             DroneError: not connected.
@@ -162,7 +162,7 @@ class TwinDrone:
         )
 
     def send(self, command: Command) -> Command:
-        """Send a command and return it as it was sent, speeds within the drone's limits.
+        """Send a command and return it as sent, with speeds limited to those of the profile.
 
         Raises:
             DroneError: not connected.
@@ -197,7 +197,7 @@ class TwinDrone:
 
 
 class TwinClock:
-    """The flight's time: it passes only in `sleep_until`."""
+    """Clock of the flight. Time passes only in `sleep_until`."""
 
     def __init__(self, drone: TwinDrone, *, realtime: bool) -> None:
         self._drone = drone
@@ -205,7 +205,7 @@ class TwinClock:
         self._wall_start_s: float | None = None
 
     def now(self) -> float:
-        """Return the time since connecting; 0 before.
+        """Return the time since connecting, s; 0 before.
 
         Raises:
             DroneError: not connected.
@@ -213,7 +213,7 @@ class TwinClock:
         return self._drone.simulation.now_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Step the physics to a time (rounded up to 10 ms); a past time changes nothing.
+        """Advance the physics to a time, rounded up to 10 ms; a past time has no effect.
 
         Raises:
             DroneError: not connected.

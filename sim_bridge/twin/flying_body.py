@@ -1,7 +1,7 @@
-"""The flying body: forces in, motion out, in MuJoCo.
+"""Rigid body of the simulated drone in MuJoCo.
 
-Rotors are not modelled one by one. The body gets the force that a quadrotor with an attitude loop
-would produce (demanded acceleration behind a first-order lag) and tilts as it would have to.
+Single rotors are not modelled. The body gets the force that a quadrotor with an attitude loop would
+produce: the demanded acceleration behind a first-order lag. It tilts as that force requires.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ STEPS_PER_CONTROL = 2
 CONTROL_STEP_S = STEPS_PER_CONTROL * PHYSICS_STEP_S
 
 _GRAVITY_MPS2 = 9.81
-_TILT_RADPS = 18.0  # bandwidth of the attitude loop, rad/s; faster than the thrust lag
+_TILT_RADPS = 18.0  # bandwidth of the attitude loop, rad/s; faster than the thrust
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Motion(Pose):
-    """True motion of the body's centre, world axes; yaw counter-clockwise."""
+    """True motion of the body's centre; world axes, yaw counter-clockwise."""
 
     vx_mps: float
     vy_mps: float
@@ -40,7 +40,7 @@ class FlyingBody:
 
     Args:
         lab: the compiled scene.
-        lag_s: first-order lag from demanded to real acceleration, seconds.
+        lag_s: time constant from demanded to real acceleration, s.
     """
 
     def __init__(self, lab: LabModel, *, lag_s: float) -> None:
@@ -56,7 +56,7 @@ class FlyingBody:
         self._names = [lab.model.geom(index).name for index in range(lab.model.ngeom)]
 
     def place(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
-        """Put the body somewhere, at rest and level."""
+        """Place the body at a pose, at rest and level."""
         half = yaw_rad / 2.0
         self._position[:] = (x_m, y_m, z_m, math.cos(half), 0.0, 0.0, math.sin(half))
         self._velocity[:] = 0.0
@@ -96,9 +96,9 @@ class FlyingBody:
 
         Args:
             motion: the present motion.
-            demand_mps2: wanted acceleration, world axes, gravity not counted.
-            yaw_demand_radps2: wanted yaw acceleration, counter-clockwise.
-            wind_mps2: disturbance acceleration, world axes.
+            demand_mps2: demanded acceleration, world axes, without gravity.
+            yaw_demand_radps2: demanded yaw acceleration, counter-clockwise.
+            wind_mps2: acceleration by the wind, world axes.
         """
         thrust, gain = self._thrust, self._gain
         for axis in range(3):
@@ -106,7 +106,7 @@ class FlyingBody:
         ax, ay, az = thrust
         lift = max(_GRAVITY_MPS2 + az, 1.0)
         forward, left = rotate(ax, ay, -motion.yaw_rad)
-        # The rotors push along the body's up axis, so an acceleration needs a tilt towards it.
+        # The rotors push along the body's up axis, so a horizontal acceleration needs a tilt.
         want_pitch = -math.atan2(forward, lift)
         want_roll = -math.atan2(left, math.hypot(forward, lift))
         wx, wy = self._velocity[3:5].tolist()
@@ -124,17 +124,17 @@ class FlyingBody:
         )
 
     def drop(self) -> None:
-        """Take all forces away: the motors stand still."""
+        """Remove all forces: the motors are off."""
         self._thrust = [0.0, 0.0, 0.0]
         self._wrench[:] = 0.0
 
     def place_movers(self, movers: Sequence[MoverState]) -> None:
-        """Put what moves in the lab where it is, in the scene's order."""
+        """Place the movers, in the order of the scene."""
         for row, mover in enumerate(movers):
             self.data.mocap_pos[row, :2] = mover.pose.x_m, mover.pose.y_m
 
     def advance(self) -> None:
-        """Let the physics run for one control step."""
+        """Advance the physics by one control step."""
         mujoco.mj_step(self._model, self.data, nstep=STEPS_PER_CONTROL)
 
     def contacts(self) -> tuple[str, ...]:

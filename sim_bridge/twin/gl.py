@@ -1,8 +1,8 @@
-"""Choose a way to draw without a display, before MuJoCo is imported.
+"""Choice of an OpenGL backend without a display, before MuJoCo is imported.
 
-MuJoCo reads ``MUJOCO_GL`` once, on import, and speaks OpenGL through PyOpenGL, which looks for bare
-library names only. So the choice must be made first, and made knowing that it works: a context is
-opened on trial through ctypes, because PyOpenGL cannot change its mind within a process.
+MuJoCo reads ``MUJOCO_GL`` once, when it is imported. It calls OpenGL through PyOpenGL, which
+searches for plain library names and cannot change its backend within a process. So this module
+first tests a backend by opening a context through ctypes.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from typing import Any
 from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
 
 _ADVICE = (
-    "the twin needs OpenGL to draw what the drone sees, and this machine has none that works. "
+    "the twin needs OpenGL to draw the camera's images, and none works on this machine. "
     "Install one of: `pip install --no-deps lavavu-osmesa` (no root needed), "
     "`apt install libegl1 libgl1` or `apt install libosmesa6`"
 )
-# In the order in which they depend on each other.
+# In the order of their dependencies.
 _WHEEL_LIBRARIES = (
     *("libtinfo", "libzstd", "libffi", "libpcre2-8", "libselinux", "libdrm"),
     *("libglapi", "libLLVM", "libOSMesa"),
@@ -39,17 +39,17 @@ _EGL_OFFSCREEN_OPENGL = (0x3033, 0x0001, 0x3040, 0x0008, 0x3038)  # pbuffer, Ope
 
 @cache
 def choose_gl() -> str:
-    """Settle how this process draws; must run before MuJoCo is imported.
+    """Select the OpenGL backend of this process; call before MuJoCo is imported.
 
-    ``MUJOCO_GL`` is respected when set. Otherwise EGL where it really works, then the OSMesa of
-    the ``lavavu-osmesa`` wheel, then the system's OSMesa; on macOS and Windows MuJoCo's default.
+    ``MUJOCO_GL`` is respected if set. Otherwise the first that works is used: EGL, the OSMesa of
+    the ``lavavu-osmesa`` wheel, the system's OSMesa. macOS and Windows use MuJoCo's default.
 
     Returns:
-        ``egl``, ``osmesa``, ``glfw``, ... as MuJoCo names them.
+        MuJoCo's name of the backend: ``egl``, ``osmesa``, ``glfw``, ...
 
     Raises:
-        MissingDependencyError: nothing works, with what to install.
-        UnknownNameError: ``MUJOCO_GL`` names no way to draw.
+        MissingDependencyError: no backend works; the message says what to install.
+        UnknownNameError: ``MUJOCO_GL`` is not the name of a backend.
     """
     asked = os.environ.get("MUJOCO_GL", "").lower().strip()
     if asked in _OFF:
@@ -71,25 +71,25 @@ def choose_gl() -> str:
 
 
 def load_mujoco() -> None:
-    """Import MuJoCo, drawing as `choose_gl` says; call before any ``import mujoco``.
+    """Import MuJoCo with the backend of `choose_gl`; call before any ``import mujoco``.
 
     Raises:
-        MissingDependencyError: MuJoCo is not installed or there is no working OpenGL.
+        MissingDependencyError: MuJoCo is not installed, or OpenGL does not work.
     """
     _import_for(choose_gl(), "mujoco")
 
 
 def open_context(width_px: int, height_px: int) -> Any:
-    """Return a new GL context of MuJoCo's, for the chosen way.
+    """Return a new GL context of MuJoCo's selected backend.
 
     Raises:
-        MissingDependencyError: there is no working OpenGL.
+        MissingDependencyError: OpenGL does not work.
         InputError: this process was forked from one that has drawn.
     """
-    # A driver's threads do not live on in a fork: its first call there waits for ever.
+    # The threads of a driver do not survive a fork; its first call there would never return.
     if _drawn_in and os.getpid() not in _drawn_in:
         raise InputError(
-            "OpenGL was used before this process was forked, and would wait for ever here; start "
+            "OpenGL was used before this process was forked, and would block here; start "
             "processes with multiprocessing's 'spawn', or fly many missions by `uav-bt campaign`"
         )
     kind = choose_gl()
@@ -104,7 +104,7 @@ def open_context(width_px: int, height_px: int) -> Any:
 
 
 def no_gl(error: Exception) -> MissingDependencyError:
-    """Return the error with the remedy for a failure inside OpenGL."""
+    """Return the error for a failure inside OpenGL; its message names the remedy."""
     return MissingDependencyError(f"OpenGL by {choose_gl()} failed ({error}): {_remedy(error)}")
 
 
@@ -121,7 +121,7 @@ def _import_for(kind: str, module: str) -> Any:
     try:
         return importlib.import_module(module)
     except (ImportError, AttributeError, OSError, RuntimeError, ValueError) as error:
-        # AttributeError is what PyOpenGL raises when a library it wants is not there.
+        # PyOpenGL raises AttributeError if a library is missing.
         raise MissingDependencyError(
             f"OpenGL by {kind} failed ({error}): {_remedy(error)}"
         ) from error
@@ -136,10 +136,10 @@ def _what_works() -> str:
 
 
 def _load_triton_first() -> None:
-    """Load Triton's library, which GPU builds of PyTorch bring, before Mesa's.
+    """Load Triton's library, part of GPU builds of PyTorch, before Mesa's.
 
-    Each carries an LLVM of its own, and a process in which Triton's comes second crashes as soon as
-    PyTorch imports it: one that draws and then trains.
+    Each contains a separate LLVM. A process that loads Triton's second, because it draws and then
+    trains, crashes when PyTorch imports Triton.
     """
     spec = importlib.util.find_spec("triton")
     if spec is not None and spec.origin is not None:
@@ -157,7 +157,7 @@ def _loads(*names: str, mode: int = ctypes.RTLD_GLOBAL) -> bool:
 
 
 def _egl_works() -> bool:
-    """Open and close a context on the first EGL device, as MuJoCo will."""
+    """Open and close a context on the first EGL device, as MuJoCo does."""
     if not _loads("libGL.so.1", "libGL.so"):
         return False
     try:
@@ -210,10 +210,10 @@ def _wheel_folder() -> Path | None:
 
 
 def _preload_wheel() -> bool:
-    """Load the wheel's libraries by path and show PyOpenGL where its OSMesa is.
+    """Load the wheel's libraries by path and give PyOpenGL the path of its OSMesa.
 
-    The wheel's libraries have no search path of their own, so each must be in the process before
-    the one that needs it; PyOpenGL would then still ask for plain ``libOSMesa.so``.
+    The wheel's libraries contain no search path, so each must be loaded before those that need it.
+    PyOpenGL would still search for plain ``libOSMesa.so``.
     """
     folder = _wheel_folder()
     if folder is None:
@@ -233,10 +233,10 @@ def _preload_wheel() -> bool:
 
 
 def _show_pyopengl(osmesa: Path | None) -> None:
-    """Make PyOpenGL's loader answer with the wheel's library when it asks for OSMesa.
+    """Make PyOpenGL's loader return the wheel's library for OSMesa.
 
-    PyOpenGL loads its libraries while `OpenGL.platform` is being imported, so the loader module is
-    put in place before that.
+    PyOpenGL loads its libraries while `OpenGL.platform` is imported, so the loader module is
+    replaced before that.
     """
     package = importlib.util.find_spec("OpenGL")
     if package is None or not package.submodule_search_locations:
@@ -248,7 +248,7 @@ def _show_pyopengl(osmesa: Path | None) -> None:
     spec = importlib.util.spec_from_file_location(name, file)
     if name in sys.modules or spec is None or spec.loader is None:
         raise MissingDependencyError(
-            "PyOpenGL was imported before the twin, or is one that the twin does not know; make "
+            "PyOpenGL was imported before the twin, or its version is unknown to the twin; make "
             f"the drone first, or set MUJOCO_GL. {_ADVICE}"
         )
     loader: Any = importlib.util.module_from_spec(spec)

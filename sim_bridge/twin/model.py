@@ -1,7 +1,7 @@
-"""A scene as a MuJoCo model: what is seen, what can be hit, and the class of each geom.
+"""MuJoCo model of a scene, with the class of each geom.
 
-What is drawn and what collides are separate geoms: meshes with exact texture coordinates for the
-camera, plain boxes for contacts. The drone's own geom is in a group that its camera never draws.
+Separate geoms serve the camera (meshes with exact texture coordinates) and the contacts (plain
+boxes). The geom of the drone is in a group that its camera never draws.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from sim_bridge.twin.solids import Solid, stacked, yaw_quaternion
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 
 HULL_HALF_M = tuple(side / 2 for side in ANAFI_AIRFRAME.body_size_m)  # forward, sideways, up
-HULL_MASS_KG = 0.32  # the ANAFI's
+HULL_MASS_KG = 0.32  # mass of the ANAFI
 PHYSICS_STEP_S = 0.005  # short enough for contacts at 1 m/s
 
 _SEEN_GROUP = 0
-_HIT_GROUP = 3  # not drawn by default
-_DRONE_GROUP = 4  # not drawn by default: the drone never sees itself
+_HIT_GROUP = 3  # geom group that MuJoCo does not draw by default
+_DRONE_GROUP = 4  # not drawn by default either: the camera never sees the drone
 
-_PAINT_M = 0.0001  # the H is raised above the pad by this, enough to be drawn over it
-_FLOOR_M = -0.004  # the carpet's thickness; its surface is z = 0
-_H_SHARE = 0.8  # share of the pad's top that the H panel covers, each way
+_PAINT_M = 0.0001  # height of the H above the pad, enough to be drawn over it
+_FLOOR_M = -0.004  # height of the floor: the carpet is 4 mm thick, its surface is z = 0
+_H_SHARE = 0.8  # side of the H panel / side of the pad's top
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,19 +47,19 @@ class LabModel:
     """A compiled scene."""
 
     model: Any  # mujoco.MjModel
-    class_of_geom: NDArray[np.uint8]  # (number of geoms,): the class each geom shows
+    class_of_geom: NDArray[np.uint8]  # (number of geoms,): class id of each geom
     hull_geom: int
     hull_body: int
 
 
 def build_model(scene: Scene) -> LabModel:
-    """Compile a scene, drone included.
+    """Compile a scene with the drone.
 
     Args:
         scene: the lab.
 
     Returns:
-        The MuJoCo model, with the drone's free joint as the first seven coordinates.
+        The MuJoCo model; the free joint of the drone is the first seven coordinates.
     """
     builder = _Builder(math.hypot(*scene.room_size_m))
     builder.room(scene.room_size_m)
@@ -78,7 +78,7 @@ class _Builder:
         self.spec = mujoco.MjSpec()
         self.spec.option.timestep = PHYSICS_STEP_S
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        # Near enough to see what the hull is about to touch, far enough for the room's diagonal.
+        # Clipping: the near plane shows all that the hull almost touches, the far plane the room.
         self.spec.stat.extent = 8.0
         self.spec.stat.center = (0.0, 0.0, 1.0)
         self.spec.visual.map.znear = 0.02 / 8.0
@@ -144,7 +144,7 @@ class _Builder:
         self._hit("carpet", carpet)
 
     def lights(self, lighting: Lighting) -> None:
-        """Add the lamp, and a weak one opposite that shades the sides turned away from it."""
+        """Add the lamp, and a weak opposite lamp that shades the sides facing away from it."""
         x, y, z = lighting.direction
         share = 1.0 - lighting.ambient
         lamps = {
@@ -180,7 +180,7 @@ class _Builder:
         )
 
     def mover(self, name: str, mover: MoverSpec) -> None:
-        """Add a body that is put where it is: MuJoCo's mocap body, its origin on the ground."""
+        """Add a mover as a mocap body of MuJoCo, with its origin on the ground."""
         x, y = mover.path_m[0]
         body = self.spec.worldbody.add_body(name=name, mocap=True, pos=(x, y, 0.0))
         is_round, yaw_rad = mover.shape == "cylinder", math.radians(mover.yaw_deg)
@@ -190,7 +190,7 @@ class _Builder:
     def _wrapped(
         self, name: str, parts: tuple[Solid, Solid, Solid], pattern: int, body: Any = None
     ) -> None:
-        """Add something that is wrapped in printed paper: whole, its sides, its roof."""
+        """Add a body in printed paper: its contact geom, its sides and its roof."""
         whole, sides, sheet = parts
         roof = roof_of(pattern)
         papers = (
@@ -205,7 +205,7 @@ class _Builder:
 
     def _texture(self, name: str, image: NDArray[np.uint8]) -> None:
         if self.spec.material(name) is not None:
-            return  # two boxes have the same paper
+            return  # another box uses the same texture
         texture = self.spec.add_texture(
             name=name,
             type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -213,7 +213,7 @@ class _Builder:
             height=image.shape[0],
             nchannel=3,
         )
-        # MuJoCo's v runs up the image, ours (and every drawing program's) down.
+        # MuJoCo's v axis points up in the image, ours points down.
         texture.data = np.ascontiguousarray(image[::-1]).tobytes()
         material = self.spec.add_material(name=name, specular=0.0, shininess=0.0)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
@@ -228,7 +228,7 @@ class _Builder:
         tile_m: tuple[float, float],
         body: Any = None,
     ) -> None:
-        """Add something that is seen but not hit, to a body or to the world."""
+        """Add a visible geom without contacts to a body or to the world."""
         vertices, faces, coordinates = solid.mesh(tile_m)
         mesh = self.spec.add_mesh(name=name)
         mesh.uservert = vertices.ravel()
@@ -249,7 +249,7 @@ class _Builder:
         self._classes[name] = class_id
 
     def _hit(self, name: str, solid: Solid, body: Any = None) -> None:
-        """Add something that is hit but not seen, to a body or to the world."""
+        """Add an invisible geom with contacts to a body or to the world."""
         radius, _, half_height = solid.half_m
         kinds = mujoco.mjtGeom
         (body or self.spec.worldbody).add_geom(

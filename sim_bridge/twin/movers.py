@@ -1,4 +1,4 @@
-"""What moves in a lab, as scene files describe it: carts and people on paths."""
+"""Movers of a scene: carts and people on paths, as scene files describe them."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ from uav_bt.types.ground import Footprint, Ground
 
 Point = tuple[float, float]
 
-KEPT_FREE_M = 0.25  # from the take-off place to what stands or drives
+KEPT_FREE_M = 0.25  # least distance from the take-off point to boxes and movers
 _SPEEDS_MPS = (0.2, 1.0)
 _SIZES_M = (0.1, 2.5)
-_ROUND_CORNERS = 32  # of the polygon that stands for a cylinder's outline, and lies around it
+_ROUND_CORNERS = 32  # corners of the polygon around the outline of a cylinder
 _LONGEST_PAUSE_S = 60.0
 
 
 def roof_of(pattern: int) -> int:
-    """Return the pattern of the roof, 1 to 5, of what is wrapped in a pattern."""
+    """Return the roof pattern, 1 to 5, that belongs to a side pattern."""
     return (pattern - 1) % len(ROOFS) + 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class MoverSpec:
-    """A cart or a person that follows a path at a constant speed, wrapped in printed paper.
+    """A cart or a person in printed paper that follows a path at constant speed.
 
     Raises:
         ValueRangeError: a number is out of range.
     """
 
-    path_m: tuple[Point, ...]  # corners of the path, world x and y; it begins at the first
+    path_m: tuple[Point, ...]  # corners of the path, world x and y; the mover starts at the first
     speed_mps: float  # 0.2 to 1
     shape: Literal["box", "cylinder"] = "cylinder"
-    pattern: int = 8  # 1 to 8; decides texture and class, as a box's
-    size_m: tuple[float, float, float] = (0.4, 0.4, 1.7)  # along its own x and y, and upwards
-    yaw_deg: float = 0.0  # counter-clockwise from +x; it keeps it, as a cart on castors does
-    loop: bool = False  # round and round, back to the first corner; else to and fro
-    pauses_s: Point | None = None  # it stands so long, least and most, before each way
+    pattern: int = 8  # 1 to 8; selects texture and class, as for a box
+    size_m: tuple[float, float, float] = (0.4, 0.4, 1.7)  # along the mover's x and y, and upwards
+    yaw_deg: float = 0.0  # counter-clockwise from +x; constant, as of a cart on castors
+    loop: bool = False  # True: from the last corner to the first; False: back along the path
+    pauses_s: Point | None = None  # shortest and longest pause before each run of the path
 
     def __post_init__(self) -> None:
         if not 1 <= self.pattern <= len(BOXES):
@@ -86,13 +86,13 @@ class MoverSpec:
                 )
 
     def legs(self) -> Iterator[tuple[Point, Point]]:
-        """Yield the straight pieces of one way along the path."""
+        """Yield the straight legs of one run of the path."""
         yield from itertools.pairwise(self.path_m)
         if self.loop:
             yield self.path_m[-1], self.path_m[0]
 
     def footprint(self, x_m: float, y_m: float) -> Footprint:
-        """Return the mover from above, where its centre is; of a cylinder, what lies around it."""
+        """Return the outline from above for a centre; of a cylinder, the square around it."""
         return Footprint(
             x_m=x_m,
             y_m=y_m,
@@ -102,13 +102,13 @@ class MoverSpec:
         )
 
     def covers(self, place: Point, at: Point) -> bool:
-        """Return whether a world point is below or in the mover, whose centre is at a place."""
+        """Return whether the mover, with its centre at `place`, covers the world point `at`."""
         if self.shape == "cylinder":
             return math.dist(place, at) <= self.size_m[0] / 2
         return self.footprint(*place).contains(*at)
 
     def swept(self) -> list[NDArray[np.float32]]:
-        """Return what the mover sweeps over, a convex polygon (N, 2) for each leg of its path."""
+        """Return the swept area: a convex polygon (N, 2) in world metres for each leg."""
         outline = np.array(self._outline())
         return [_hull(np.vstack([outline + start, outline + end])) for start, end in self.legs()]
 
@@ -120,7 +120,7 @@ class MoverSpec:
         return [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
 
     def distance_m(self, x_m: float, y_m: float) -> float:
-        """Return how near the mover ever comes to a world point; 0 where it drives over it."""
+        """Return the least distance from a world point to the swept area; 0 inside it."""
         nearest = (
             -cv2.pointPolygonTest(polygon, (x_m, y_m), measureDist=True) for polygon in self.swept()
         )
@@ -135,13 +135,13 @@ def _hull(points: NDArray[np.float64]) -> NDArray[np.float32]:
 def mover_problem(
     mover: MoverSpec, ground: Ground, names: Sequence[str], take_off_m: Point | None
 ) -> str | None:
-    """Return why a mover cannot follow its path; None when it can.
+    """Return the reason why a mover cannot follow its path; None if it can.
 
     Args:
         mover: the mover.
-        ground: with all that stands on it.
-        names: of what stands there, in the same order.
-        take_off_m: where the drone stands at first; None where it is drawn, or on the helipad.
+        ground: the ground with the objects on it.
+        names: names of these objects, in the same order.
+        take_off_m: take-off point, world x and y; None if it is random or the helipad.
     """
     for x, y in mover.path_m:
         if not ground.contains(x, y):
@@ -161,5 +161,5 @@ def _text(place: Point) -> str:
 
 
 def mover_names(movers: Sequence[MoverSpec]) -> tuple[str, ...]:
-    """Return what contacts and messages call movers."""
+    """Return the names of movers in contacts and messages."""
     return tuple(f"mover-{number}" for number in range(1, len(movers) + 1))

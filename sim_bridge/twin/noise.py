@@ -1,4 +1,4 @@
-"""Random disturbances that cost little a step and are the same for the same seed."""
+"""Random disturbances: cheap per step and reproducible from a seed."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ def child_seed(seed: int, *path: int) -> np.random.SeedSequence:
     """Return an independent seed for one purpose within a flight.
 
     Args:
-        seed: the flight's seed, any whole number from 0.
-        path: which purpose.
+        seed: seed of the flight, 0 or more.
+        path: numbers that identify the purpose.
     """
     return np.random.SeedSequence(seed, spawn_key=path)
 
 
 class NormalStream:
-    """Standard normal numbers, one at a time, drawn in blocks because single draws are slow."""
+    """Standard normal numbers, generated in blocks because single calls are slow."""
 
     def __init__(self, seed: np.random.SeedSequence) -> None:
         self._generator = np.random.Generator(np.random.PCG64(seed))
@@ -34,15 +34,15 @@ class NormalStream:
 
 
 class OrnsteinUhlenbeck:
-    """A random value that wanders around zero and forgets where it was after a while.
+    """Ornstein-Uhlenbeck process: a random value around zero with a correlation time.
 
-    The discrete step is exact: whatever the step, the value's standard deviation is `std`.
+    The discrete step is exact: the standard deviation is `std` for every step length.
 
     Args:
         std: standard deviation in the long run; 0 keeps the value at 0.
         time_s: correlation time.
         step_s: time between two calls of `step`.
-        stream: where the randomness comes from.
+        stream: source of the random numbers.
     """
 
     def __init__(self, *, std: float, time_s: float, step_s: float, stream: NormalStream) -> None:
@@ -52,7 +52,7 @@ class OrnsteinUhlenbeck:
         self.value = std * stream.draw() if std else 0.0
 
     def step(self) -> float:
-        """Move on by one step and return the new value."""
+        """Advance by one step and return the new value."""
         if self._kick:
             self.value = self._keep * self.value + self._kick * self._stream.draw()
         return self.value

@@ -1,4 +1,4 @@
-"""How imperfect the twin is: every limit, delay and disturbance is a field of `Profile`."""
+"""Limits, delays and disturbances of the twin, as fields of `Profile`."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 class Profile:
     """Limits and imperfections of the simulated drone; the defaults are the ``lab`` profile.
 
-    The limits are those of an ANAFI set up for indoor flight. The imperfections are estimates for
-    a lab. None of them was fitted to a real drone, so every one is a field.
+    The limits are those of an ANAFI configured for indoor flight. The imperfections are estimates
+    for a lab. None was fitted to a real drone, so each is a field.
 
     Raises:
         ValueRangeError: a field is negative, not finite, or a limit is zero.
     """
 
-    # How it can move.
-    max_speed_mps: float = 1.0  # m/s, horizontal; indoor setting, the ANAFI itself reaches 15
+    # Motion.
+    max_speed_mps: float = 1.0  # m/s, horizontal; indoor setting, the ANAFI reaches 15
     max_climb_mps: float = 0.6  # m/s, up and down
-    max_acceleration_mps2: float = 1.2  # m/s2, horizontal, of the reference; about 7 deg of tilt
-    max_climb_acceleration_mps2: float = 1.0  # m/s2, vertical, of the reference
+    max_acceleration_mps2: float = 1.2  # m/s2, reference, horizontal; about 7 deg of tilt
+    max_climb_acceleration_mps2: float = 1.0  # m/s2, reference, vertical
     max_yaw_rate_radps: float = 1.4  # rad/s, 80 deg/s
     max_yaw_acceleration_radps2: float = 4.0  # rad/s2
     thrust_lag_s: float = 0.12  # s, first-order lag from demanded to real acceleration
-    take_off_height_m: float = 1.0  # m above the take-off point, as the ANAFI does
-    spin_up_s: float = 1.0  # s from the take-off command's arrival to leaving the ground
+    take_off_height_m: float = 1.0  # m above the take-off point, as the ANAFI
+    spin_up_s: float = 1.0  # s from the arrival of the take-off command to leaving the ground
     gimbal_rate_radps: float = 1.6  # rad/s, slew limit of the camera's pitch
     gimbal_lag_s: float = 0.05  # s, first-order lag of the camera's pitch
 
-    # When it hears and sees.
-    compute_latency_s: float = 0.03  # s charged between a frame and the command made from it
-    command_latency_s: float = 0.06  # s from sending a command to the drone obeying it
+    # Delays of computation, commands and video.
+    compute_latency_s: float = 0.03  # s between a frame and the command computed from it
+    command_latency_s: float = 0.06  # s from sending a command to its execution
     video_latency_s: float = 0.15  # s from capture to delivery
     video_rate_hz: float = 30.0  # frames a second
 
-    # When its telemetry is heard; a period of 0 reports every control step. Parrot's firmware sends
-    # every state 5 times a second (AutonomyLab/bebop_autonomy, issues 22 and 73; the SDK itself
-    # says "regularly"). The delay is chosen: that of a command over the same radio link.
+    # Rate and delay of telemetry; a period of 0 reports every control step. Parrot's firmware sends
+    # every state 5 times a second (AutonomyLab/bebop_autonomy, issues 22 and 73; the SDK's
+    # documentation says "regularly"). The delay is chosen: that of a command over the same radio.
     attitude_period_s: float = 0.2  # s between two reports of the attitude
     attitude_latency_s: float = 0.06  # s from measurement to arrival
     velocity_period_s: float = 0.2  # s between two reports of the velocity
@@ -49,34 +49,34 @@ class Profile:
     altitude_latency_s: float = 0.06  # s from measurement to arrival
     gimbal_period_s: float = 0.2  # s between two reports of the camera's pitch
     gimbal_latency_s: float = 0.06  # s from measurement to arrival
-    event_latency_s: float = 0.06  # s until a changed flying state or movement is heard
+    event_latency_s: float = 0.06  # s until a changed flying state or movement arrives
 
-    # What disturbs it.
-    wind_std_mps2: float = 0.12  # m/s2, each axis, of an Ornstein-Uhlenbeck acceleration
-    wind_time_s: float = 1.5  # s, its correlation time: gusts of rotor wash in a closed room
-    drift_std_mps: float = 0.008  # m/s, each horizontal axis, of the optical flow's velocity error
-    drift_time_s: float = 4.0  # s, its correlation time: 0.25 m of wandering a minute
+    # Disturbances of the motion.
+    wind_std_mps2: float = 0.12  # m/s2, Ornstein-Uhlenbeck acceleration on each axis
+    wind_time_s: float = 1.5  # s, correlation time of the wind: rotor wash in a closed room
+    drift_std_mps: float = 0.008  # m/s, velocity error of the optical flow, each horizontal axis
+    drift_time_s: float = 4.0  # s, correlation time of the drift: 0.25 m of wandering a minute
     yaw_drift_std_rad: float = 0.02  # rad, slow error of the heading estimate
-    yaw_drift_time_s: float = 30.0  # s, its correlation time
+    yaw_drift_time_s: float = 30.0  # s, correlation time of the heading error
     climb_error_std_mps: float = 0.01  # m/s, slow error of the estimated vertical speed; chosen
-    climb_error_time_s: float = 2.0  # s, its correlation time; chosen
-    yaw_rate_noise_std_radps: float = 0.005  # rad/s, white, of the estimated yaw rate; chosen
+    climb_error_time_s: float = 2.0  # s, correlation time of this error; chosen
+    yaw_rate_noise_std_radps: float = 0.005  # rad/s, white noise of the yaw rate; chosen
 
-    # Errors of its telemetry.
+    # Errors of the telemetry.
     altimeter_bias_std_m: float = 0.02  # m, slow error of the altitude (pressure, air flow)
-    altimeter_bias_time_s: float = 20.0  # s, its correlation time
-    altimeter_noise_std_m: float = 0.01  # m, white, of the altitude
-    height_noise_std_m: float = 0.015  # m, white, of the ultrasound height
-    velocity_noise_std_mps: float = 0.02  # m/s, white
-    attitude_noise_std_rad: float = 0.003  # rad, white, roll and pitch
-    yaw_noise_std_rad: float = 0.005  # rad, white
-    battery_life_s: float = 1500.0  # s from full to empty, as the ANAFI's 25 minutes
+    altimeter_bias_time_s: float = 20.0  # s, correlation time of the altitude error
+    altimeter_noise_std_m: float = 0.01  # m, white noise of the altitude
+    height_noise_std_m: float = 0.015  # m, white noise of the ultrasound height
+    velocity_noise_std_mps: float = 0.02  # m/s, white noise
+    attitude_noise_std_rad: float = 0.003  # rad, white noise of roll and pitch
+    yaw_noise_std_rad: float = 0.005  # rad, white noise
+    battery_life_s: float = 1500.0  # s from full to empty: 25 minutes, as the ANAFI
 
-    # Errors of its images.
-    image_noise_std: float = 3.0  # grey levels, white, each channel
-    blur_sigma_px: float = 0.5  # pixels at 640 wide, scaled with the size; 0 is none
+    # Errors of the images.
+    image_noise_std: float = 3.0  # grey levels, white noise of each channel
+    blur_sigma_px: float = 0.5  # pixels at a width of 640, scaled with the size; 0: no blur
     exposure_std: float = 0.03  # relative brightness error of the automatic exposure
-    exposure_time_s: float = 3.0  # s, its correlation time
+    exposure_time_s: float = 3.0  # s, correlation time of the exposure error
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -88,14 +88,14 @@ class Profile:
 
     @staticmethod
     def named(name: str) -> Profile:
-        """Return a profile that ships with the project.
+        """Return a shipped profile.
 
         Args:
-            name: ``ideal`` (limits only, no delay, no error), ``lab`` or ``harsh``; with
-                ``-instant`` after the last two, telemetry comes at once.
+            name: ``ideal`` (limits, but no delay and no error), ``lab``, ``harsh``, and
+                ``lab-instant`` or ``harsh-instant``, whose telemetry has no delay.
 
         Raises:
-            UnknownNameError: there is no such profile.
+            UnknownNameError: the profile does not exist.
         """
         try:
             return _NAMED[name]
@@ -108,10 +108,10 @@ class Profile:
         return tuple(_NAMED)
 
     def with_instant_telemetry(self) -> Profile:
-        """Return the profile with telemetry of every control step, heard without delay.
+        """Return the profile with telemetry at every control step and without delay.
 
-        The estimates of vertical speed and yaw rate have no error then: this is how the twin flew
-        before telemetry had rates and delays, for comparisons.
+        The estimates of vertical speed and yaw rate then have no error. The twin flew this way
+        before its telemetry had rates and delays; the profile exists for comparisons.
         """
         return replace(
             self,

@@ -1,4 +1,4 @@
-"""The truth of a twin flight, for reports and evaluations."""
+"""Ground truth of a flight in the twin, for reports and evaluations."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import Frame, Pose, Truth
 from uav_bt.types.ground import Ground
 
-_FAR_M = 30.0  # beyond any room
+_FAR_M = 30.0  # larger than any room, m
 
 
 class TwinReferee:
-    """Knows everything about one flight."""
+    """Reports the true state of one flight."""
 
     def __init__(
         self, scene: Scene, lab: LabModel, simulation: Simulation, renderer: Renderer
@@ -35,7 +35,7 @@ class TwinReferee:
         self._obstacles = [lab.model.geom(name).id for name in names]
 
     def truth(self) -> Truth:
-        """Return the truth of this moment; contacts include those of the last 0.1 s."""
+        """Return the present truth; contacts include those of the last 0.1 s."""
         simulation, pad = self._simulation, self._scene.helipad
         motion = simulation.motion
         x, y = motion.x_m, motion.y_m
@@ -53,7 +53,7 @@ class TwinReferee:
         )
 
     def ground(self) -> Ground:
-        """Return the ground and what stands on it."""
+        """Return the ground and the objects on it."""
         return self._scene.ground_plan
 
     def _clearance_m(self, data: Any) -> float:
@@ -65,7 +65,7 @@ class TwinReferee:
         return max(0.0, nearest) if self._obstacles else math.inf
 
     def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
-        """Return the exact class ids of a delivered frame's view.
+        """Return the exact class ids of the view of a delivered frame.
 
         Raises:
             ValueRangeError: the frame is too old or from another flight.
@@ -74,7 +74,7 @@ class TwinReferee:
         return self._renderer.class_ids(capture.camera, width_px, height_px, capture.movers)
 
     def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
-        """Return the exact depth along the optical axis, metres.
+        """Return the exact depth of the view of a delivered frame, metres along the optical axis.
 
         Raises:
             ValueRangeError: the frame is too old or from another flight.

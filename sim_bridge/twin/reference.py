@@ -1,4 +1,4 @@
-"""The moving point that the autopilot follows: smooth, within the speed and acceleration limits."""
+"""Reference of the autopilot: a moving point within the speed and acceleration limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from uav_bt.types import wrap_angle
 
 @dataclass(frozen=True, kw_only=True)
 class Pace:
-    """How fast a relative movement is flown at most."""
+    """Speed limits of a relative movement."""
 
     speed_mps: float  # horizontal
     climb_mps: float  # up and down
@@ -20,13 +20,13 @@ class Pace:
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceConfig:
-    """How the point brakes, and when it has arrived."""
+    """Braking of the point, and its tolerances at the goal."""
 
-    brake_share: float = 0.7  # of the acceleration limit that braking plans with, to keep it
-    arrive_per_s: float = 3.0  # speed per distance, close to the goal
+    brake_share: float = 0.7  # share of the acceleration limit that braking uses
+    arrive_per_s: float = 3.0  # speed / distance close to the goal
     arrived_m: float = 0.002
     arrived_rad: float = 0.002
-    arrived_speed: float = 0.05  # m/s on each axis, rad/s
+    arrived_speed: float = 0.05  # largest speed at the goal, m/s on each axis and rad/s
 
 
 def _towards(value: float, target: float, step: float) -> float:
@@ -34,16 +34,16 @@ def _towards(value: float, target: float, step: float) -> float:
 
 
 class Reference:
-    """The point to follow, x, y and z in the world; yaw counter-clockwise and unwrapped.
+    """The point to follow: x, y and z in the world; yaw counter-clockwise and unwrapped.
 
-    The drone is fed `acceleration` forward and follows with the lag of its thrust, so its position
-    is controlled to a point that lags in the same way (`trailing`, `trailing_velocity`). Controlled
-    to the leading point instead, it would exceed the limits to catch up.
+    The drone gets `acceleration` as feed-forward and follows with the lag of its thrust. Its
+    position is therefore controlled to a point with the same lag (`trailing`,
+    `trailing_velocity`). Control to the leading point would exceed the limits.
 
     Args:
         profile: the limits, and the lag of the thrust.
         step_s: time between two calls of `trail`.
-        config: how it brakes, and when it has arrived.
+        config: braking and tolerances.
     """
 
     def __init__(
@@ -62,13 +62,13 @@ class Reference:
         self.yaw_rate_radps = 0.0
 
     def reset(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
-        """Put the point, leading and trailing, at a pose at rest.
+        """Place the leading and the trailing point at a pose, at rest.
 
         Args:
-            x_m: in the world.
-            y_m: in the world.
-            z_m: in the world.
-            yaw_rad: counter-clockwise.
+            x_m: world x.
+            y_m: world y.
+            z_m: world z.
+            yaw_rad: heading, counter-clockwise.
         """
         self.position[:] = self.trailing[:] = (x_m, y_m, z_m)
         self.velocity[:] = self.trailing_velocity[:] = (0.0, 0.0, 0.0)
@@ -77,12 +77,12 @@ class Reference:
         self.yaw_rate_radps = 0.0
 
     def keep_near(self, x_m: float, y_m: float, z_m: float, reach_m: float) -> None:
-        """Hold the point near the drone, which something may be blocking.
+        """Limit the distance of the point from the drone, which may be blocked.
 
         Args:
-            x_m: of the drone, in the world.
-            y_m: of the drone.
-            z_m: of the drone.
+            x_m: world x of the drone.
+            y_m: world y of the drone.
+            z_m: world z of the drone.
             reach_m: largest distance along each axis.
         """
         for axis, value in enumerate((x_m, y_m, z_m)):
@@ -90,25 +90,25 @@ class Reference:
                 point[axis] = max(value - reach_m, min(value + reach_m, point[axis]))
 
     def trail(self) -> None:
-        """Let the trailing point move on by one step."""
+        """Advance the trailing point by one step."""
         for axis in range(3):
             self.trailing[axis] += self._gain * (self.position[axis] - self.trailing[axis])
             lost = self.velocity[axis] - self.trailing_velocity[axis]
             self.trailing_velocity[axis] += self._gain * lost
 
     def settle(self, goal: tuple[float, float, float]) -> None:
-        """Stop at a goal that is reached within the tolerance."""
+        """Stop at a goal that has been reached within the tolerance."""
         self.position[:] = goal
         self.velocity[:] = (0.0, 0.0, 0.0)
         self.acceleration[:] = (0.0, 0.0, 0.0)
 
     def go_to(self, goal: tuple[float, float, float], pace: Pace, step_s: float) -> bool:
-        """Move on towards a point in a straight line; True once there.
+        """Advance towards a goal in a straight line; return True at the goal.
 
         Args:
-            goal: where to, world metres.
+            goal: goal, world x, y and z.
             pace: the speed limits.
-            step_s: time to move on by.
+            step_s: time to advance by.
         """
         cfg = self._config
         dx, dy, dz = (goal[axis] - self.position[axis] for axis in range(3))
@@ -117,7 +117,7 @@ class Reference:
             self.settle(goal)
             return True
         profile = self._profile
-        # The limits differ along and across the ground; the line must keep both.
+        # Horizontal and vertical limits differ; the motion along the line must keep both.
         limit = acceleration = math.inf
         if flat > 1e-9:
             limit = pace.speed_mps * distance / flat
@@ -136,13 +136,13 @@ class Reference:
         return min(limit, braking, cfg.arrive_per_s * distance)
 
     def steer(self, vx_mps: float, vy_mps: float, vz_mps: float, step_s: float) -> None:
-        """Move on with a velocity that is approached within the acceleration limits.
+        """Advance, changing the velocity towards a wanted one within the acceleration limits.
 
         Args:
-            vx_mps: wanted, along world x.
-            vy_mps: along world y.
-            vz_mps: upwards.
-            step_s: time to move on by.
+            vx_mps: wanted velocity along world x.
+            vy_mps: wanted velocity along world y.
+            vz_mps: wanted velocity upwards.
+            step_s: time to advance by.
         """
         profile, velocity = self._profile, self.velocity
         ex, ey = vx_mps - velocity[0], vy_mps - velocity[1]
@@ -157,12 +157,12 @@ class Reference:
             self.position[axis] += velocity[axis] * step_s
 
     def turn_to(self, yaw_rad: float, pace: Pace, step_s: float) -> bool:
-        """Turn on towards a heading; True once there.
+        """Turn towards a heading; return True at the heading.
 
         Args:
-            yaw_rad: counter-clockwise, unwrapped, so that long turns are kept.
-            pace: the limit of the rate.
-            step_s: time to turn on by.
+            yaw_rad: wanted heading, counter-clockwise, unwrapped (it may exceed a full turn).
+            pace: the limit of the yaw rate.
+            step_s: time to advance by.
         """
         error, profile, cfg = yaw_rad - self.yaw_rad, self._profile, self._config
         if abs(error) < cfg.arrived_rad and abs(self.yaw_rate_radps) < cfg.arrived_speed:
@@ -175,16 +175,16 @@ class Reference:
         return False
 
     def spin(self, rate_radps: float, step_s: float) -> None:
-        """Turn on with a rate that is approached within the acceleration limit.
+        """Turn, changing the yaw rate towards a wanted one within the acceleration limit.
 
         Args:
-            rate_radps: wanted, counter-clockwise.
-            step_s: time to turn on by.
+            rate_radps: wanted yaw rate, counter-clockwise.
+            step_s: time to advance by.
         """
         reach = self._profile.max_yaw_acceleration_radps2 * step_s
         self.yaw_rate_radps = _towards(self.yaw_rate_radps, rate_radps, reach)
         self.yaw_rad += self.yaw_rate_radps * step_s
 
     def yaw_error(self, yaw_rad: float) -> float:
-        """Return how far the heading must still turn, the short way, from a wrapped one."""
+        """Return the shortest turn from a wrapped heading to the reference's heading, rad."""
         return wrap_angle(self.yaw_rad - yaw_rad)

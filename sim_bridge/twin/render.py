@@ -1,8 +1,8 @@
-"""Draws what a camera in the lab sees: colours, class ids and depth, at any size.
+"""Renderer of the twin: colours, class ids and depth of a camera view, at any size.
 
-Little moves in the lab and the drone does not see itself, so MuJoCo's list of things to draw is
-made once; afterwards an image costs only setting camera and movers, and drawing. A size with
-another aspect than the camera's is the same view resized, never cropped.
+Only movers move and the drone is not drawn, so MuJoCo's list of geoms is made once. After that, an
+image needs only the poses of the camera and the movers. A size with another aspect than the
+camera's gives the same view resized, never cropped.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ _ASPECT = 9.0 / 16.0
 
 
 class Renderer:
-    """Images of one lab. Belongs to the thread that made it; close it when done.
+    """Renders images of one lab. Use it in the thread that made it, and close it when done.
 
     Args:
-        lab: what to draw.
-        samples: anti-aliasing samples a pixel. None by default: without a GPU four samples
-            double the time of every image, and the lens blur softens the edges anyway.
+        lab: the compiled scene.
+        samples: anti-aliasing samples per pixel. The default is 0: without a GPU four samples
+            double the time of an image, and the lens blur softens the edges.
 
     Raises:
-        MissingDependencyError: OpenGL does not work here, with what to install.
+        MissingDependencyError: OpenGL does not work here; the message says what to install.
         InputError: this process was forked from one that has drawn.
     """
 
@@ -45,7 +45,7 @@ class Renderer:
         self._near = float(model.vis.map.znear * model.stat.extent)
         self._far = float(model.vis.map.zfar * model.stat.extent)
         try:
-            self._gl = open_context(64, 64)  # only the off-screen buffer is drawn to
+            self._gl = open_context(64, 64)  # of any size: drawing goes to the off-screen buffer
             self._gl.make_current()
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         except (ImportError, AttributeError, RuntimeError, mujoco.FatalError) as error:
@@ -55,7 +55,7 @@ class Renderer:
         self._model, self._data = model, mujoco.MjData(model)
         self._starts_m = np.array(self._data.mocap_pos)
         self.scene = self._static_scene(model)
-        self._moving = [  # only drawn elsewhere: movers do not turn
+        self._moving = [  # movers only change their position; they do not turn
             geom
             for geom in self.scene.geoms[: self.scene.ngeom]
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM
@@ -98,13 +98,13 @@ class Renderer:
     def rgb(
         self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
     ) -> NDArray[np.uint8]:
-        """Return the colours, (height_px, width_px, 3) uint8 RGB.
+        """Return the image, (height_px, width_px, 3) uint8 RGB.
 
         Args:
-            pose: of the camera.
-            width_px: of the image.
-            height_px: of the image.
-            movers: where the scene's movers are; where their paths begin if not given.
+            pose: pose of the camera.
+            width_px: image width, pixels.
+            height_px: image height, pixels.
+            movers: states of the scene's movers; by default they are at the start of their paths.
         """
         image = np.empty((height_px, width_px, 3), np.uint8)
         self._place(movers)
@@ -115,7 +115,7 @@ class Renderer:
     def ids_and_depth(
         self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Return exact class ids and depth of one view.
+        """Return the exact class ids and the exact depth of one view.
 
         Returns:
             Ids (height_px, width_px) uint8, and depth (height_px, width_px) float32, metres along
@@ -126,7 +126,7 @@ class Renderer:
         self._place(movers)
         self._draw(pose, width_px, height_px, segments=True)
         mujoco.mjr_readPixels(colours, buffer, self._rect, self._context)
-        # Fewer than 256 things are drawn, so the first channel holds the whole number.
+        # Fewer than 256 geoms are drawn, so the first channel holds the whole number.
         ids = self._class_of_segment[colours[::-1, :, 0]]
         near, far = np.float32(self._near), np.float32(self._far)
         depth = near * far / (near + buffer[::-1] * (far - near))
@@ -135,7 +135,7 @@ class Renderer:
     def class_ids(
         self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
     ) -> NDArray[np.uint8]:
-        """Return exact class ids, (height_px, width_px) uint8."""
+        """Return the exact class ids, (height_px, width_px) uint8."""
         colours = np.empty((height_px, width_px, 3), np.uint8)
         self._place(movers)
         self._draw(pose, width_px, height_px, segments=True)
@@ -143,7 +143,7 @@ class Renderer:
         return self._class_of_segment[colours[::-1, :, 0]]
 
     def _place(self, movers: Sequence[MoverState]) -> None:
-        """Move what moves, in the list of things to draw."""
+        """Set the positions of the movers in the list of geoms."""
         if not self._moving:
             return
         data = self._data

@@ -1,4 +1,4 @@
-"""Where movers are at any time: exact, and the same for the same seed."""
+"""Positions of movers over time, exact and reproducible from a seed."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from uav_bt.types import MoverState, Pose
 
 
 class Route:
-    """One mover's way over time: along its path, with a pause before each way, if it has any.
+    """Motion of one mover over time: runs of its path, each after a pause if pauses are given.
 
     Args:
         spec: the mover.
-        name: what contacts call it.
-        seed: the flight's, for the pauses.
-        number: the mover's among those of the scene.
+        name: name of the mover in contacts.
+        seed: seed of the flight, for the pauses.
+        number: index of the mover in the scene.
     """
 
     def __init__(self, spec: MoverSpec, name: str, seed: int, number: int) -> None:
@@ -29,16 +29,16 @@ class Route:
         self._name = name
         self._random = np.random.default_rng(child_seed(seed, 9, number))
         self._legs = list(spec.legs())
-        # Metres from the beginning of the way to the end of each leg.
+        # Path length from the start of a run to the end of each leg, m.
         self._ends_m = list(itertools.accumulate(math.dist(*ends) for ends in self._legs))
         self._way_s = self._ends_m[-1] / spec.speed_mps
-        self._starts_s = [self._pause_s()]  # of every way so far
+        self._starts_s = [self._pause_s()]  # start time of each run until now
 
     def _pause_s(self) -> float:
         return float(self._random.uniform(*self._spec.pauses_s)) if self._spec.pauses_s else 0.0
 
     def at(self, time_s: float) -> MoverState:
-        """Return where the mover is, and how fast, seconds after the simulation's start."""
+        """Return the position and velocity at a time since the start of the simulation, s."""
         starts = self._starts_s
         while starts[-1] + self._way_s <= time_s:
             starts.append(starts[-1] + self._way_s + self._pause_s())
@@ -72,8 +72,8 @@ class Traffic:
     """All movers of a scene over time.
 
     Args:
-        movers: of the scene.
-        seed: the flight's.
+        movers: movers of the scene.
+        seed: seed of the flight.
     """
 
     def __init__(self, movers: Sequence[MoverSpec], seed: int) -> None:
@@ -84,11 +84,11 @@ class Traffic:
         ]
 
     def at(self, time_s: float) -> tuple[MoverState, ...]:
-        """Return where all movers are, seconds after the simulation's start."""
+        """Return the states of all movers at a time since the start of the simulation, s."""
         return tuple(route.at(time_s) for route in self._routes)
 
     def top_m(self, states: Sequence[MoverState], x_m: float, y_m: float) -> float:
-        """Return the height of the highest mover at a world point; 0 where there is none."""
+        """Return the height of the highest mover at a world point; 0 without one."""
         return max(
             (
                 mover.size_m[2]

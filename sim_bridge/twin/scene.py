@@ -1,4 +1,4 @@
-"""What stands in the lab: boxes, helipad, light, and where the drone starts."""
+"""Scene of the twin: ground, boxes, helipad, movers, light and take-off point."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import LandingMark
 from uav_bt.types.ground import Footprint, Ground, Standing
 
-CARPET_SIZE_M = (5.0, 4.0)  # the paper's, along x and y, centred on the origin
-ROOM_SIZE_M = (10.0, 10.0, 5.0)  # the least, centred on the origin, the floor at z = 0
-_BESIDE_M = 2.5  # of room on every side of the ground, at least
+CARPET_SIZE_M = (5.0, 4.0)  # size in the paper, along x and y, centred on the origin
+ROOM_SIZE_M = (10.0, 10.0, 5.0)  # least size, centred on the origin, the floor at z = 0
+_BESIDE_M = 2.5  # least distance from the ground's edge to the walls
 _GROUND_SIDES_M = (2.0, 12.0)
 MAX_MOVERS = 8
-MAX_BOXES = 64  # the class masks tell fewer than 256 drawn things apart; a box is two
+MAX_BOXES = 64  # the class masks distinguish fewer than 256 geoms; a box has two
 PATTERN_COUNT = len(BOXES)
-MAX_HEIGHT_M = 4.0  # a metre of air stays below the ceiling
+MAX_HEIGHT_M = 4.0  # leaves 1 m below the ceiling
 
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
@@ -49,7 +49,7 @@ def _footprint(position_m: Vector2, yaw_deg: float, size_m: Vector3) -> Footprin
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSpec:
-    """The carpet that is flown over.
+    """The carpet below the flight.
 
     Raises:
         ValueRangeError: it is too small or too large.
@@ -73,9 +73,9 @@ class BoxSpec:
         ValueRangeError: a number is out of range.
     """
 
-    pattern: int  # 1 to 8; decides the side's texture and class, and the roof's
+    pattern: int  # 1 to 8; selects texture and class of the sides and of the roof
     position_m: Vector2  # centre on the carpet, world x and y
-    size_m: Vector3  # along its own x and y, and upwards
+    size_m: Vector3  # along the box's x and y, and upwards
     yaw_deg: float = 0.0  # counter-clockwise from +x
 
     def __post_init__(self) -> None:
@@ -87,18 +87,18 @@ class BoxSpec:
 
     @cached_property
     def footprint(self) -> Footprint:
-        """The box from above."""
+        """The outline of the box from above."""
         return _footprint(self.position_m, self.yaw_deg, self.size_m)
 
     @property
     def roof(self) -> int:
-        """The pattern of its roof, 1 to 5."""
+        """The pattern of the roof, 1 to 5."""
         return roof_of(self.pattern)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Helipad:
-    """The landing box: an H on top, yellow-red stripes around.
+    """The landing box: an H on top, yellow and red stripes on the sides.
 
     Raises:
         ValueRangeError: a number is out of range.
@@ -106,28 +106,28 @@ class Helipad:
 
     position_m: Vector2  # centre on the carpet, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
-    size_m: Vector3 = LandingMark().size_m  # along its own x and y, and upwards
+    size_m: Vector3 = LandingMark().size_m  # along the pad's x and y, and upwards
 
     def __post_init__(self) -> None:
         _check_item("helipad", self.position_m, self.yaw_deg, self.size_m)
 
     @cached_property
     def footprint(self) -> Footprint:
-        """The pad from above."""
+        """The outline of the pad from above."""
         return _footprint(self.position_m, self.yaw_deg, self.size_m)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lighting:
-    """The lab's light: ambient plus one far lamp.
+    """The light: ambient plus one distant lamp.
 
     Raises:
-        ValueRangeError: ambient is not within 0 and 1, or the light does not shine downwards.
+        ValueRangeError: ambient is not within 0 to 1, or the light does not shine downwards.
     """
 
-    ambient: float = 0.35  # share of the light that comes from everywhere, 0 to 1
-    direction: Vector3 = (0.5, 0.3, -1.0)  # in which the light travels
-    shadows: bool = False  # cast shadows cost 10 ms and more a frame without a GPU
+    ambient: float = 0.35  # share of the light without a direction, 0 to 1
+    direction: Vector3 = (0.5, 0.3, -1.0)  # direction of travel of the light
+    shadows: bool = False  # cast shadows take 10 ms and more per frame without a GPU
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.ambient <= 1.0:
@@ -141,15 +141,15 @@ class Lighting:
 
 @dataclass(frozen=True, kw_only=True)
 class TakeOffSpec:
-    """Where the drone stands at first.
+    """The pose of the drone before take-off.
 
     Raises:
         ValueRangeError: the yaw is not finite.
     """
 
-    position_m: Vector2 | None = None  # None: on the helipad, or drawn when `random`
-    yaw_deg: float = 0.0  # counter-clockwise from +x; drawn too when `random`
-    random: bool = False  # free carpet away from the boxes, drawn from the flight's seed
+    position_m: Vector2 | None = None  # None: the helipad, or a random point if `random`
+    yaw_deg: float = 0.0  # counter-clockwise from +x; random too if `random`
+    random: bool = False  # True: a random free point of the carpet, from the seed of the flight
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.yaw_deg):
@@ -158,16 +158,16 @@ class TakeOffSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class LayoutProblem:
-    """What is wrong with how things stand together."""
+    """A mistake in the arrangement of a scene."""
 
-    place: tuple[str | int, ...]  # the keys and indices that lead to the offender in a scene file
+    place: tuple[str | int, ...]  # keys and indices of the faulty item in a scene file
     message: str
 
 
 def layout_problem(
     helipad: Helipad, boxes: Sequence[BoxSpec], ground: GroundSpec
 ) -> LayoutProblem | None:
-    """Return what is wrong with how helipad and boxes stand together; None when all is well."""
+    """Return the first mistake in the arrangement of helipad and boxes; None without one."""
     outside = _outside(ground, helipad.footprint)
     if outside is not None:
         return LayoutProblem(place=("helipad",), message=f"the helipad {outside}")
@@ -199,7 +199,7 @@ def _outside(ground: GroundSpec, footprint: Footprint) -> str | None:
 
 
 def box_names(boxes: Sequence[BoxSpec]) -> tuple[str, ...]:
-    """Return what contacts and messages call boxes: `box-3`, and `box-3-2` for its second."""
+    """Return the names of boxes in contacts and messages: `box-3`, then `box-3-2` for a second."""
     counts: Counter[int] = Counter()
     names = []
     for box in boxes:
@@ -214,8 +214,8 @@ class Scene:
     """One arrangement of the lab.
 
     Raises:
-        ValueRangeError: things overlap or stand outside the carpet, a mover's path is not free, or
-            the take-off point is taken.
+        ValueRangeError: objects overlap or extend beyond the carpet, a mover's path is not free, or
+            the take-off point is not free.
     """
 
     name: str
@@ -249,7 +249,7 @@ class Scene:
 
     @property
     def room_size_m(self) -> Vector3:
-        """The room around the ground: along x and y, centred on the origin, and its height."""
+        """The size of the room: along x and y, centred on the origin, and its height."""
         x_m, y_m = (
             max(least, side + 2.0 * _BESIDE_M)
             for least, side in zip(ROOM_SIZE_M, self.ground.size_m, strict=False)
@@ -258,7 +258,7 @@ class Scene:
 
     @cached_property
     def ground_plan(self) -> Ground:
-        """The ground and what stands on it, the helipad included."""
+        """The ground and the objects on it, the helipad included."""
         return Ground(
             size_m=self.ground.size_m,
             standing=tuple(
@@ -271,7 +271,7 @@ class Scene:
         )
 
     def surface_m(self, x_m: float, y_m: float) -> float:
-        """Return the height of whatever lies under a world point: a box, the pad or the ground."""
+        """Return the height of the surface at a world point: a box, the pad or the ground."""
         for box in self.boxes:
             if box.footprint.contains(x_m, y_m):
                 return box.size_m[2]
@@ -279,11 +279,11 @@ class Scene:
 
 
 def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem | None:
-    """Return what is wrong with how movers would move in a scene; None when all is well."""
+    """Return the first mistake in the paths of movers in a scene; None without one."""
     if len(movers) > MAX_MOVERS:
         message = f"at most {MAX_MOVERS} movers, got {len(movers)}"
         return LayoutProblem(place=("movers", MAX_MOVERS), message=message)
-    names = (*box_names(scene.boxes), "the helipad")  # as they stand on the ground
+    names = (*box_names(scene.boxes), "the helipad")  # in the order of the ground plan
     for index, mover in enumerate(movers):
         wrong = mover_problem(mover, scene.ground_plan, names, scene.take_off.position_m)
         if wrong is not None:

@@ -1,4 +1,4 @@
-"""Scene files: strict YAML in, `Scene` out, every mistake with its file and line."""
+"""Reader of scene files: strict YAML; each mistake is reported with its file and line."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def load_scene(name_or_path: str | Path) -> Scene:
     """Read a scene.
 
     Args:
-        name_or_path: the name of a shipped scene, or a YAML file.
+        name_or_path: name of a shipped scene, or path of a YAML file.
 
     Raises:
-        UnknownNameError: neither a shipped scene nor a file.
-        SceneError: the file is malformed or describes a lab that cannot be.
+        UnknownNameError: the name is neither a shipped scene nor a file.
+        SceneError: the file is malformed or describes an impossible scene.
     """
     shipped = _shipped()
     path = shipped.get(str(name_or_path), Path(name_or_path))
@@ -108,7 +108,7 @@ class _TakeOff:
 @dataclass(frozen=True, kw_only=True)
 class _SceneFile:
     helipad: Helipad
-    # Strict values take no number for a text, but a scene may be called 7.
+    # Strict mode refuses numbers as text, but a scene may have the name 7.
     name: Annotated[str | None, Field(min_length=1, strict=False, coerce_numbers_to_str=True)] = (
         None
     )

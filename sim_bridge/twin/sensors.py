@@ -1,4 +1,4 @@
-"""The twin's sensors: the autopilot's estimate of its motion, and the telemetry made of it."""
+"""Sensors of the twin: the autopilot's estimate of its motion, and the telemetry."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uav_bt.types import Attitude, BodyVelocity, Pose, rotate, wrap_angle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Estimate(Pose):
-    """Where the autopilot believes to be: world axes, slowly wrong. Yaw counter-clockwise."""
+    """Estimated motion, with slow errors; world axes, yaw counter-clockwise."""
 
     vx_mps: float
     vy_mps: float
@@ -22,7 +22,7 @@ class Estimate(Pose):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Telemetry:
-    """Measurements of one moment, in Parrot's conventions."""
+    """Measurements at one time, in Parrot's conventions."""
 
     attitude: Attitude
     velocity: BodyVelocity
@@ -35,9 +35,9 @@ class Sensors:
     """Adds the errors of an ANAFI's sensors to the true motion.
 
     Args:
-        profile: how wrong they are.
-        seed: the flight's seed.
-        start_z_m: height of the body's centre above the carpet where it stands at first.
+        profile: strength of the errors.
+        seed: seed of the flight.
+        start_z_m: height of the body's centre above the carpet before take-off.
     """
 
     def __init__(self, profile: Profile, seed: int, *, start_z_m: float) -> None:
@@ -61,18 +61,18 @@ class Sensors:
         )
         self._yaw_rate = errors.draw
         self._altitude = wander(profile.altimeter_bias_std_m, profile.altimeter_bias_time_s)
-        # A drone knows its altitude when it takes off: the pressure is zeroed there.
+        # The drone zeroes its pressure sensor at take-off.
         self._altitude.value = 0.0
         self._lost_x_m = 0.0
         self._lost_y_m = 0.0
-        self.drift_mps = (0.0, 0.0)  # steady error of the optical flow, world x and y
+        self.drift_mps = (0.0, 0.0)  # steady velocity error of the optical flow, world x and y
 
     def estimate(self, motion: Motion, *, airborne: bool) -> Estimate:
-        """Move the errors on by one control step and return the autopilot's estimate.
+        """Advance the errors by one control step and return the autopilot's estimate.
 
         Args:
             motion: the true motion.
-            airborne: on the ground nothing drifts.
+            airborne: whether the drone is in the air; on the ground the estimate does not drift.
         """
         flow_x = flow_y = 0.0
         if airborne:
@@ -95,12 +95,12 @@ class Sensors:
         )
 
     def telemetry(self, motion: Motion, estimate: Estimate, surface_m: float) -> Telemetry:
-        """Return the noisy report of one moment.
+        """Return the measurements of this step, with noise.
 
         Args:
             motion: the true motion.
             estimate: the autopilot's estimate.
-            surface_m: height of what lies below the body's centre.
+            surface_m: height of the surface below the body's centre.
         """
         profile, draw = self._profile, self._white.draw
         altitude = estimate.z_m - self._start_z_m + profile.altimeter_noise_std_m * draw()

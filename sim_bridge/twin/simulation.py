@@ -1,4 +1,4 @@
-"""The twin's world over time: physics, autopilot, sensors and gimbal, stepped together."""
+"""Simulation of the twin: physics, autopilot, sensors and gimbal, stepped together."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.sensors import Sensors, Telemetry
 from uav_bt.types import Command, DroneState, MoveBy, MoverState, Pose
 
-_REMEMBERED_FRAMES = 900  # half a minute of video, for referees that look back
-_CONTACT_MEMORY_S = 0.1  # a tick: a reader once a tick misses no contact
+_REMEMBERED_FRAMES = 900  # 30 s of video, for the referee
+_CONTACT_MEMORY_S = 0.1  # one tick: a reader once a tick gets all contacts
 _TIME_SLACK_S = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Capture:
-    """The camera, the movers and the telemetry of a moment, to draw its frame later."""
+    """Camera, movers and telemetry at one time, to render the frame later."""
 
     index: int
     time_s: float
@@ -38,16 +38,16 @@ class Capture:
 
 
 class Simulation:
-    """One flight; the same seed and the same commands give the same flight.
+    """One flight. The same seed and commands give the same flight.
 
-    Time moves only in `run_until`.
+    Time passes only in `run_until`.
 
     Args:
         scene: the lab.
-        lab: the same, compiled.
+        lab: the compiled scene.
         profile: limits and imperfections.
-        seed: of everything random.
-        start: the body's centre when standing.
+        seed: random seed of the flight.
+        start: pose of the body's centre before take-off.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Simulation:
             )
             for _ in range(3)
         ]
-        self._breeze = (0.0, 0.0)  # m/s2, steady, world x and y
+        self._breeze = (0.0, 0.0)  # steady acceleration by the wind, m/s2, world x and y
         self._exposure = OrnsteinUhlenbeck(
             std=profile.exposure_std,
             time_s=profile.exposure_time_s,
@@ -92,7 +92,7 @@ class Simulation:
 
     @property
     def now_s(self) -> float:
-        """Time since the start."""
+        """Time since the start, s."""
         return self._steps * CONTROL_STEP_S
 
     @property
@@ -102,12 +102,12 @@ class Simulation:
 
     @property
     def gimbal_pitch_rad(self) -> float:
-        """Of the camera; 0 level, negative down."""
+        """Pitch of the camera; 0 level, negative down."""
         return self._gimbal_rad
 
     @property
     def pilot_has_control(self) -> bool:
-        """Whether a person flies."""
+        """Whether a pilot flies."""
         return self._pilot
 
     @pilot_has_control.setter
@@ -117,27 +117,27 @@ class Simulation:
         self._pilot = value
 
     def disturb(self, *, wind_mps2: tuple[float, float], drift_mps: tuple[float, float]) -> None:
-        """Let a steady wind blow and the autopilot's estimate miss a steady drift, from now on."""
+        """Apply a steady wind and a steady drift that the estimate misses, from now on."""
         self._breeze = wind_mps2
         self._sensors.drift_mps = drift_mps
 
     def enqueue(self, command: Command, pace: Pace | None = None) -> None:
-        """Send a command; it takes effect after computing and transmission.
+        """Send a command; it takes effect after the computing and transmission delays.
 
         Args:
             command: the command.
-            pace: of a `MoveBy`; None flies it as fast as the profile allows.
+            pace: speed limits of a `MoveBy`; None uses the limits of the profile.
         """
         delay = self._profile.compute_latency_s + self._profile.command_latency_s
         self._queue.append((self.now_s + delay, command, pace))
 
     def run_until(self, time_s: float) -> None:
-        """Let time pass, in control steps; a time that has passed changes nothing."""
+        """Advance to a time in control steps; a past time has no effect."""
         while self.now_s < time_s - _TIME_SLACK_S:
             self._step()
 
     def state(self) -> DroneState:
-        """Return the telemetry that has arrived by now."""
+        """Return the telemetry that has arrived."""
         heard = self._downlink.heard
         return DroneState(
             captured_s=heard.times.oldest_s,
@@ -155,7 +155,7 @@ class Simulation:
         )
 
     def contacts(self) -> tuple[str, ...]:
-        """Return the names of everything the hull touched in the last 0.1 s with motors on."""
+        """Return the names of the geoms that the hull touched in the last 0.1 s with motors on."""
         since = self.now_s - _CONTACT_MEMORY_S - _TIME_SLACK_S
         return tuple(sorted(name for name, at in self._touched_s.items() if at >= since))
 
@@ -198,7 +198,7 @@ class Simulation:
         self._gimbal_rad += rate * CONTROL_STEP_S
 
     def _sense(self) -> None:
-        """Take in the world after a step: motion, contacts, telemetry, and a frame when due."""
+        """Measure after a step: motion, contacts, telemetry, and a frame if due."""
         self.motion = motion = self.body.motion()
         self._touching = self.body.contacts()
         if self.motors_on:
@@ -215,13 +215,13 @@ class Simulation:
             self._capture()
 
     def _surface_m(self, x_m: float, y_m: float) -> float:
-        """Return the height of whatever lies under a world point, movers included."""
+        """Return the height of the surface at a world point, movers included."""
         standing_m = self._scene.surface_m(x_m, y_m)
         return max(standing_m, self._traffic.top_m(self.movers, x_m, y_m))
 
     def _capture(self) -> None:
         motion = self.motion
-        # The lens sits ahead on the body, so it moves with the body's tilt; the view does not tilt.
+        # The lens is ahead of the centre, so it moves with the body's tilt; the view does not tilt.
         x_m, y_m = motion.to_world(CAMERA_FORWARD_M * math.cos(motion.pitch_rad), 0.0)
         self.frames.append(
             Capture(

@@ -1,4 +1,4 @@
-"""Upright bodies and their meshes, textured in metres."""
+"""Meshes of upright boxes and cylinders, with texture coordinates in metres."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.scene import Vector3
 
-_ROUND_FACES = 32  # of a cylinder: flatter than a true one by half a percent of its radius
-_PAPER_M = 0.001  # a roof is a sheet of this thickness, the uppermost part of its box
+_ROUND_FACES = 32  # faces of a cylinder: an error of half a percent of its radius
+_PAPER_M = 0.001  # thickness of a roof, a sheet at the top of its box
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]
 """Vertices (N, 3) in metres, triangles (M, 3), texture coordinates (N, 2) in tiles."""
@@ -19,7 +19,7 @@ Mesh = tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]
 
 @dataclass(frozen=True, kw_only=True)
 class Solid:
-    """An upright box or cylinder: half sizes, centre, and yaw counter-clockwise."""
+    """An upright box or cylinder: half sizes, centre, yaw counter-clockwise."""
 
     half_m: Vector3
     centre_m: Vector3
@@ -27,14 +27,14 @@ class Solid:
     round: bool = False
 
     def mesh(self, tile_m: tuple[float, float]) -> Mesh:
-        """Return its mesh, textured in tiles of this size across and up."""
+        """Return the mesh, textured in tiles of this width and height."""
         return (cylinder_mesh if self.round else box_mesh)(self.half_m, tile_m)
 
 
 def stacked(
     position_m: tuple[float, float], size_m: Vector3, yaw_rad: float, *, is_round: bool = False
 ) -> tuple[Solid, Solid, Solid]:
-    """Return a standing solid whole, without its paper-thin top, and that top."""
+    """Return a standing solid, the part below its roof, and the roof."""
     half_x, half_y, half_z = (size / 2 for size in size_m)
     sheet = _PAPER_M / 2
 
@@ -47,21 +47,21 @@ def stacked(
 
 
 def yaw_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
-    """Return the quaternion (w, x, y, z) of a turn about the vertical axis."""
+    """Return the quaternion (w, x, y, z) of a yaw angle."""
     return math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)
 
 
 def box_mesh(half_m: Vector3, tile_m: tuple[float, float]) -> Mesh:
-    """Make a box with four vertices a face, so that each face has its own texture coordinates.
+    """Make a box with four vertices per face, so that each face has separate texture coordinates.
 
-    Textures are laid in metres from each face's middle, upright on the sides.
+    Texture coordinates count from the middle of each face; textures are upright on the sides.
 
     Args:
         half_m: half sizes along x, y and upwards.
-        tile_m: what one repetition of the texture covers, across and up.
+        tile_m: width and height of one repetition of the texture.
     """
     hx, hy, hz = half_m
-    # Per face: its normal, the direction of u, the direction of v, and half extents along u, v.
+    # Per face: normal, direction of u, direction of v, half extents along u and v.
     faces = (
         ((1, 0, 0), (0, 1, 0), (0, 0, 1), hy, hz),
         ((-1, 0, 0), (0, -1, 0), (0, 0, 1), hy, hz),
@@ -86,14 +86,14 @@ def box_mesh(half_m: Vector3, tile_m: tuple[float, float]) -> Mesh:
 
 
 def cylinder_mesh(half_m: Vector3, tile_m: tuple[float, float]) -> Mesh:
-    """Make an upright cylinder whose texture goes once round its side, and flat over its ends.
+    """Make an upright cylinder; the texture wraps around its side and lies flat on its ends.
 
     Args:
-        half_m: radius, radius again, and half height.
-        tile_m: what one repetition of the texture covers, across and up.
+        half_m: radius, radius, half height.
+        tile_m: width and height of one repetition of the texture.
     """
     radius, _, half_z = half_m
-    turns = np.linspace(0.0, 2.0 * np.pi, _ROUND_FACES + 1)  # the seam has two columns of vertices
+    turns = np.linspace(0.0, 2.0 * np.pi, _ROUND_FACES + 1)  # two columns of vertices at the seam
     x, y, ones = radius * np.cos(turns), radius * np.sin(turns), np.ones_like(turns)
     around, up = turns * radius / tile_m[0], half_z / tile_m[1]
     side = [(np.stack([x, y, end * half_z * ones], axis=1), end) for end in (-1.0, 1.0)]

@@ -1,8 +1,8 @@
-"""The textures of the boxes, the carpet and the pad, drawn from fixed seeds.
+"""Textures of the boxes, the carpet and the pad, generated from fixed seeds.
 
-Every pattern is a square tile that repeats seamlessly, of known size in metres. A pattern has two
-or three hues, mixed finely enough that a window of a few centimetres shows them all: colour
-histograms then tell the patterns apart, as they do for printed wrapping paper.
+Each pattern is a square tile of known size in metres that repeats seamlessly. A pattern has two or
+three hues, mixed so finely that a window of a few centimetres contains all of them. Colour
+histograms then distinguish the patterns, as they do for printed wrapping paper.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Image = NDArray[np.uint8]  # (H, W, 3), RGB
-Place = tuple[float, float, float]  # x and y in tile units, and a turn in radians
+Place = tuple[float, float, float]  # x and y in tile units, rotation in radians
 
-TILE_M = 0.32  # edge of a side's or roof's tile
+TILE_M = 0.32  # edge of a tile of a side or roof
 _TILE_PX = 256
-_SMOOTH = 4  # tiles are drawn this much larger and shrunk, which smooths the edges
+_SMOOTH = 4  # tiles are drawn larger by this factor and shrunk, which smooths the edges
 
 
 def _rgb(hue_deg: float, saturation: float, value: float) -> tuple[int, int, int]:
@@ -34,7 +34,7 @@ def _to_bytes(image: NDArray[Any]) -> Image:
 
 
 class _Tile:
-    """A canvas that wraps around: what leaves on one edge comes back on the other."""
+    """A canvas that wraps around at its edges."""
 
     def __init__(self, ground: tuple[int, int, int], size_px: int = _TILE_PX) -> None:
         self.size = size_px * _SMOOTH
@@ -42,7 +42,7 @@ class _Tile:
         self.image: Image = np.full((self.size, self.size, 3), ground, np.uint8)
 
     def polygon(self, points: NDArray[np.float64], colour: tuple[int, int, int]) -> None:
-        """Fill a polygon given in tile units (0 to 1), drawn again beyond every edge."""
+        """Fill a polygon given in tile units (0 to 1), repeated beyond every edge."""
         for dx in (-1, 0, 1):
             for dy in (-1, 0, 1):
                 shifted = ((points + np.array((dx, dy))) * self.size).round().astype(np.int32)
@@ -58,7 +58,7 @@ class _Tile:
     def star(
         self, place: Place, shape: tuple[float, float, int], colour: tuple[int, int, int]
     ) -> None:
-        """Fill a star (with two points a leaf or a diamond): outer radius, inner radius, points."""
+        """Fill a star of a shape (outer radius, inner radius, points); two points make a leaf."""
         (x, y, turn), (outer, inner, points) = place, shape
         angle = turn + np.arange(2 * points) * np.pi / points
         radius = np.where(np.arange(2 * points) % 2 == 0, outer, inner)
@@ -67,7 +67,7 @@ class _Tile:
         )
 
     def done(self, seed: int, grain: float = 4.0) -> Image:
-        """Return the tile at its final size with the paper's grain."""
+        """Return the tile at its final size, with the grain of paper."""
         small = cv2.resize(
             self.image, (self._out_px, self._out_px), interpolation=cv2.INTER_AREA
         ).astype(np.float32)
@@ -76,7 +76,7 @@ class _Tile:
 
 
 def _grid(count: int, seed: int, jitter: float) -> list[Place]:
-    """Return brick-laid places in a tile, jittered, each with a random turn."""
+    """Return jittered places in a brick pattern, each with a random rotation."""
     rng = np.random.default_rng(seed)
     places = []
     for row in range(count):
@@ -88,7 +88,7 @@ def _grid(count: int, seed: int, jitter: float) -> list[Place]:
 
 
 def _zigzag(tile: _Tile, bands: int, colours: list[tuple[int, int, int]]) -> None:
-    """Cover a tile with horizontal zigzag bands in turn."""
+    """Cover a tile with horizontal zigzag bands of alternating colours."""
     x = np.linspace(-0.125, 1.125, 11)
     swing = 0.35 / bands * np.where(np.arange(11) % 2 == 0, 1.0, -1.0)
     for band in range(-1, bands + 1):
@@ -101,7 +101,7 @@ def _zigzag(tile: _Tile, bands: int, colours: list[tuple[int, int, int]]) -> Non
 
 @cache
 def side(pattern: int) -> Image:
-    """Return the tile of box ``pattern``'s sides (1 to 8), (256, 256, 3), 0.32 m square."""
+    """Return the tile of the sides of box ``pattern`` (1 to 8), (256, 256, 3), 0.32 m square."""
     return (
         _magenta_dots,
         _green_leaves,
@@ -230,9 +230,9 @@ def _silver_diamonds(seed: int) -> Image:
 
 @cache
 def carpet(size_m: tuple[float, float]) -> Image:
-    """Return a whole carpet, 256 pixels a metre along x (columns) and y: (H, W, 3).
+    """Return a whole carpet, (H, W, 3), 256 pixels per metre along x (columns) and y.
 
-    Motifs are woven at every scale, none of them regular, so that no place looks like another.
+    It has irregular motifs at every scale, so that each place looks different.
     """
     rng = np.random.default_rng(300)
     width, height = (round(256 * side) for side in size_m)
@@ -258,7 +258,7 @@ def carpet(size_m: tuple[float, float]) -> Image:
 
 @cache
 def helipad_top() -> Image:
-    """Return the H panel, (512, 512, 3), the letter upright: its top is the image's top."""
+    """Return the H panel, (512, 512, 3); the top of the letter is the top of the image."""
     size = 512 * _SMOOTH
     image: Image = np.full((size, size, 3), _rgb(150, 0.80, 0.28), np.uint8)
     white = _rgb(150, 0.03, 0.96)
@@ -287,11 +287,11 @@ def stripes() -> Image:
 
 @cache
 def plain(value: float, seed: int) -> Image:
-    """Return a nearly featureless surface, (256, 256, 3): grey paint with slow shading.
+    """Return a nearly featureless surface, (256, 256, 3): grey with smooth shading.
 
     Args:
         value: brightness, 0 to 1.
-        seed: of the shading.
+        seed: random seed of the shading.
     """
     rng = np.random.default_rng(seed)
     shade = cv2.resize(rng.normal(0.0, 1.0, (4, 4)), (256, 256), interpolation=cv2.INTER_CUBIC)

@@ -1,4 +1,4 @@
-"""What is drawn at random: the light and boxes of a scene, and where a flight in it begins."""
+"""Random variations of a scene: light, boxes, movers and take-off pose."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from sim_bridge.twin.scene import (
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose
 
-_FROM_EDGE_M: Final = 0.4  # of a box's centre: a drone does not fly round it there
-# Between the centres of two boxes, so that most gaps let the drone through, and from box to pad.
+_FROM_EDGE_M: Final = 0.4  # least distance of a box's centre from the carpet's edge
+# Least distance between the centres of two boxes (most gaps let the drone pass), and to the pad.
 _APART_M: Final = 1.05
 _FROM_PAD_M: Final = 0.95
 _SIDES_M: Final = (0.3, 0.5)
-_HEIGHTS_M: Final = (0.6, 2.2)  # as the shipped scenes have them
-_HIGH_SHARE: Final = 0.6  # of boxes that reach the flight height, 1.5 m
+_HEIGHTS_M: Final = (0.6, 2.2)  # range of heights in the shipped scenes
+_HIGH_SHARE: Final = 0.6  # share of boxes that reach the flight height, 1.5 m
 _HIGH_M: Final = 1.5
-_TRIES: Final = 4000  # boxes
-_MOVER_FROM_EDGE_M: Final = 0.4  # of a drawn path
-_MOVER_FROM_PAD_M: Final = 0.9  # from helipad and take-off, so that the drone can start and land
-_MOVER_GAP_M: Final = 0.2  # between a mover's width and the room it needs between boxes
-_PATH_M: Final = 1.0  # a drawn path's length, at least
+_TRIES: Final = 4000  # number of boxes to try
+_MOVER_FROM_EDGE_M: Final = 0.4  # least distance of a path from the carpet's edge
+_MOVER_FROM_PAD_M: Final = 0.9  # least distance from helipad and take-off point
+_MOVER_GAP_M: Final = 0.2  # free space between boxes beyond a mover's width
+_PATH_M: Final = 1.0  # least length of a path
 _START_FROM_EDGE_M: Final = 0.5
 _START_FROM_BOX_M: Final = 0.5  # from the body's centre to the nearest box or pad
 _START_TRIES: Final = 10_000
 
 
 def varied_light(rng: np.random.Generator) -> Lighting:
-    """Return a lab's light at random; cast shadows are left out, they cost 10 ms a frame."""
+    """Return a random light without cast shadows, which take 10 ms per frame."""
     azimuth = rng.uniform(0.0, 2.0 * math.pi)
     slant = rng.uniform(0.2, 0.9)
     return Lighting(
@@ -56,16 +56,16 @@ def varied_light(rng: np.random.Generator) -> Lighting:
 
 
 def varied_scene(scene: Scene, rng: np.random.Generator, *, name: str, layout: bool) -> Scene:
-    """Return a scene in another light and, if asked, with its boxes elsewhere, of other sizes.
+    """Return a scene with random light and, if asked, random places and sizes of its boxes.
 
     Args:
-        scene: keeps its helipad and its boxes' patterns.
-        rng: the source of all that is drawn.
-        name: of the new one.
-        layout: whether the boxes move.
+        scene: the original scene; helipad and patterns are kept.
+        rng: source of the random numbers.
+        name: name of the new scene.
+        layout: whether to move and resize the boxes.
 
     Raises:
-        ValueRangeError: there is no room for so many boxes.
+        ValueRangeError: no arrangement of the boxes was found.
     """
     boxes = _placed(scene, rng) if layout else scene.boxes
     return replace(scene, name=name, boxes=boxes, lighting=varied_light(rng))
@@ -79,7 +79,7 @@ def _placed(scene: Scene, rng: np.random.Generator) -> tuple[BoxSpec, ...]:
         box = _drawn(scene, scene.boxes[len(placed)].pattern, rng)
         if _fits(box, placed, scene):
             placed.append(box)
-        elif rng.random() < 0.01:  # the first boxes may leave no room for the rest
+        elif rng.random() < 0.01:  # restart: the first boxes may leave no space for the rest
             placed.clear()
     raise ValueRangeError(f"no room for {len(scene.boxes)} boxes in scene '{scene.name}'")
 
@@ -110,22 +110,22 @@ def _fits(box: BoxSpec, placed: list[BoxSpec], scene: Scene) -> bool:
 
 
 def with_movers(scene: Scene, count: int, seed: int) -> Scene:
-    """Return a scene with so many more movers, people and carts, drawn from a flight's seed.
+    """Return a scene with additional random people and carts.
 
-    Their paths are straight, a metre or longer, and keep away from boxes, helipad and take-off.
+    Their paths are straight, at least 1 m long, and away from boxes, helipad and take-off point.
 
     Args:
         scene: the lab.
-        count: how many more.
-        seed: the flight's.
+        count: number of movers to add.
+        seed: seed of the flight.
 
     Raises:
-        ValueRangeError: there would be too many, or the boxes leave no room for them.
+        ValueRangeError: the scene has too many movers, or the boxes leave no space for them.
     """
     own = len(scene.movers)
     if own + count > MAX_MOVERS:
         raise ValueRangeError(
-            f"scene '{scene.name}' has {own} movers of its own and takes {MAX_MOVERS - own} more, "
+            f"scene '{scene.name}' has {own} movers and takes at most {MAX_MOVERS - own} more, "
             f"got {count}"
         )
     rng = np.random.default_rng(child_seed(seed, 10))
@@ -168,14 +168,14 @@ def _drawn_mover(scene: Scene, rng: np.random.Generator) -> MoverSpec | None:
 
 
 def start_pose(scene: Scene, seed: int) -> Pose:
-    """Return the body's pose when it stands at its take-off point.
+    """Return the pose of the body at its take-off point.
 
     Args:
         scene: the lab.
-        seed: the flight's seed, used when the scene asks for a random place.
+        seed: seed of the flight, used if the take-off point is random.
 
     Raises:
-        ValueRangeError: the boxes leave no room for a random start.
+        ValueRangeError: the boxes leave no space for a random take-off point.
     """
     if scene.take_off.random:
         return _random_pose(scene, seed)

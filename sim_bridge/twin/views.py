@@ -1,4 +1,4 @@
-"""Images of a lab without flying: for training networks and for measuring them."""
+"""Images of a lab without a flight, for training and evaluating networks."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from sim_bridge.twin.scene import Scene
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 
-load_mujoco()  # before the modules below do: how it draws is settled at its import
+load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
 
 from sim_bridge.twin.model import HULL_HALF_M, build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 
 _HULL_RADIUS_M = math.hypot(HULL_HALF_M[0], HULL_HALF_M[1])
-_MARGIN_M = 0.15  # of the hull to boxes, and of the body's centre to the carpet's edge
+_MARGIN_M = 0.15  # from the hull to boxes, and from the body's centre to the carpet's edge
 _TRIES = 10_000
 _LOWERED_DEG = (-60.0, -31.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """One image with its truth."""
+    """One image with its ground truth."""
 
     image: NDArray[np.uint8]  # (H, W, 3) RGB
     ids: NDArray[np.uint8]  # (h, w) exact class ids of the same view
@@ -49,25 +49,24 @@ def render_views(
     vary_light: bool = False,
     seed: int = 0,
 ) -> Iterator[View]:
-    """Draw a lab from given places.
+    """Render a lab from given camera poses.
 
     Args:
         scene: the lab.
-        poses: where the camera is and looks.
-        size_px: width and height of the images, 16:9.
-        truth_size_px: width and height of ids and depth (the same view resized); as the images
-            when None.
-        profile: degrade the images by this profile's blur, exposure error and noise; clean when
-            None.
-        vary_light: change the lamp's direction, strength and tint from image to image.
-        seed: of noise, exposure and light; the same seed gives the same images.
+        poses: poses of the camera.
+        size_px: width and height of the images, pixels, 16:9.
+        truth_size_px: width and height of ids and depth (the same view resized), pixels; None:
+            the size of the images.
+        profile: source of blur, exposure error and noise of the images; None: clean images.
+        vary_light: change direction, strength and tint of the lamp from image to image.
+        seed: seed of noise, exposure and light; the same seed gives the same images.
 
     Yields:
         One view per pose, in order.
 
     Raises:
         MissingDependencyError: OpenGL does not work here.
-        ValueRangeError: a size cannot be drawn.
+        ValueRangeError: a size cannot be rendered.
     """
     anafi_camera(*size_px)  # refuses other aspects
     truth_size = truth_size_px or size_px
@@ -87,7 +86,7 @@ def render_views(
 
 
 class _Light:
-    """Redraws the lamps of a renderer around how they were."""
+    """Varies the lamps of a renderer around their original values."""
 
     def __init__(self, renderer: Renderer, seed: int) -> None:
         self._lights = list(renderer.scene.lights[: renderer.scene.nlight])
@@ -100,7 +99,7 @@ class _Light:
     def change(self, index: int) -> None:
         generator = np.random.default_rng(child_seed(self._seed, 8, index))
         strength = generator.uniform(0.75, 1.15)
-        balance = generator.uniform(0.6, 1.4)  # between ambient and lamps
+        balance = generator.uniform(0.6, 1.4)  # balance between ambient light and lamps
         tint = 1.0 + generator.uniform(-0.03, 0.03, 3)
         for light, (direction, ambient, diffuse) in zip(self._lights, self._kept, strict=True):
             turned = direction + generator.normal(0.0, 0.25, 3)
@@ -113,22 +112,22 @@ class _Light:
 def sample_flight_poses(
     scene: Scene, generator: np.random.Generator, count: int, *, lowered: float = 0.0
 ) -> list[CameraPose]:
-    """Draw camera poses like those of a flight.
+    """Return random camera poses like those of a flight.
 
-    Six of seven look ahead and down 25 to 30 degrees from anywhere over the carpet, mostly at
-    1.5 m; the seventh hangs about the helipad and looks steeply down, as before a landing.
+    Six of seven are anywhere above the carpet, mostly at 1.5 m, and look ahead and 25 to 30 degrees
+    down. The seventh is near the helipad and looks steeply down, as before a landing.
 
     Args:
-        scene: the lab; the drone's hull stays clear of its boxes.
-        generator: where the randomness comes from.
-        count: how many.
-        lowered: share of the six whose camera is lowered further, as at the carpet's edge.
+        scene: the lab; the poses keep the hull clear of its boxes.
+        generator: source of the random numbers.
+        count: number of poses.
+        lowered: share of the six with a further lowered camera, as at the carpet's edge.
 
     Raises:
-        ValueRangeError: the boxes leave no room to fly.
+        ValueRangeError: the boxes leave no space to fly.
     """
     poses = [_sample_pose(scene, generator, landing=index % 7 == 6) for index in range(count)]
-    if lowered:  # drawn last, so that places and headings do not depend on it
+    if lowered:  # sampled last, so that positions and headings do not depend on it
         chosen = generator.random(count) < lowered
         pitches_rad = np.radians(generator.uniform(*_LOWERED_DEG, count))
         for index in np.flatnonzero(chosen).tolist():

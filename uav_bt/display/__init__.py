@@ -1,1 +1,1 @@
-"""What a person watches: status line, lab map, films, Rerun."""
+"""Displays of a flight: status line, lab map, films, Rerun."""

@@ -1,7 +1,7 @@
-"""Drawing on images: the colours, the type and the few shapes that all panes share.
+"""Drawing on images: colours, text and shapes that all panes share.
 
-Images are (H, W, 3) uint8 RGB and are drawn on in place. Texts are plain ASCII: OpenCV 4 draws
-nothing else.
+Images are (H, W, 3) uint8 RGB and are changed in place. Text must be ASCII, because OpenCV 4 draws
+no other characters.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ACCENT: Final[Colour] = (255, 196, 0)
 ALARM: Final[Colour] = (255, 92, 92)
 
 _FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
-# Polygons are drawn in sixteenths of a pixel, so that what moves slowly moves smoothly.
+# Polygons are drawn in sixteenths of a pixel, so that slow movements look smooth.
 _SUBPIXEL_BITS: Final = 4
 _SUBPIXEL: Final = 1 << _SUBPIXEL_BITS
 
@@ -56,19 +56,19 @@ def put(
     scale: float = 0.5,
     bold: bool = False,
 ) -> None:
-    """Write a line of text; `at_px` is the left end of its base line."""
+    """Write a line of text; `at_px` is the left end of its baseline."""
     thickness = 2 if bold else 1
     cv2.putText(image, text, at_px, _FONT, scale, colour, thickness, cv2.LINE_AA)
 
 
 def text_width_px(text: str, scale: float = 0.5, *, bold: bool = False) -> int:
-    """Return how wide a text will be."""
+    """Return the width of a text, pixels."""
     (width_px, _), _ = cv2.getTextSize(text, _FONT, scale, 2 if bold else 1)
     return int(width_px)
 
 
 def shortened(text: str, room_px: int, scale: float = 0.5, *, bold: bool = False) -> str:
-    """Return a text that is no wider than its room: cut, with three dots, where it must be."""
+    """Return a text of limited width, cut with three dots if necessary."""
     if text_width_px(text, scale, bold=bold) <= room_px:
         return text
     kept = len(text)
@@ -80,7 +80,7 @@ def shortened(text: str, room_px: int, scale: float = 0.5, *, bold: bool = False
 def tag(
     image: Image, text: str, at_px: tuple[int, int], *, colour: Colour = INK, scale: float = 0.45
 ) -> None:
-    """Write a text on a dark plate, so that it reads on any image; kept inside the image."""
+    """Write a text on a dark plate, readable on any image and kept inside it."""
     height_px, width_px = image.shape[:2]
     text = shortened(text, width_px - 12, scale)
     wide, high = text_width_px(text, scale) + 12, round(44 * scale)
@@ -110,7 +110,7 @@ def polygon(
 
 
 def blend_polygon(image: Image, points_px: Sequence[Point], fill: Colour, opacity: float) -> None:
-    """Lay a translucent polygon over an image; only its bounding box is touched."""
+    """Draw a translucent polygon; only its bounding box is processed."""
     points = np.asarray(points_px, dtype=np.float64)
     height_px, width_px = image.shape[:2]
     left, top = (max(int(v), 0) for v in np.floor(points.min(axis=0)))

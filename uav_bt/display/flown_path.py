@@ -1,4 +1,4 @@
-"""The path that a flight has flown."""
+"""Path of a flight until now."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 class PathPoint:
     """A point of a flown path."""
 
-    x_m: float  # world
+    x_m: float  # world x
     y_m: float
-    phase: str = ""  # what the mission was doing
+    phase: str = ""  # phase of the mission
 
 
 class FlownPath:
-    """Follows a flight and knows its pose, its path and the distance travelled.
+    """Tracks the pose, the path and the travelled distance of a flight.
 
-    Without a referee the world is dead-reckoned from the telemetry: its origin is the place of the
-    first tick, x points where the drone headed then.
+    Without a referee the pose is dead-reckoned from the telemetry. The origin is then the position
+    at the first tick, and x points along the heading at that tick.
     """
 
     def __init__(self) -> None:
         self.points: list[PathPoint] = []
-        self.phases: list[str] = []  # in the order in which they first appeared
+        self.phases: list[str] = []  # in the order of their first appearance
         self.distance_m = 0.0
         self.pose: Pose | None = None  # None before the first tick
-        self.movers: tuple[MoverState, ...] = ()  # by the truth
+        self.movers: tuple[MoverState, ...] = ()  # ground truth
         self._odometry = Odometry()
         self._first: OdometryPose | None = None
 
     def add(self, record: TickRecord) -> Pose:
-        """Note a tick and return the present pose."""
+        """Add a tick and return the present pose."""
         truth = record.truth
         self.movers = () if truth is None else truth.movers
         pose = truth.pose if truth is not None else self._reckoned(record)

@@ -1,4 +1,4 @@
-"""The lab from above: its objects, world metres to pixels, and images of it."""
+"""Map of the lab from above: its objects, conversion of metres to pixels, and drawing."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from uav_bt.types import Pose2D
 CARPET_COLOUR: Final[Colour] = (52, 66, 54)
 _CARPET_GRID: Final[Colour] = (63, 79, 65)
 _FLOOR_GRID: Final[Colour] = (30, 33, 40)
-HEADER_PX: Final = 32  # of a map: its title and its scale
-_FOOTER_PX: Final = 32  # of a path's map: the legend
+HEADER_PX: Final = 32  # height of a map's title and scale
+_FOOTER_PX: Final = 32  # height of the legend of a path map
 _LEGEND_LEFT_PX: Final = 18
-_UNNAMED: Final[Colour] = (150, 156, 166)  # before the mission names a phase
-# Bright on the carpet, apart from one another; given out in the order in which phases appear.
+_UNNAMED: Final[Colour] = (150, 156, 166)  # colour before the first phase
+# Bright and distinct colours, used in the order in which phases appear.
 _PHASE_COLOURS: Final[tuple[Colour, ...]] = (
     (170, 178, 190),
     (94, 205, 255),
@@ -49,11 +49,11 @@ _PHASE_COLOURS: Final[tuple[Colour, ...]] = (
 
 @dataclass(frozen=True, kw_only=True)
 class MapItem(Pose2D):
-    """An upright thing in the world, seen from above: a box, or the helipad."""
+    """A box or the helipad, seen from above."""
 
-    size_m: tuple[float, float, float]  # along its own x and y, and its height
+    size_m: tuple[float, float, float]  # along the object's x and y, and its height
     yaw_rad: float = 0.0  # counter-clockwise from +x
-    colour: Colour = (160, 120, 80)  # RGB, of its sides in class maps
+    colour: Colour = (160, 120, 80)  # RGB colour of the sides in class maps
 
     def corners(self) -> list[Point]:
         """Return the four corners in world metres, counter-clockwise."""
@@ -68,14 +68,14 @@ class MapItem(Pose2D):
 
 @dataclass(frozen=True, kw_only=True)
 class MapMover:
-    """Something that moves, where its path begins."""
+    """A mover with its path."""
 
     item: MapItem
-    path_m: tuple[Point, ...]  # world metres; of a loop the first point stands last, too
-    round: bool = False  # a cylinder
+    path_m: tuple[Point, ...]  # world metres; a loop ends with its first point
+    round: bool = False  # whether the mover is a cylinder
 
     def outline(self, at_m: Point) -> list[Point]:
-        """Return its outline in world metres, its middle at a place."""
+        """Return the outline in world metres around a centre."""
         if self.round:
             return circle(*at_m, self.item.size_m[0] / 2)
         return replace(self.item, x_m=at_m[0], y_m=at_m[1]).corners()
@@ -83,7 +83,7 @@ class MapMover:
 
 @dataclass(frozen=True, kw_only=True)
 class LabMap:
-    """What a map of the lab shows; the origin is the carpet's middle."""
+    """Content of a map of the lab; the origin is the middle of the carpet."""
 
     carpet_size_m: tuple[float, float]  # along world x and y
     boxes: tuple[MapItem, ...] = ()
@@ -97,11 +97,11 @@ class LabMap:
 
 @dataclass(frozen=True, kw_only=True)
 class MapFrame:
-    """World metres to pixels: x to the right, y up, one scale for both."""
+    """Conversion of world metres to pixels: x to the right, y up, one scale for both."""
 
     size_px: tuple[int, int]  # width, height
     scale_px_per_m: float
-    centre_m: Point = (0.0, 0.0)  # what lies in the image's middle
+    centre_m: Point = (0.0, 0.0)  # world point in the middle of the image
 
     @classmethod
     def around(
@@ -113,17 +113,17 @@ class MapFrame:
         header_px: int = 0,
         footer_px: int = 0,
     ) -> MapFrame:
-        """Return the frame that shows an extent around the origin, as large as fits.
+        """Return the frame that shows an extent around the origin as large as possible.
 
         Args:
-            extent_m: along world x and y.
+            extent_m: size along world x and y.
             size_px: width and height of the image.
-            margin_m: shown on each side of the extent.
-            header_px: what is kept free of the extent above it, for a title.
-            footer_px: what is kept free below it.
+            margin_m: margin on each side of the extent.
+            header_px: height of the title above the extent.
+            footer_px: height of the legend below the extent.
 
         Raises:
-            ValueRangeError: nothing would be left of it.
+            ValueRangeError: there is no space for the extent.
         """
         wide_m, high_m = (side + 2 * margin_m for side in extent_m)
         wide_px, high_px = size_px[0], size_px[1] - header_px - footer_px
@@ -134,19 +134,19 @@ class MapFrame:
         return cls(size_px=size_px, scale_px_per_m=scale, centre_m=centre_m)
 
     def to_px(self, x_m: float, y_m: float) -> Point:
-        """Return where a world point lies, in pixels from the upper left corner."""
+        """Return the position of a world point, pixels from the upper left corner."""
         return (
             self.size_px[0] / 2 + (x_m - self.centre_m[0]) * self.scale_px_per_m,
             self.size_px[1] / 2 - (y_m - self.centre_m[1]) * self.scale_px_per_m,
         )
 
     def all_to_px(self, points_m: Sequence[Point]) -> list[Point]:
-        """Return where world points lie."""
+        """Return the positions of world points, pixels."""
         return [self.to_px(x, y) for x, y in points_m]
 
 
 def phase_colours(phases: Sequence[str]) -> dict[str, Colour]:
-    """Return a colour for every phase, in the order in which they first appear."""
+    """Return a colour for each phase, in the order of first appearance."""
     named = [phase for phase in dict.fromkeys(phases) if phase]
     colours = {p: _PHASE_COLOURS[i % len(_PHASE_COLOURS)] for i, p in enumerate(named)}
     return {"": _UNNAMED, **colours}
@@ -156,8 +156,8 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
     """Return the empty lab: floor, carpet with a grid of metres, boxes, helipad, movers' paths.
 
     Args:
-        lab_map: what stands there; None draws the grid alone.
-        frame: where the world lies in the image.
+        lab_map: the content; None draws only the grid.
+        frame: conversion of world metres to pixels.
 
     Returns:
         (H, W, 3) uint8 RGB.
@@ -197,7 +197,7 @@ def _draw_box(image: Image, frame: MapFrame, box: MapItem) -> None:
 def draw_movers(
     image: Image, frame: MapFrame, lab_map: LabMap, places_m: Sequence[Point] = ()
 ) -> None:
-    """Draw what moves, at places in the map's order; where their paths begin without any."""
+    """Draw the movers at places in the map's order; by default at the start of their paths."""
     begins = [mover.path_m[0] for mover in lab_map.movers]
     for mover, at_m in zip(lab_map.movers, places_m or begins, strict=True):
         edge = _mixed(mover.item.colour, INK, 0.7)
@@ -219,8 +219,8 @@ def _label(image: Image, frame: MapFrame, item: MapItem, text: str) -> None:
 
 
 def draw_scale(image: Image, frame: MapFrame) -> None:
-    """Draw how long a metre is, at the top right."""
-    right, base = frame.size_px[0] - 12, 22  # beside the title, above what is shown
+    """Draw a scale of one metre at the top right."""
+    right, base = frame.size_px[0] - 12, 22  # beside the title, above the map
     left = right - frame.scale_px_per_m
     line(image, [(left, base - 4), (left, base), (right, base), (right, base - 4)], DIM)
     put(image, "1 m", (round(left) - 28, base), colour=DIM, scale=0.38)
@@ -239,13 +239,13 @@ def draw_path_map(
     size_px: tuple[int, int] = (960, 780),
     title: str = "",
 ) -> Image:
-    """Return the image of a flown path, coloured by phase, with a legend.
+    """Return a map of a path, coloured by phase, with a legend.
 
     Args:
-        lab_map: what stands in the lab; None draws the grid alone.
-        path: from the first tick to the last.
+        lab_map: the content; None draws only the grid.
+        path: points from the first tick to the last.
         size_px: width and height of the image.
-        title: a line at the top.
+        title: line of text at the top.
 
     Returns:
         (H, W, 3) uint8 RGB.
@@ -276,12 +276,12 @@ def _dot(image: Image, frame: MapFrame, point: PathPoint, colour: Colour) -> Non
 
 
 def draw_legend(image: Image, colours: Mapping[str, Colour], *, base_px: int) -> None:
-    """Write the phases in their colours, in one row.
+    """Write the phases in their colours in one row.
 
     Args:
-        image: is drawn on.
-        colours: by phase; where they do not all fit, the last ones are written.
-        base_px: the row's base line.
+        image: the image to draw on.
+        colours: colours by phase; if not all fit, only the last ones are written.
+        base_px: row of the baseline.
     """
     entries = [
         (phase, colour, 20 + text_width_px(phase, 0.42) + 16)

@@ -1,6 +1,6 @@
-"""The map that follows a flight: the path so far, the drone, and what its camera sees.
+"""Live map of a flight: the path, the drone, and the field of view of its camera.
 
-Where the mission keeps a map of its own, that is drawn, with the outlines of what is there on top.
+If the mission keeps a site map, that map is drawn, with the outlines of the real objects on top.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ from uav_bt.types.projection import pixel_rays
 from uav_bt.types.site_map import SiteMap
 
 _VIEW_OPACITY: Final = 0.25
-_VIEW_REACH_M: Final = 1.8  # how far ahead the camera's view is drawn
+_VIEW_REACH_M: Final = 1.8  # length of the drawn field of view
 _VIEW_COLOUR: Final[Colour] = (200, 220, 255)
 _PATH_PX: Final = 2
-_ROTOR_M: Final = 0.11  # of the drawn drone, about the ANAFI's
+_ROTOR_M: Final = 0.11  # size of the drawn rotors, about that of the ANAFI
 _ARM_M: Final = 0.14
-_NO_LAB_M: Final = (6.0, 6.0)  # shown around the start where the lab is unknown
+_NO_LAB_M: Final = (6.0, 6.0)  # extent around the start if the lab is unknown
 
 
 def ground_view(
     camera: CameraModel, pitch_rad: float, height_m: float, reach_m: float = _VIEW_REACH_M
 ) -> list[Point]:
-    """Return the ground that a camera sees: the image's corners cast down.
+    """Return the ground in a camera's view: the intersections of the corner rays with the ground.
 
     Args:
-        camera: intrinsics; distortion is left out.
-        pitch_rad: of the gimbal, 0 level, negative down.
-        height_m: of the camera above the ground.
-        reach_m: rays that go further, or never come down, end here.
+        camera: intrinsics; distortion is ignored.
+        pitch_rad: pitch of the gimbal, 0 level, negative down.
+        height_m: height of the camera above the ground.
+        reach_m: length limit of the rays.
 
     Returns:
         Four points (forward, right), metres from the body's centre, clockwise from the upper left.
@@ -73,13 +73,13 @@ def ground_view(
 
 
 class LiveMap:
-    """Draws the map pane; the path is drawn once and kept, so a tick costs the same all flight.
+    """Draws the map pane. Each point of the path is drawn once, so the time per tick is constant.
 
     Args:
-        lab_map: what stands in the lab; None draws a grid around the start.
-        camera: for the field of view.
+        lab_map: content of the lab; None draws a grid around the start.
+        camera: intrinsics, for the field of view.
         size_px: width and height of the pane.
-        title: a line above the lab.
+        title: line of text above the lab.
     """
 
     def __init__(
@@ -100,18 +100,18 @@ class LiveMap:
         self._alignment = MapAlignment()
         self._site_map: SiteMap | None = None
         self._believed: Image | None = None  # the mission's map, without the path
-        self._drawn = 1  # points of the path that are already on the image
+        self._drawn = 1  # number of drawn points of the path
 
     def believe(
         self, time_s: float, flown: FlownPath, reported_yaw_rad: float, site_map: SiteMap | None
     ) -> None:
-        """Take the mission's own map, which is drawn in place of the lab from then on.
+        """Set the mission's map, which is then drawn instead of the lab.
 
         Args:
-            time_s: of the tick.
-            flown: the path so far.
-            reported_yaw_rad: of the drone, by its telemetry.
-            site_map: as the mission knows it; None: the last one stays.
+            time_s: time of the tick.
+            flown: the path until now.
+            reported_yaw_rad: heading of the drone in its telemetry.
+            site_map: the mission's map; None keeps the last one.
         """
         if flown.pose is None:
             return
@@ -126,13 +126,13 @@ class LiveMap:
     def draw(
         self, flown: FlownPath, *, pitch_rad: float, height_m: float, fix: HelipadFix | None
     ) -> Image:
-        """Return the map of this moment, (H, W, 3) uint8 RGB.
+        """Return the present map, (H, W, 3) uint8 RGB.
 
         Args:
-            flown: the path so far.
-            pitch_rad: where the camera points.
-            height_m: of the camera above the carpet.
-            fix: where the drone believes the helipad to be.
+            flown: the path until now.
+            pitch_rad: pitch of the camera, 0 level, negative down.
+            height_m: height of the camera above the carpet.
+            fix: the drone's estimate of the helipad's position.
         """
         self._draw_new_path(flown)
         if self._believed is None:
@@ -145,7 +145,7 @@ class LiveMap:
             draw_movers(image, self._frame, self._lab_map, places_m)
         if flown.pose is not None:
             seen = ground_view(self._camera, pitch_rad, max(height_m, 0.0))
-            # With the lens itself: a wedge when it points ahead, a rectangle when it points down.
+            # The hull includes the lens: a wedge if it looks ahead, a rectangle if it looks down.
             lens = (self._camera.forward_offset_m, 0.0)
             view_px = hull([self._around(flown.pose, *point) for point in (lens, *seen)])
             blend_polygon(image, view_px, _VIEW_COLOUR, _VIEW_OPACITY)
@@ -159,7 +159,7 @@ class LiveMap:
         self._drawn = max(len(flown.points), 1)
 
     def _draw_path(self, image: Image, flown: FlownPath, first: int) -> None:
-        """Draw the path from a point's predecessor on, in one line for each phase."""
+        """Draw the path from the predecessor of a point, in one line per phase."""
         colours, points = phase_colours(flown.phases), flown.points
         for phase, run in groupby(range(first, len(points)), lambda at: points[at].phase):
             places = list(run)
@@ -167,7 +167,7 @@ class LiveMap:
             line(image, self._frame.all_to_px(ends), colours[phase], _PATH_PX)
 
     def _around(self, pose: Pose, forward_m: float, right_m: float) -> Point:
-        """Return where a point given from the body's centre lies in the image."""
+        """Return the pixel position of a point given relative to the body's centre."""
         return self._frame.to_px(*pose.to_world(forward_m, -right_m))
 
     def _draw_fix(self, image: Image, pose: Pose, fix: HelipadFix) -> None:

@@ -1,4 +1,4 @@
-"""What a rehearsed drone would be sent, a line for each new order."""
+"""Lines of text for the commands of a rehearsal."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from uav_bt.types import MoveBy, Velocity
 
 
 class OrderLines:
-    """A tick listener that writes each order as it changes.
+    """A tick listener that writes a line for each new command.
 
     Args:
-        write: takes a line.
+        write: called with each line.
     """
 
     def __init__(self, write: Callable[[str], None]) -> None:
@@ -21,7 +21,7 @@ class OrderLines:
         self._last: object = None
 
     def on_tick(self, record: TickRecord) -> None:
-        """Write the tick's order, unless it is the one before: speeds change all the time."""
+        """Write the command of the tick if it is new; changed speeds are not new."""
         movement = record.command.movement
         order: object = type(movement)
         if isinstance(movement, MoveBy):

@@ -1,4 +1,4 @@
-"""Flights, commands and readings in a few plain words, for films, views and the status line."""
+"""Short descriptions of flights, commands and readings, for films, views and the status line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from uav_bt.types import (
     Velocity,
 )
 
-_NOTHING = 5e-3  # metres, metres a second: smaller parts are not shown
+_NOTHING = 5e-3  # m and m/s; smaller parts are not shown
 _NO_TURN_RAD = math.radians(0.5)
 _WHOLE: dict[type[Movement], str] = {
     TakeOff: "take off",
@@ -32,24 +32,24 @@ _WHOLE: dict[type[Movement], str] = {
 
 
 def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> str:
-    """Return which mission is flown where.
+    """Return the mission and where it is flown.
 
     Args:
-        tree: the tree file's name.
-        scene: where a simulated drone flies; None for a real one.
-        drone: what flies; named where there is no scene.
-        seed: of everything random; a real flight is not repeated by it.
+        tree: name of the tree file.
+        scene: scene of a simulated drone; None for a real one.
+        drone: name of the drone, used without a scene.
+        seed: random seed, used with a scene.
     """
     mission = Path(tree).stem
     return f"{mission} with {drone}" if scene is None else f"{mission} in {scene}, seed {seed}"
 
 
 def lands_on_helipad(report: FlightReport, mark: LandingMark) -> bool:
-    """Return whether a flight was to land on a helipad, or did: other landings have no error.
+    """Return whether a flight searched or reached a helipad; other landings have no landing error.
 
     Args:
-        report: Of the flight.
-        mark: Landing mark of the place.
+        report: report of the flight.
+        mark: landing mark of the place.
     """
     error_m = report.landing_error_m
     on_pad = error_m is not None and error_m <= mark.radius_m
@@ -57,15 +57,15 @@ def lands_on_helipad(report: FlightReport, mark: LandingMark) -> bool:
 
 
 def describe_coverage(report: FlightReport) -> str:
-    """Return how much of the free ground a flight covered; empty where it was not measured."""
+    """Return the share of the free ground that a flight covered; empty if not measured."""
     if report.coverage_passed is None or report.coverage_seen is None:
         return ""
     passed, seen = 100.0 * report.coverage_passed, 100.0 * report.coverage_seen
-    return f"{passed:.0f} % of the free ground passed, {seen:.0f} % seen"
+    return f"{passed:.0f} % of the free ground covered, {seen:.0f} % seen"
 
 
 def describe_objects(report: FlightReport) -> str:
-    """Return how many of the place's objects stand on a flight's map; empty without a map."""
+    """Return how many of the place's objects the flight's map contains; empty without a map."""
     if report.objects_found is None:
         return ""
     false = f", {report.false_objects} false" if report.false_objects else ""
@@ -73,7 +73,7 @@ def describe_objects(report: FlightReport) -> str:
 
 
 def describe_drift(report: FlightReport) -> str:
-    """Return how far a flight's map drifted from the truth; empty without a map."""
+    """Return the drift of a flight's map from the ground truth; empty without a map."""
     if report.map_drift_m is None:
         return ""
     early_m = report.map_drift_90s_m
@@ -83,7 +83,7 @@ def describe_drift(report: FlightReport) -> str:
 
 
 def describe_movement(movement: Movement) -> str:
-    """Return a movement in words, its larger parts only."""
+    """Return a movement in words; small parts are omitted."""
     match movement:
         case MoveBy():
             steps = _directions(movement.forward_m, movement.right_m, movement.down_m, "m")
@@ -117,7 +117,7 @@ def _joined(verb: str, parts: list[str], yaw_rad: float, per: str) -> str:
 
 
 def describe_fix(fix: HelipadFix | None, age_s: float) -> str:
-    """Return a helipad fix as range, direction and whether it is seen or carried."""
+    """Return range and direction of a helipad fix, and whether it is seen or dead-reckoned."""
     if fix is None:
         return "none" if math.isinf(age_s) else f"none for {age_s:.0f} s"
     bearing_deg = math.degrees(fix.bearing_rad)
@@ -127,14 +127,14 @@ def describe_fix(fix: HelipadFix | None, age_s: float) -> str:
 
 
 def describe_corridor(corridor: Corridor) -> str:
-    """Return which side of the corridor is intruded upon, and how near."""
+    """Return the side and the distance of the nearest intrusion into the corridor."""
     if corridor.nearest_side is None:
         return "corridor clear"
     return f"intrusion {corridor.nearest_side}, {corridor.nearest_m:.2f} m"
 
 
 def describe_free(corridor: Corridor) -> str:
-    """Return how far the way ahead is free."""
+    """Return the free distance ahead."""
     if math.isinf(corridor.free_distance_m):
         return "nothing ahead"
     words = f"free {corridor.free_distance_m:.2f} m ahead"

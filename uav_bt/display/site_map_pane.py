@@ -1,4 +1,4 @@
-"""The map that the mission believes in, as an image and as lines on a map of the lab."""
+"""Drawing of the mission's site map, with the outlines of the real objects."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ UNKNOWN: Final[Colour] = BACKDROP
 SEEN: Final[Colour] = (47, 62, 56)
 PASSED: Final[Colour] = (62, 104, 78)
 OUTSIDE: Final[Colour] = (58, 38, 42)
-FREE: Final[Colour] = (36, 42, 50)  # to fly, though its ground was not seen
+FREE: Final[Colour] = (36, 42, 50)  # free space whose ground was not seen
 
 BASES: Final[Colour] = (255, 110, 90)
 EDGES: Final[Colour] = (214, 204, 150)
 MOVERS: Final[Colour] = (255, 200, 40)
 _TRUE: Final[Colour] = (120, 190, 255)
 _POINT_PX: Final = 1
-_OBJECT_PX: Final = 2  # of an object's outline
-FOOTER_PX: Final = 24  # of an image: the legend
-_AHEAD_S: Final = 2.0  # of a mover's course that is drawn
+_OBJECT_PX: Final = 2  # line width of an object's outline
+FOOTER_PX: Final = 24  # height of the legend
+_AHEAD_S: Final = 2.0  # drawn length of a mover's predicted course, s
 _LEGEND: Final = (("passed", PASSED), ("seen", SEEN), ("outside", OUTSIDE), ("true", _TRUE))
 
 
 def cells_image(site_map: SiteMap) -> Image:
-    """Return what a map knows of each of its cells, (rows, columns, 3) uint8 RGB."""
+    """Return the colours of a map's cells by their state, (rows, columns, 3) uint8 RGB."""
     image: Image = np.full((*site_map.free.shape, 3), UNKNOWN, dtype=np.uint8)
     for cells, colour in (
         (site_map.free, FREE),
@@ -55,13 +55,13 @@ def cells_image(site_map: SiteMap) -> Image:
 def draw_site_map(
     site_map: SiteMap, placement: MapPlacement, frame: MapFrame, lab_map: LabMap | None
 ) -> Image:
-    """Return what the mission believes of the place, and on top the outlines of what is there.
+    """Return the mission's map, with the outlines of the real objects on top.
 
     Args:
-        site_map: the mission's.
-        placement: of it in the world.
-        frame: where the world lies in the image.
-        lab_map: what stands in the lab; None draws no outlines.
+        site_map: the mission's map.
+        placement: pose of the map in the world.
+        frame: conversion of world metres to pixels.
+        lab_map: content of the lab; None draws no outlines.
 
     Returns:
         (H, W, 3) uint8 RGB.
@@ -86,8 +86,8 @@ def draw_site_map(
 
 
 def _cells_in_world(site_map: SiteMap, placement: MapPlacement, frame: MapFrame) -> Image:
-    """Return the cells as they lie in the world, at the frame's size."""
-    # Three cells' centres say how columns and rows lie in the image: OpenCV's x is the column.
+    """Return the cells in world orientation, at the size of the frame."""
+    # The centres of three cells define the affine transform; OpenCV's x is the column.
     corner, cell_m = np.array(site_map.corner_m), site_map.cell_m
     centres = corner + cell_m * np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
     there = frame.all_to_px([(x, y) for x, y in placement.to_world(centres).tolist()])
@@ -124,14 +124,14 @@ def _draw_mover(image: Image, mover: MapMover, placement: MapPlacement, frame: M
 
 
 def object_label(item: MapObject) -> str:
-    """Return a short name of an object's class: a box's number alone."""
+    """Return a short name of an object's class; for a box only its number."""
     if item.class_id in BOXES:
         return str(BOXES.index(item.class_id) + 1)
     return CLASS_NAMES[item.class_id]
 
 
 def _draw_legend(image: Image) -> None:
-    image[-FOOTER_PX:] = BACKDROP  # cells have the legend's colours
+    image[-FOOTER_PX:] = BACKDROP  # the cells below have the colours of the legend
     left, base = 12, image.shape[0] - 10
     for words, colour in _LEGEND:
         line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)

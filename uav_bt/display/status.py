@@ -1,4 +1,4 @@
-"""How a flight is going, in one line, and how it went, in one table."""
+"""Status line of a running flight, and summary table of a finished one."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import DroneState, LandingMark
 
-_REDRAW_S: Final = 0.2  # wall time between redraws: faster cannot be read
-_DESCENT_LINE_EVERY_S: Final = 5.0  # wall time: a person who must act now has no ten
-_LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
-_ACT: Final = {  # what a person must do at once; it stays on the screen
+_REDRAW_S: Final = 0.2  # wall time between redraws; faster ones are unreadable
+_DESCENT_LINE_EVERY_S: Final = 5.0  # wall time between lines during a descent
+_LINE_EVERY_S: Final = 10.0  # mission time between lines without a terminal
+_ACT: Final = {  # actions for the operator; they stay on the screen
     Override.CUT: "keep clear, then take the remote control",
     Override.LINK: "take the remote control",
 }
 
 
 class StandardError(Console):
-    """A console whose reader may go away: that is the listener's end, not the program's."""
+    """A console whose broken pipe ends the tick listener instead of the program."""
 
     def on_broken_pipe(self) -> None:
-        """Let the error out; Rich would end the program.
+        """Raise the error; Rich would end the program.
 
         Raises:
             BrokenPipeError: always.
@@ -51,15 +51,15 @@ class StandardError(Console):
 
 
 class LiveStatus:
-    """A tick listener that keeps one line up to date. Use it as a context manager, or close it.
+    """A tick listener that updates one status line. Use it as a context manager, or close it.
 
-    On a terminal the line is redrawn in place; elsewhere one is written every ten seconds of
-    mission time, so that a log stays short. An override is shown at once, wherever.
+    On a terminal the line is redrawn in place. Elsewhere one line is written every ten seconds of
+    mission time, so that a log stays short. An override is always shown at once.
 
     Args:
-        board: of the mission; time and helipad fix are read from it.
-        console: where to write; default: the standard error stream.
-        wall_clock_s: real seconds; tests give their own.
+        board: board of the mission, source of time and helipad fix.
+        console: output; default: the standard error stream.
+        wall_clock_s: returns the real time, s; tests pass a simulated clock.
     """
 
     def __init__(
@@ -77,10 +77,10 @@ class LiveStatus:
         self._shown_s = 0.0  # wall time of the last redraw, mission time of the last line
         self._descent_shown_s: float | None = None  # wall time of the last line about the landing
         self._live: Live | None = None
-        self._override: Override | None = None  # of the last tick
+        self._override: Override | None = None  # override of the last tick
 
     def on_tick(self, record: TickRecord) -> None:
-        """Show a tick, when it is time to."""
+        """Show a tick, if due."""
         self._flown.add(record)
         now_s = self._wall_clock_s()
         at_once = self._began is None or record.override is not self._override
@@ -103,7 +103,7 @@ class LiveStatus:
             self._live.update(self.line(record, now_s), refresh=True)
 
     def on_descent(self, state: DroneState | None, reason: str) -> None:
-        """Show that the drone is brought down, and why."""
+        """Show that the drone is being landed, and the reason."""
         now_s = self._wall_clock_s()
         text = descent_line(state, reason)
         if self._live is not None:
@@ -144,10 +144,10 @@ class LiveStatus:
         return text
 
     def close(self) -> None:
-        """Take the line away; safe to call twice."""
+        """Remove the line; safe to call twice."""
         live, self._live = self._live, None
         if live is not None:
-            with suppress(OSError):  # a terminal that went away took its line along
+            with suppress(OSError):  # the terminal may be gone
                 live.stop()
 
     def __enter__(self) -> Self:
@@ -160,11 +160,11 @@ class LiveStatus:
 
 
 def descent_line(state: DroneState | None, reason: str) -> Text:
-    """Return the line about a drone that is brought down.
+    """Return the line about a drone that is being landed.
 
     Args:
-        state: the newest that is known, None before the first.
-        reason: why it is landed.
+        state: newest state; None before the first.
+        reason: reason of the landing.
     """
     known = "not heard" if state is None else state.flying.value.replace("_", " ")
     return Text(f"landing ({known}): {reason}", style="bold red", no_wrap=True, overflow="ellipsis")
@@ -178,11 +178,11 @@ _SENTENCES: Final = {
 
 
 def summary(report: FlightReport, mark: LandingMark) -> Table:
-    """Return a flight's report as a table for people.
+    """Return the report of a flight as a table.
 
     Args:
-        report: Of the flight.
-        mark: Landing mark of the place.
+        report: report of the flight.
+        mark: landing mark of the place.
     """
     good = report.outcome == Outcome.SUCCESS.value
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
@@ -210,9 +210,9 @@ def summary(report: FlightReport, mark: LandingMark) -> Table:
 def _numbers(
     report: FlightReport, mark: LandingMark
 ) -> Iterator[tuple[str, float | None, str, int]]:
-    """Yield name, value, unit and decimal places of what the mission came to."""
+    """Yield name, value, unit and decimal places of the mission's results."""
     yield "duration", report.duration_s, "s", 1
-    if (report.duration_s or 0.0) > EXPLORE_S:  # else it is the total distance
+    if (report.duration_s or 0.0) > EXPLORE_S:  # otherwise it equals the total distance
         yield f"first {EXPLORE_S:.0f} s", report.explore_distance_m, "m", 2
     yield "total distance", report.total_distance_m, "m", 2
     yield "search", report.time_to_find_helipad_s, "s until the helipad was found", 1

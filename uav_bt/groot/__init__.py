@@ -1,4 +1,4 @@
-"""Trees watched while they fly: Groot2's live protocol and its log files."""
+"""Monitoring of trees by Groot2: live protocol and log files."""
 
 from uav_bt.groot.btlog import BtlogReader, BtlogWriter
 from uav_bt.groot.groot_publisher import GrootConfig, GrootPublisher

@@ -1,13 +1,13 @@
-"""Log files in the engine's FileLogger2 format, which Groot2 replays.
+"""Log files in the FileLogger2 format of BehaviorTree.CPP, which Groot2 replays.
 
-Facts from BehaviorTree.CPP's `bt_file_logger_v2.cpp`; all numbers little endian:
+Source: BehaviorTree.CPP's `bt_file_logger_v2.cpp`. All numbers are little endian:
 
     18 bytes   BTCPP4-FileLogger2
     u8         protocol, 1
     i32        length of the XML
     bytes      the tree as XML, with `_uid` of every node
-    i64        first time, microseconds; the mission clock's here
-    9 bytes    each transition, timed from the first time on
+    i64        first time, microseconds, by the mission clock
+    9 bytes    each transition, with its time since the first time
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.files import reading, writing
 from uav_bt.groot.transitions import RECORD_BYTES, Transition, pack, unpack
 
-SUFFIX: Final = ".btlog"  # Groot2 opens no other
-MAX_XML_BYTES: Final = 32 * 1024 * 1024  # a tree of all 65,535 nodes has half of that
+SUFFIX: Final = ".btlog"  # the only suffix that Groot2 opens
+MAX_XML_BYTES: Final = 32 * 1024 * 1024  # twice the size of a tree of 65,535 nodes
 MAX_LOG_BYTES: Final = 1024**3  # weeks of a large tree at ten ticks a second
 
 _MAGIC: Final = b"BTCPP4-FileLogger2"
@@ -33,17 +33,17 @@ _FIRST_TIME: Final = struct.Struct("<q")
 
 
 class BtlogWriter:
-    """Writes a log as the flight goes on. Use it as a context manager, or close it.
+    """Writes a log during a flight. Use it as a context manager, or close it.
 
-    Every `write` reaches the operating system, so that a mission that is cut short leaves its log.
-    A disk that fills up ends the log, not the mission: `close` raises then.
+    Each `write` reaches the operating system, so that an interrupted mission leaves a log. A full
+    disk ends the log, not the mission; `close` then raises the error.
 
     Args:
-        path: the file; what was there is replaced.
-        max_bytes: the log ends when the file would grow larger.
+        path: the file; an existing one is replaced.
+        max_bytes: size limit of the file, at which the log ends.
 
     Raises:
-        FileError: the file is not called `*.btlog`.
+        FileError: the name is not `*.btlog`.
     """
 
     def __init__(self, path: Path, *, max_bytes: int = MAX_LOG_BYTES) -> None:
@@ -56,16 +56,16 @@ class BtlogWriter:
         self._file: BinaryIO | None = None
 
     def begin(self, xml: str, first_time_us: int) -> None:
-        """Open the file and write what stands before the transitions.
+        """Open the file and write the head of the log.
 
-        A log of that name is not touched before.
+        An existing file is not changed before this call.
 
         Args:
             xml: the numbered tree.
-            first_time_us: the mission clock, microseconds; transitions must not be earlier.
+            first_time_us: mission time, microseconds; transitions must not be earlier.
 
         Raises:
-            FileError: the file cannot be written, the log has begun already, or the tree is too
+            FileError: the file cannot be written, the log has already begun, or the tree is too
                 large.
         """
         if self._first_time_us is not None:
@@ -96,7 +96,7 @@ class BtlogWriter:
         """Finish the file; safe to call twice.
 
         Raises:
-            FileError: the log is not whole, because the disk failed or the file grew too large.
+            FileError: the log is incomplete, because the disk failed or the file was too large.
         """
         if self._file is not None:
             self._file.close()
@@ -108,7 +108,7 @@ class BtlogWriter:
         if self._file is None or self._fault is not None:
             return
         if len(data) > self._room_bytes:
-            self._fault = FileError(self._path, "the log ends early: it has grown too large")
+            self._fault = FileError(self._path, "the log ends early: it is too large")
             return
         self._room_bytes -= len(data)
         try:
@@ -127,7 +127,7 @@ class BtlogWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close; an exception that is under way already comes first."""
+        """Close the file; an earlier exception has priority over an error of the log."""
         try:
             self.close()
         except FileError as second:
@@ -137,21 +137,21 @@ class BtlogWriter:
 
 
 class BtlogReader:
-    """Reads a log, one transition after another. Use it as a context manager, or close it.
+    """Reads the transitions of a log. Use it as a context manager, or close it.
 
-    A log whose writer was cut short in the middle of a transition is read up to there;
-    `partial_bytes` is how much was left over.
+    A log that ends within a transition is read up to the last complete one; `partial_bytes` is the
+    size of the rest.
 
     Args:
         path: the file.
 
     Raises:
-        FileError: there is no such file, or it is no such log; the message has the byte.
+        FileError: the file is missing or is not a log; the message contains the byte offset.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self.partial_bytes = 0  # at the end of the file; known once all transitions were read
+        self.partial_bytes = 0  # size of a partial transition at the end, after all were read
         with reading(path):
             size = path.stat().st_size
             if size > MAX_LOG_BYTES:
@@ -164,10 +164,10 @@ class BtlogReader:
             raise
 
     def __iter__(self) -> Iterator[Transition]:
-        """Iterate over the transitions that are left; their times begin with the log, at 0.
+        """Yield the remaining transitions; their times start at 0 with the log.
 
         Raises:
-            FileError: a record cannot be; the message has its byte.
+            FileError: a record is invalid; the message contains its byte offset.
         """
         while len(record := self._file.read(RECORD_BYTES)) == RECORD_BYTES:
             try:
@@ -178,12 +178,12 @@ class BtlogReader:
         self.partial_bytes = len(record)
 
     def close(self) -> None:
-        """Let go of the file; safe to call twice."""
+        """Close the file; safe to call twice."""
         self._file.close()
 
     def _head(self) -> tuple[str, int]:
         if self._file.read(len(_MAGIC)) != _MAGIC:
-            raise self._bad(0, f"no log of FileLogger2, which begins with '{_MAGIC.decode()}'")
+            raise self._bad(0, f"not a FileLogger2 log, which begins with '{_MAGIC.decode()}'")
         protocol = self._bytes(1, "the protocol's number")[0]
         if protocol != _PROTOCOL:
             at = self._file.tell() - 1

@@ -1,9 +1,9 @@
-"""What Groot2 asks and what it is answered, as bytes.
+"""Requests of Groot2 and their answers, as bytes.
 
-Facts from BehaviorTree.CPP's `groot2_protocol.h`: a request's first frame is protocol (u8), type
-(u8) and id (u32), little endian; the first frame of its answer is the same six bytes and the
-tree's 16-byte id. What else there is to say is the second frame. An error is answered by two
-frames, the word `error` and the reason.
+Source: BehaviorTree.CPP's `groot2_protocol.h`. The first frame of a request is protocol (u8), type
+(u8) and id (u32), little endian. The first frame of its answer is the same six bytes and the
+16-byte id of the tree. The second frame holds the content. An error is answered by two frames: the
+word `error` and the reason.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from uuid import UUID
 from uav_bt.errors import InputError
 
 PROTOCOL: Final = 2
-DEFAULT_PORT: Final = 1667  # of the requests; notifications have the next one
+DEFAULT_PORT: Final = 1667  # port of requests; the next port is for notifications
 
 _HEADER: Final = struct.Struct("<BBI")
 HEADER_BYTES: Final = _HEADER.size
@@ -25,7 +25,7 @@ _MAX_FRAMES: Final = 2
 
 
 class RequestType(enum.Enum):
-    """What can be asked."""
+    """Type of a request."""
 
     FULL_TREE = "T"
     STATUS = "S"
@@ -50,14 +50,14 @@ class Request:
     """A well-formed request."""
 
     type: RequestType
-    id: int  # the client's, repeated in the answer
+    id: int  # id set by the client, repeated in the answer
     body: bytes | None  # the second frame
 
     def text(self) -> str:
         """Return the body as text.
 
         Raises:
-            ProtocolError: there is none, or it is no text.
+            ProtocolError: the body is missing or is not text.
         """
         if self.body is None:
             raise ProtocolError("must be 2 parts message")
@@ -72,10 +72,10 @@ class Request:
 
 
 def parse_request(frames: list[bytes]) -> Request:
-    """Return what a message asks for.
+    """Parse the frames of a request.
 
     Raises:
-        ProtocolError: it is no request of this protocol.
+        ProtocolError: the message is not a request of this protocol.
     """
     if not 1 <= len(frames) <= _MAX_FRAMES:
         raise ProtocolError(f"a request has 1 or {_MAX_FRAMES} parts, got {len(frames)}")
@@ -85,7 +85,7 @@ def parse_request(frames: list[bytes]) -> Request:
         )
     protocol, kind, request_id = _HEADER.unpack(frames[0])
     if protocol != PROTOCOL:
-        raise ProtocolError(f"protocol {PROTOCOL} is spoken here, got {protocol}")
+        raise ProtocolError(f"expected protocol {PROTOCOL}, got {protocol}")
     try:
         request_type = RequestType(chr(kind))
     except ValueError:
@@ -94,5 +94,5 @@ def parse_request(frames: list[bytes]) -> Request:
 
 
 def error_reply(reason: str) -> list[bytes]:
-    """Return the frames of an answer that gives the reason of an error only."""
+    """Return the frames of an answer that contains only the reason of an error."""
     return [b"error", reason.encode(errors="replace")]

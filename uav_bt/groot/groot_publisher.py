@@ -1,10 +1,10 @@
-"""The server that Groot2 connects to: a thread of its own, on this machine only unless asked.
+"""Server for Groot2 on a separate thread; by default reachable from this machine only.
 
-Facts from BehaviorTree.CPP's `groot2_publisher.cpp`: requests are answered by a ZeroMQ REP socket,
-notifications go out through a PUB socket on the next port. The only notification reports
-that a breakpoint was reached; none can be set here, so that socket stays silent, and is there
-because Groot2 connects to it. Requests are answered by a ROUTER socket here: to a client it is the
-same, but where bytes that are no ZeroMQ at all arrive, a REP socket can fall silent for everybody.
+Source: BehaviorTree.CPP's `groot2_publisher.cpp`. There, requests are answered by a ZeroMQ REP
+socket, and notifications are sent by a PUB socket on the next port. The only notification reports a
+breakpoint. Breakpoints are not supported here, so that socket is silent; it exists because Groot2
+connects to it. This server uses a ROUTER socket for requests, because a REP socket can stop
+answering all clients after bytes that are not ZeroMQ. Clients notice no difference.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
 _LOG: Final = logging.getLogger(__name__)
 
-_MAX_PORT: Final = 65_534  # the next one must exist
-_MAX_FRAME_BYTES: Final = 65_536  # of a request; a longer one ends the client's connection
-# Requests and answers of a client; Groot2 has one at a time. More for one that never reads is lost.
+_MAX_PORT: Final = 65_534  # the next port must exist, too
+_MAX_FRAME_BYTES: Final = 65_536  # size limit of a request; a longer one ends the connection
+# Queue of requests and answers per client; Groot2 has one at a time. Further ones are dropped.
 _MAX_WAITING: Final = 8
-_FREE_PAIR_TRIES: Final = 20  # for two free neighbours when any port will do
+_FREE_PAIR_TRIES: Final = 20  # tries to find two neighbouring free ports
 _STOP: Final = "inproc://stop"
 
 
 @dataclass(frozen=True, kw_only=True)
 class GrootConfig:
-    """Where clients find the publisher."""
+    """Address of the publisher."""
 
-    port: int = DEFAULT_PORT  # of the requests, notifications have the next; 0: any two free ones
+    port: int = DEFAULT_PORT  # port of requests, followed by that of notifications; 0: free ones
     host: str = "127.0.0.1"  # address of the interface to listen on
-    # Any client of the port reads everything: tree, board, positions. There are no passwords.
+    # All clients of the port can read tree, board and positions. There are no passwords.
     allow_remote: bool = False
 
     def __post_init__(self) -> None:
@@ -59,13 +59,13 @@ class GrootConfig:
 
 
 class GrootPublisher:
-    """Answers Groot2's questions about one tree. Use it as a context manager, or open and close it.
+    """Answers requests of Groot2 about one tree. Use it as a context manager, or open and close it.
 
-    It listens from `open` on, so that a port that is taken is known before anything flies; what it
-    shows is given later, by `show`.
+    It listens from `open` on, so that a taken port is reported before a flight. `show` sets the
+    tree later.
 
     Args:
-        config: where to listen.
+        config: address and port.
     """
 
     def __init__(self, config: GrootConfig | None = None) -> None:
@@ -79,7 +79,7 @@ class GrootPublisher:
 
     @property
     def port(self) -> int:
-        """The port of the requests; notifications have the next one.
+        """The port of requests; the next port is for notifications.
 
         Raises:
             MissionError: the publisher is not open.
@@ -89,10 +89,10 @@ class GrootPublisher:
         return self._port
 
     def open(self) -> None:
-        """Take the ports and begin to answer.
+        """Bind the ports and start to answer.
 
         Raises:
-            InputError: a port is taken, or there is no such interface.
+            InputError: a port is taken, or the interface does not exist.
         """
         if self._thread is not None:
             raise MissionError("the Groot2 publisher is open already")
@@ -111,12 +111,12 @@ class GrootPublisher:
             target=self._serve,
             args=(replies, notifications, stopped),
             name="groot2-publisher",
-            daemon=True,  # a forgotten publisher must not keep the process alive
+            daemon=True,  # an unclosed publisher must not keep the process alive
         )
         self._thread.start()
 
     def show(self, view: GrootView) -> None:
-        """Answer about this tree from now on; may be called from any thread."""
+        """Set the tree to show; may be called from any thread."""
         self._view = view
 
     def close(self) -> None:
@@ -169,7 +169,7 @@ class GrootPublisher:
         return socket
 
     def _bind_one(self, socket: zmq.Socket[bytes], port: int) -> int:
-        """Bind and return the port; 0 is any free one."""
+        """Bind and return the port; 0 selects a free one."""
         host = f"[{self._config.host}]" if ":" in self._config.host else self._config.host
         try:
             socket.bind(f"tcp://{host}:{port or '*'}")
@@ -200,13 +200,13 @@ class GrootPublisher:
                     return
                 try:
                     client, *frames = replies.recv_multipart(self._zmq.NOBLOCK)
-                except self._zmq.Again:  # a connection that broke off in between looks ready, too
+                except self._zmq.Again:  # a connection that was lost in between looks ready, too
                     continue
                 if not frames or frames[0]:
-                    continue  # not from a REQ socket, which puts an empty frame first: no client
+                    continue  # not from a REQ socket, which sends an empty frame first
                 replies.send_multipart([client, b"", *self._answer(frames[1:])])
         except self._zmq.ZMQError:
-            _LOG.exception("the Groot2 publisher has stopped; the mission goes on")
+            _LOG.exception("the Groot2 publisher has stopped; the mission continues")
         finally:
             for socket in (replies, notifications, stopped):
                 socket.close(linger=0)
@@ -220,14 +220,14 @@ class GrootPublisher:
             body = view.answer(request)
         except ProtocolError as error:
             return error_reply(str(error))
-        except Exception as error:  # noqa: BLE001  # whatever a value does when it is looked at
+        except Exception as error:  # noqa: BLE001  # converting a value may raise any error
             _LOG.warning("a Groot2 request could not be answered", exc_info=True)
             return error_reply(f"{type(error).__name__}: {error}")
         return [request.reply_header(view.tree_id), *([] if body is None else [body])]
 
 
 def _zmq() -> Any:
-    """Import what the extra brings, only where it is used."""
+    """Import ZeroMQ, which the extra installs, only where it is used."""
     need("live", "zmq", "msgpack", what="Groot2")
     import zmq  # noqa: PLC0415  (an extra)
 

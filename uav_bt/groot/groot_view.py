@@ -1,7 +1,7 @@
-"""What a Groot2 client sees of a tree; the thread that ticks hands it to the one that answers.
+"""State of a tree for Groot2 clients, passed from the ticking thread to the answering thread.
 
-The ticking thread replaces whole values and appends to a bounded queue; it takes no lock and never
-waits. A client that asks in the middle of a tick sees the end of the tick before.
+The ticking thread replaces whole values and appends to a bounded queue, without locks or waits. A
+request during a tick gets the state at the end of the tick before.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from uav_bt.groot.numbering import TreeNumbering, tree_xml
 from uav_bt.groot.transitions import NEWLY_IDLE, Transition, pack
 from uav_bt.tree.status import Status
 
-# Between two questions of a client that records; what is older is lost, as with the engine, which
-# keeps a thousand.
+# Number of transitions kept between two requests of a recording client. Older ones are lost, as in
+# BehaviorTree.CPP, which keeps a thousand.
 MAX_RECORDED: Final = 10_000
 _ENTRY: Final = struct.Struct("<HB")  # uid, status
 
 
 class GrootView:
-    """One tree, as the protocol shows it.
+    """State of one tree in the format of the protocol.
 
     Args:
-        numbering: of the tree.
-        board: the mission's; it is shown with the main tree's variables, as `@key`.
-        now_us: the mission clock, microseconds.
-        tree_id: by which clients recognise that the tree is still the same; default: a new one.
+        numbering: numbering of the tree.
+        board: board of the mission, shown with the main tree's variables as `@key`.
+        now_us: mission time, microseconds.
+        tree_id: id by which clients recognise the same tree; default: a new one.
     """
 
     def __init__(
@@ -60,11 +60,11 @@ class GrootView:
     # --- the ticking thread -----------------------------------------------------------------------
 
     def update(self, transitions: Iterable[Transition], now_us: int) -> None:
-        """Take over what a tick did.
+        """Add the changes of a tick.
 
         Args:
-            transitions: all of the tick.
-            now_us: the mission clock, microseconds.
+            transitions: all transitions of the tick.
+            now_us: mission time, microseconds.
         """
         recording = self._recording
         for transition in transitions:
@@ -90,7 +90,7 @@ class GrootView:
     # --- the answering thread ---------------------------------------------------------------------
 
     def answer(self, request: Request) -> bytes | None:
-        """Return the second frame of the answer; None when there is nothing to say.
+        """Return the second frame of the answer; None without content.
 
         Raises:
             ProtocolError: the request cannot be answered.
@@ -131,6 +131,6 @@ class GrootView:
         raise ProtocolError(f"recording is switched by 'start' or 'stop', got '{word:.40}'")
 
     def _transitions(self) -> bytes:
-        # No more than were there: the other thread goes on appending.
+        # Only the present entries, because the other thread continues to append.
         taken = [self._recorded.popleft() for _ in range(len(self._recorded))]
         return pack(taken, self._recorded_from_us)

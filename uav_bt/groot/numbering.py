@@ -1,4 +1,4 @@
-"""Numbers for the nodes of a tree, names for the trees inside it, and both as XML for Groot2."""
+"""Numbers of a tree's nodes and names of its subtrees, and the numbered tree as XML for Groot2."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ MAX_UID: Final = 0xFFFF  # a uid has two bytes
 
 @dataclass(frozen=True, kw_only=True)
 class TreeInstance:
-    """One tree of a tree file in its place; a tree that is used twice has two of them."""
+    """One use of a tree of the file; a tree that is used twice has two instances."""
 
     tree_id: str
-    full_path: str  # of the instances around it and its own name; empty for the main tree
+    full_path: str  # names of the outer instances and of this one; empty for the main tree
     root: Node
     variables: Variables
 
     @property
     def board_name(self) -> str:
-        """What the protocol calls this instance's blackboard."""
+        """The name of this instance's blackboard in the protocol."""
         return self.full_path or self.tree_id
 
 
 class TreeNumbering:
-    """The nodes of a tree by number, from 1, parents first, in the order of the file.
+    """Numbers of a tree's nodes, from 1, parents first, in the order of the file.
 
     Args:
-        tree: the tree; it must not be changed afterwards.
+        tree: the tree; it must not change afterwards.
 
     Raises:
-        InputError: it has more nodes than there are numbers.
+        InputError: the tree has more nodes than numbers.
     """
 
     def __init__(self, tree: MissionTree) -> None:
@@ -55,15 +55,15 @@ class TreeNumbering:
         self.instances = (main, *self._instances_below(tree.root, ""))
 
     def uid(self, node: Node) -> int:
-        """Return a node's number."""
+        """Return the number of a node."""
         return self._uids[node.path]
 
     def full_path(self, subtree: SubTree) -> str:
-        """Return the full path of the instance that a SubTree node stands for."""
+        """Return the full path of the instance of a SubTree node."""
         return self._full_paths[subtree.path]
 
     def _instances_below(self, root: Node, outer: str) -> list[TreeInstance]:
-        """Return the instances in one tree, and those in them, in the order of the file."""
+        """Return the instances in a tree, including nested ones, in the order of the file."""
         instances: list[TreeInstance] = []
         stack = [root]
         while stack:
@@ -87,23 +87,23 @@ class TreeNumbering:
     def _name(self, node: SubTree, outer: str) -> str:
         prefix = f"{outer}/" if outer else ""
         full_path = f"{prefix}{node.name}"
-        # The engine numbers an unnamed instance; of ours only is known whether name and
-        # id agree. A name used twice is numbered, too: the paths are the blackboards' names.
+        # BehaviorTree.CPP numbers an unnamed instance. Here unnamed means that name and id are
+        # equal. A name used twice is numbered, too, because the paths name the blackboards.
         if node.name == node.tree_id or full_path in self._full_paths.values():
             return f"{prefix}{node.name}::{self.uid(node)}"
         return full_path
 
 
-# XML cannot write these; a node composed in Python may be named with them.
+# Characters that XML cannot contain; a node composed in Python may have them in its name.
 _UNWRITABLE: Final = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 def tree_xml(numbering: TreeNumbering) -> str:
-    """Return a numbered tree as Groot2 reads it.
+    """Return a numbered tree as XML for Groot2.
 
-    Every instance of a tree stands alone, as a `BehaviorTree` with its `_fullpath`; a `SubTree`
-    node names the instance by the same. All nodes have their `_uid`. The `TreeNodesModel` describes
-    the classes of the nodes that occur.
+    Each instance of a tree is a separate `BehaviorTree` with its `_fullpath`, which the `SubTree`
+    node has, too. All nodes have their `_uid`. The `TreeNodesModel` describes the node classes in
+    use.
     """
     root = ET.Element("root", BTCPP_format="4", main_tree_to_execute=numbering.instances[0].tree_id)
     for instance in numbering.instances:
@@ -111,7 +111,7 @@ def tree_xml(numbering: TreeNumbering) -> str:
     model = ET.SubElement(root, "TreeNodesModel")
     classes = {node.node_id: type(node) for node in numbering.nodes}
     for node_id in sorted(classes):
-        if not issubclass(classes[node_id], SubTree):  # described by the trees themselves
+        if not issubclass(classes[node_id], SubTree):  # subtrees need no description
             add_model(model, classes[node_id])
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
@@ -144,7 +144,7 @@ def _add_node(parent: ET.Element, node: Node, numbering: TreeNumbering) -> None:
 
 
 def _attributes(node: Node) -> dict[str, str]:
-    """Return what a tree file would say about a node, defaults included."""
+    """Return the attributes of a node in a tree file, including defaults."""
     attributes: dict[str, str] = {}
     for port in node.ports:
         reference = node.reference(port)

@@ -1,12 +1,11 @@
-"""Status transitions, and the nine bytes that Groot2 and its log files have for each.
+"""Status transitions, and their nine-byte records in Groot2's protocol and log files.
 
-Facts from BehaviorTree.CPP's `groot2_publisher.cpp` and `bt_file_logger_v2.cpp`: six bytes of
-microseconds, two of the node's uid, one of the status; little endian.
+Source: BehaviorTree.CPP's `groot2_publisher.cpp` and `bt_file_logger_v2.cpp`. A record has six
+bytes of microseconds, two of the node's uid and one of the status, little endian.
 
-`TransitionRecorder` notes them while they happen. The notes are those that the engine's own
-loggers get, in their order, whatever a node does in its tick: a node that starts and ends in one
-tick leaves a RUNNING (where it has one), a result and an IDLE. SKIPPED leaves nothing, as with the
-engine: it is an answer, never a node's status.
+`TransitionRecorder` records transitions when they happen, in the same order as the loggers of
+BehaviorTree.CPP. A node that starts and ends in one tick gives a RUNNING (if it has one), a result
+and an IDLE. SKIPPED gives no transition: it is an answer, not a status of a node.
 """
 
 from __future__ import annotations
@@ -22,18 +21,18 @@ from uav_bt.tree import Node
 from uav_bt.tree.observer import NodeEvent, observe, unobserve
 from uav_bt.tree.status import FAILURE, IDLE, SUCCESS, Status
 
-NEWLY_IDLE: Final = 10  # added to the status that a now idle node had before
+NEWLY_IDLE: Final = 10  # added to the former status of a node that has become idle
 
-# The time's lower four bytes and its upper two, then uid and status.
+# The lower four and the upper two bytes of the time, uid, status.
 _RECORD: Final = struct.Struct("<IHHB")
 RECORD_BYTES: Final = _RECORD.size
 MAX_TIME_US: Final = (1 << 48) - 1  # almost nine years
 
 
 class Transition(NamedTuple):
-    """A node's status changed."""
+    """A change of a node's status."""
 
-    time_us: int  # microseconds of the mission clock, or since a log's beginning
+    time_us: int  # microseconds of mission time, or since the start of a log
     uid: int
     status: Status
 
@@ -42,11 +41,11 @@ def pack(transitions: Iterable[Transition], first_time_us: int = 0) -> bytes:
     """Return transitions as records, nine bytes each.
 
     Args:
-        transitions: what happened.
-        first_time_us: subtracted from the times.
+        transitions: the transitions.
+        first_time_us: time that is subtracted.
 
     Raises:
-        ValueRangeError: a time lies before the first or does not fit six bytes.
+        ValueRangeError: a time is before the first time or does not fit six bytes.
     """
     records = bytearray()
     for time_us, uid, status in transitions:
@@ -61,10 +60,10 @@ def pack(transitions: Iterable[Transition], first_time_us: int = 0) -> bytes:
 
 
 def unpack(record: bytes) -> Transition:
-    """Return the transition of one record, its time since the log's beginning.
+    """Return the transition of one record, with its time since the start of the log.
 
     Raises:
-        ValueRangeError: it is not nine bytes long, or there is no such status.
+        ValueRangeError: the record is not nine bytes long, or the status is unknown.
     """
     if len(record) != RECORD_BYTES:
         raise ValueRangeError(f"a record has {RECORD_BYTES} bytes, got {len(record)}")
@@ -79,32 +78,32 @@ _ROOT_UID: Final = 1
 
 
 class TransitionRecorder:
-    """Notes a tree's transitions from when it is attached until it is detached.
+    """Records the transitions of a tree from `attach` to `detach`.
 
     Args:
-        numbering: of the tree.
-        clock: the mission's; it dates the transitions.
+        numbering: numbering of the tree.
+        clock: mission clock, source of the times.
     """
 
     def __init__(self, numbering: TreeNumbering, clock: Clock) -> None:
         self._numbering = numbering
         self._clock = clock
-        self._noted: list[tuple[float, int, Status]] = []  # seconds, uid; put in form by `take`
+        self._noted: list[tuple[float, int, Status]] = []  # seconds, uid, status
         self._root_ended = False
 
     def attach(self) -> None:
-        """Begin to note."""
+        """Start recording."""
         observe(self._numbering.nodes, self._note)
 
     def detach(self) -> None:
-        """Note no longer; what was noted can still be taken. Safe to call twice."""
+        """Stop recording; `take` still returns recorded transitions. Safe to call twice."""
         unobserve(self._numbering.nodes, self._note)
 
     def take(self) -> list[Transition]:
-        """Return what was noted since the last call; called after a tick, and at the end.
+        """Return the transitions since the last call; call after each tick and at the end.
 
-        To the engine a root that finished is idle as soon as its tick is over, while our trees
-        reset it when they are ticked again; here the engine's order is kept.
+        In BehaviorTree.CPP a finished root is idle after its tick, but here trees reset it at the
+        next tick. This method keeps the order of BehaviorTree.CPP.
         """
         status = self._numbering.nodes[0].node_status
         if not self._root_ended and (status is SUCCESS or status is FAILURE):
@@ -120,5 +119,5 @@ class TransitionRecorder:
         if uid == _ROOT_UID:
             reset, self._root_ended = self._root_ended, False
             if reset and node.node_status is IDLE:
-                return  # `take` noted it when the tick was over
+                return  # `take` has recorded it after the tick
         self._noted.append((self._clock.now(), uid, node.node_status))

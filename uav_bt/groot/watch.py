@@ -1,4 +1,4 @@
-"""A flight's tree watched: its transitions go to a log, to Groot2, or both.
+"""Monitoring of a flight's tree: sends its transitions to a log, to Groot2, or both.
 
 with watched_live(btlog=Path("flight.btlog"), groot=GrootConfig()) as watch:
     app.fly("land_only", listeners=[lambda flight: watch(flight.mission, flight.context)])
@@ -21,16 +21,16 @@ from uav_bt.tree import MissionTree
 
 
 class TreeWatch:
-    """Watches one tree, from now until `finish`.
+    """Watches one tree from its creation until `finish`.
 
     Args:
-        tree: set up, not ticked yet.
-        context: of its mission.
-        log: where transitions are written; it begins here.
-        publisher: shows the tree; it is open.
+        tree: the tree, set up but not ticked yet.
+        context: context of the mission.
+        log: log for the transitions, which begins here; or None.
+        publisher: open publisher that shows the tree; or None.
 
     Raises:
-        FileError: the log cannot begin.
+        FileError: the log cannot be opened.
         InputError: the tree has more nodes than can be numbered.
     """
 
@@ -56,18 +56,18 @@ class TreeWatch:
         self._recorder.attach()
 
     def on_tick(self, record: TickRecord) -> None:
-        """Hand on what the runner's tick did."""
-        del record  # the transitions have it in more detail
+        """Send the transitions of the runner's tick."""
+        del record  # the transitions contain more detail
         self.after_tick()
 
     def after_tick(self) -> None:
-        """Hand on what happened since the last call; never waits for a client."""
+        """Send the transitions since the last call; never waits for a client."""
         self._hand_on(self._time_us())
 
     def finish(self) -> None:
-        """Leave the tree as it was, and hand on how it was halted. Safe to call twice."""
+        """Stop watching the tree, and send the transitions of its halt. Safe to call twice."""
         self._recorder.detach()
-        self._hand_on(self._last_us)  # the drone, whose clock it is, may be gone by now
+        self._hand_on(self._last_us)  # the drone with its clock may be disconnected
 
     def _hand_on(self, now_us: int) -> None:
         transitions = self._recorder.take()
@@ -84,20 +84,20 @@ class TreeWatch:
 
 
 class LiveListeners:
-    """Makes what follows a tree that is about to fly.
+    """Makes the listeners of a tree before its flight.
 
     Args:
-        log: where transitions are written.
-        publisher: shows the tree; it is open.
+        log: log for the transitions; or None.
+        publisher: open publisher that shows the tree; or None.
     """
 
     def __init__(self, log: BtlogWriter | None, publisher: GrootPublisher | None) -> None:
         self._log = log
-        self.publisher = publisher  # its port is known from now on
+        self.publisher = publisher  # open, so that its port is known
         self._watches: list[TreeWatch] = []
 
     def __call__(self, tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
-        """Begin to watch a tree that is about to fly."""
+        """Start watching a tree before its flight."""
         if self._log is None and self.publisher is None:
             return []
         watch = TreeWatch(tree, context, log=self._log, publisher=self.publisher)
@@ -105,7 +105,7 @@ class LiveListeners:
         return [watch]
 
     def finish(self) -> None:
-        """Watch no longer."""
+        """Stop watching."""
         for watch in self._watches:
             watch.finish()
 
@@ -114,14 +114,14 @@ class LiveListeners:
 def watched_live(
     *, btlog: str | Path | None = None, groot: GrootConfig | None = None
 ) -> Iterator[LiveListeners]:
-    """Watch the tree of the flight that is flown inside.
+    """Watch the tree of the flight in the context.
 
     Args:
         btlog: the log to write, `*.btlog`.
-        groot: where Groot2 can connect while the flight goes on.
+        groot: address for Groot2 during the flight.
 
     Raises:
-        FileError: the log cannot be written (before anything flies), or was not whole (after).
+        FileError: the log cannot be written (before the flight), or is incomplete (after it).
         InputError: Groot2's ports are taken.
         MissingDependencyError: Groot2 needs the extra `live`.
     """

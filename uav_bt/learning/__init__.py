@@ -1,1 +1,1 @@
-"""Training, evaluation and export: what `perception` learns from is made and handed on here."""
+"""Training data, training, evaluation and export of the networks of `perception`."""

@@ -1,4 +1,4 @@
-"""Flights to learn from: the rule flies, or the student does, and the rule labels every view.
+"""Collection of training flights: the rule or the student flies, and the rule labels each view.
 
 plan = CollectionPlan(tree="explore_and_land_advised", flights=96)
 collect(plan, Path("runs/collected"))
@@ -27,19 +27,19 @@ from uav_bt.tree.loading.builder import POLICY_PORT
 
 @dataclass(frozen=True, kw_only=True)
 class CollectionPlan:
-    """Which flights are collected: shared out evenly over scenes and profiles."""
+    """Plan of a collection; the flights are distributed evenly over scenes and profiles."""
 
     tree: str | Path
-    flights: int = 96  # at least, in all
+    flights: int = 96  # least total number of flights
     scenes: tuple[str, ...] = TRAINING_SCENES
     profiles: tuple[str, ...] = ("lab", "harsh")
-    # The first flight in each scene is in the scene as it is, all others under light of their own
-    # and with boxes of their own: few layouts would be learnt by heart.
+    # True: only the first flight in each scene uses the original scene. The others have random
+    # light and boxes, so that the network does not memorise a few layouts.
     layouts: bool = True
-    seed: int = 0  # of lights, layouts and flights
-    policies: Mapping[str, str] = field(default_factory=dict)  # by node
+    seed: int = 0  # random seed of lights, layouts and flights
+    policies: Mapping[str, str] = field(default_factory=dict)  # policy by node name
     image_size_px: tuple[int, int] = (640, 360)  # width, height
-    timeout_s: float = 1800.0  # of one flight, wall time
+    timeout_s: float = 1800.0  # timeout of one flight, wall time
 
     def __post_init__(self) -> None:
         if self.flights < 1 or not self.scenes or not self.profiles:
@@ -50,7 +50,7 @@ class CollectionPlan:
 
     @property
     def each(self) -> int:
-        """How many flights there are in each scene under each profile."""
+        """Number of flights per scene and profile."""
         return -(-self.flights // (len(self.scenes) * len(self.profiles)))
 
     def __len__(self) -> int:
@@ -65,20 +65,20 @@ def collect(
     on_flight: Progress = silent_progress,
     on_note: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
-    """Fly what a plan asks for and what its folder does not hold yet.
+    """Fly the flights of a plan that are missing in its folder.
 
     Args:
-        plan: which flights.
-        folder: a campaign for each profile goes there, and the scenes that were drawn.
-        backend: where flights are flown; the cores of this machine by default.
-        on_flight: called with every flight.
-        on_note: called with what a person should know of the folder.
+        plan: the flights.
+        folder: destination of a campaign per profile, and of the random scenes.
+        backend: runs the flights; by default on the cores of this machine.
+        on_flight: called after each flight.
+        on_note: called with messages about the folder.
 
     Returns:
         The records.
 
     Raises:
-        InputError: tree, scene or policy cannot be used, or the tree has no adviser.
+        InputError: tree, scene or policy is unusable, or the tree has no adviser.
     """
     _check_adviser(plan.tree)
     scenes = _scenes(plan, folder / "scenes")
@@ -98,7 +98,7 @@ def collect(
         )
         home = folder / profile
         result = campaigns.run(flown, home, backend=backend, on_flight=on_flight, on_note=on_note)
-        # A flight that crashed its process may have left no record, or half a one.
+        # A flight whose process crashed may have left no record or a partial one.
         whole = [one for one in result.flights if one["outcome"] != "error"]
         records += [home / one["record"] for one in whole if one.get("record")]
     return [record for record in records if record.is_file()]
@@ -108,16 +108,16 @@ def _check_adviser(tree: str | Path) -> None:
     mission = app.check(tree)
     if not any(ADVICE in leaf.writes for leaf in mission.leaves()):
         raise InputError(
-            f"no leaf of '{tree}' writes '{ADVICE.name}', so its records teach nothing: put "
+            f"no leaf of '{tree}' writes '{ADVICE.name}', so its records have no labels: put "
             '<RememberViews/> and <Advise policy="corridor"/> behind <BuildCorridor/>, as '
             "explore_and_land_advised has it"
         )
 
 
 def nodes_under_policy(tree: str | Path) -> list[str]:
-    """Return the names of a tree's leaves that fly by a leaf policy.
+    """Return the names of a tree's leaves that use a leaf policy.
 
-    A leaf that only writes a policy's advice is left out.
+    Leaves that only write the advice of a policy are omitted.
 
     Raises:
         TreeError: the tree was refused.
@@ -130,7 +130,7 @@ def nodes_under_policy(tree: str | Path) -> list[str]:
 
 
 def _scenes(plan: CollectionPlan, folder: Path) -> dict[str, list[str]]:
-    """Return the scenes of each profile; those that are drawn are written down."""
+    """Return the scenes of each profile; random ones are written to files."""
     folder.mkdir(parents=True, exist_ok=True)
     found: dict[str, list[str]] = {profile: [] for profile in plan.profiles}
     for name in plan.scenes:
@@ -141,7 +141,7 @@ def _scenes(plan: CollectionPlan, folder: Path) -> dict[str, list[str]]:
                     found[profile].append(name)
                     continue
                 called = f"{scene.name}-{profile}-{plan.seed}-{number}"
-                # By name, so that a scene does not depend on which others are drawn.
+                # Seeded by name, so that a scene does not depend on the others.
                 rng = np.random.default_rng(zlib.crc32(called.encode()))
                 drawn = varied_scene(scene, rng, name=called, layout=plan.layouts)
                 path = folder / f"{called}.yaml"

@@ -1,4 +1,4 @@
-"""Flight records as what networks learn from: their frames, labels of depth, advised views."""
+"""Training data from flight records: frames, depth labels, advised views."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import Attitude, CameraModel, DroneState
 
-_FOOTAGE_EVERY_S: Final = 0.1  # a tick
-_END_BYTES: Final = 64 * 1024  # of either end: a finished record tells there what is in it
-# The rule's reason when it saw nothing: that depends on the depth, not on the view.
+_FOOTAGE_EVERY_S: Final = 0.1  # one tick
+_END_BYTES: Final = 64 * 1024  # hashed bytes of both ends, where a record has its index
+# The rule's reason without depth, which depends on the depth network and not on the view.
 _BLIND: Final = "no depth"
 
 
@@ -46,10 +46,10 @@ _BLIND: Final = "no depth"
 
 
 def records_of(paths: Sequence[Path]) -> list[Path]:
-    """Return the records at paths: files, and all below folders, each once.
+    """Return the records at paths: files, and all files below folders, without duplicates.
 
     Raises:
-        FileError: a folder has none.
+        FileError: a folder contains no record.
     """
     found: dict[Path, None] = {}
     for path in paths:
@@ -61,31 +61,31 @@ def records_of(paths: Sequence[Path]) -> list[Path]:
 
 
 def split_records(paths: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """Return the records to train on, and those to measure on.
+    """Return the records for training and those for evaluation.
 
     Args:
-        paths: files and folders; what is also held out is not trained on.
-        held_out: files and folders.
+        paths: files and folders for training; those that are also held out are removed.
+        held_out: files and folders for evaluation.
 
     Raises:
-        FileError: a folder has no record.
-        InputError: nothing is left to train on.
+        FileError: a folder contains no record.
+        InputError: no record remains for training.
     """
     others = records_of(held_out)
     learnt = [record for record in records_of(paths) if record not in others]
     if not learnt:
         raise InputError(
-            f"all records to learn from are held out to measure on ({len(others)} records): name "
-            "others to learn from"
+            f"all training records are held out for evaluation ({len(others)} records): name "
+            "others for training"
         )
     return learnt, others
 
 
 def fingerprint(record: Path) -> str:
-    """Return what identifies a state of a record: a hash of its size, time of change and ends.
+    """Return a hash that identifies the state of a record: its size, change time and both ends.
 
     Raises:
-        FileError: it cannot be read.
+        FileError: the record cannot be read.
     """
     with reading(record), record.open("rb") as file:
         status = record.stat()
@@ -100,11 +100,12 @@ def fingerprint(record: Path) -> str:
 
 
 def spaced(frames: Iterable[StoredFrame], every_s: float) -> Iterator[StoredFrame]:
-    """Yield frames at least about `every_s` apart, each once.
+    """Yield frames with a spacing of about `every_s`, without duplicates.
 
     Args:
-        frames: in the order of time.
-        every_s: frames have a rhythm of their own: one that is three quarters due is taken.
+        frames: frames in the order of time.
+        every_s: wanted spacing. A frame after at least three quarters of it is used, because
+            frames arrive at a fixed rate.
     """
     last: StoredFrame | None = None
     for frame in frames:
@@ -120,7 +121,7 @@ def image_of(frame: StoredFrame, record: Path) -> NDArray[np.uint8]:
     """Decode a frame's image, (H, W, 3) RGB.
 
     Raises:
-        FileError: it is damaged; names the record.
+        FileError: the image is damaged; the message names the record.
     """
     try:
         return frame.frame().image
@@ -129,10 +130,10 @@ def image_of(frame: StoredFrame, record: Path) -> NDArray[np.uint8]:
 
 
 def footage_of(path: Path) -> Footage:
-    """Read a record's frames, ten a second at the depth network's size, and its telemetry.
+    """Read a record's telemetry, and ten frames per second at the size of the depth network.
 
     Raises:
-        FileError: it is no whole flight record, or has no frame.
+        FileError: the file is not a complete flight record, or has no frame.
     """
     reader = flight_record(path)
     states: list[DroneState] = []
@@ -174,7 +175,7 @@ def footage_of(path: Path) -> Footage:
 
 
 def _attitudes_at_velocities(states: Sequence[DroneState]) -> NDArray[np.float64]:
-    """Return roll, pitch and yaw when each velocity was measured, (N, 3) rad, interpolated."""
+    """Return roll, pitch and yaw at the times of the velocities, interpolated, (N, 3) rad."""
     angles = np.unwrap([_angles(state.attitude) for state in states], axis=0)
     measured_s = [state.times.attitude_s for state in states]
     velocity_s = [state.times.velocity_s for state in states]
@@ -195,13 +196,13 @@ def read_flights(
     *,
     advance: Advance = silent,
 ) -> list[Flight]:
-    """Read records and, where there is a segmenter, label it; labels already made are kept.
+    """Read records and, with a segmenter, label them; existing labels are reused.
 
     Args:
-        paths: of the records.
-        segmenter: gives the masks that labels are made from; None for no labels.
-        folder: where labels are kept, so that a broken-off run goes on.
-        advance: called for every frame that is labelled, and when a flight is done.
+        paths: paths of the records.
+        segmenter: source of the masks for the labels; None: no labels.
+        folder: cache of the labels, so that an interrupted run can continue.
+        advance: called after each labelled frame and each flight.
     """
     flights = []
     for done, path in enumerate(paths, start=1):
@@ -242,16 +243,16 @@ def read_advised_flights(
     *,
     advance: Advance = silent,
 ) -> list[ControlFlight]:
-    """Read records of advised flights; what was read before is kept in a folder.
+    """Read records of advised flights, with a cache.
 
     Args:
         records: the files.
-        net: the network, for its size.
-        folder: where the views are kept, small.
-        advance: called after every record.
+        net: configuration of the network, source of the image size.
+        folder: cache of the resized views.
+        advance: called after each record.
 
     Raises:
-        FileError: a record is damaged, unfinished, of another camera, or nobody advised in it.
+        FileError: a record is damaged, unfinished, of another camera, or without advice.
     """
     flights: list[ControlFlight] = []
     camera: CameraModel | None = None
@@ -295,7 +296,7 @@ def _read(reader: RecordReader, size_px: tuple[int, int]) -> ControlFlight:
     if not len(builder):
         raise FileError(
             reader.path,
-            "nobody advised in this flight, so there is nothing to learn from it: fly "
+            "this flight contains no advice to learn from: fly "
             "explore_and_land_advised, or put <Advise/> into the tree",
         )
     return builder.flight()

@@ -1,4 +1,4 @@
-"""What a training run keeps beside its checkpoint: a line for each validation, curves, images."""
+"""Diary of a training run: scores of each validation, curves, images."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _COLUMNS: Final = 3
 
 
 class Diary:
-    """A run's scores by step.
+    """Scores of a run by step.
 
     Args:
-        folder: `scores.jsonl` and `curves.png` go there.
-        curves: names of the values that are drawn over the steps.
+        folder: folder of `scores.jsonl` and `curves.png`.
+        curves: names of the values to plot.
     """
 
     def __init__(self, folder: Path, curves: Sequence[str]) -> None:
@@ -33,11 +33,11 @@ class Diary:
         self._curves = tuple(curves)
 
     def note(self, step: int, values: Mapping[str, Any]) -> None:
-        """Add a line, and draw the curves anew.
+        """Add a line and redraw the curves.
 
         Args:
-            step: of the training.
-            values: anything JSON can hold, by name; None where there is no value.
+            step: training step.
+            values: JSON values by name; None for a missing value.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         with (self.folder / "scores.jsonl").open("a", encoding="utf-8") as file:
@@ -45,7 +45,7 @@ class Diary:
         self._draw()
 
     def lines(self) -> list[dict[str, Any]]:
-        """Return what was noted; of a step that was noted twice, the later line."""
+        """Return all lines; of repeated steps only the last line."""
         file = self.folder / "scores.jsonl"
         lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
         by_step = {line["step"]: line for line in lines}
@@ -68,13 +68,13 @@ class Diary:
 def write_depth_sheet(
     path: Path, views: DepthViews, predicted: NDArray[np.float32], *, rows: int = 6
 ) -> None:
-    """Draw image, true and predicted depth of some views beside each other.
+    """Draw image, true depth and predicted depth of some views side by side.
 
     Args:
         path: the PNG file.
-        views: the images, with the truth.
-        predicted: (N, 128, 160), the depth predicted for them.
-        rows: how many of them are drawn.
+        views: images with ground truth.
+        predicted: (N, 128, 160) predicted depth.
+        rows: number of views to draw.
 
     Raises:
         FileError: the file cannot be written.
@@ -92,7 +92,7 @@ def _depth_strip(rgb: Image, truth_m: NDArray[np.float32], predicted: NDArray[np
 
 
 def _coloured(depth_m: NDArray[np.float32]) -> Image:
-    # By inverse depth, so that what is near, and matters, gets most of the colours.
+    # By inverse depth, so that near depths, which matter, use most of the colours.
     share = np.clip((1.0 / depth_m - 1.0 / 8.0) / (1.0 / 0.6 - 1.0 / 8.0), 0.0, 1.0)
     grey = np.rint(255.0 * share).astype(np.uint8)
     bgr = cv2.applyColorMap(grey, cv2.COLORMAP_TURBO)

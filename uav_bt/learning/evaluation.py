@@ -1,4 +1,4 @@
-"""Networks measured: segmentation and depth against the twin's truth, the student by its rule."""
+"""Evaluation of networks: segmentation and depth by the twin's truth, the student by its rule."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def evaluate_segmentation(
     """Score a segmentation against the twin's exact ids.
 
     Args:
-        segment: (H, W, 3) RGB to (h, w) class ids; `OnnxSegmenter.ids`, for instance.
-        plan: which images.
-        advance: called after every image.
+        segment: (H, W, 3) RGB to (h, w) class ids, for example `OnnxSegmenter.ids`.
+        plan: the images.
+        advance: called after each image.
     """
     total = plan.views * len(plan.scenes)
 
@@ -53,13 +53,13 @@ def evaluate_student(
     """Score a control student on advised flights.
 
     Args:
-        flights: their views, of the network's size.
-        student: the network as it flies.
-        max_windows: how many are scored, evenly spread over all.
+        flights: views of the flights, at the size of the network.
+        student: the exported network.
+        max_windows: largest number of windows, spread evenly over all.
 
     Raises:
         ValueRangeError: no view can be scored.
-        WeightsError: the network answered with something that is not a number.
+        WeightsError: an output of the network is not a number.
     """
 
     def estimates(batch: Batch) -> list[ControlEstimate]:
@@ -94,21 +94,21 @@ def evaluate_depth(
     tables: Sequence[str] = TABLES,
     advance: Advance = silent,
 ) -> dict[str, Any]:
-    """Take images of the twin and make tables.
+    """Render images of the twin and make tables.
 
     Args:
-        plan: which images.
-        segmenter: the masks of a flight, at 224x112.
-        network: relative depth; None measures only the methods that need none.
-        tables: which, of `TABLES`.
-        advance: called at every step.
+        plan: the images.
+        segmenter: source of the masks in flight, at 224x112.
+        network: source of relative depth; None: only methods without a network.
+        tables: names of tables from `TABLES`.
+        advance: called at each step.
 
     Returns:
-        What was measured on, and rows by table: names, numbers, and None for what is not a number.
+        The test data, and the rows by table: names, numbers, and None instead of NaN.
 
     Raises:
-        UnknownNameError: there is no such table.
-        ValueRangeError: none is wanted.
+        UnknownNameError: a table does not exist.
+        ValueRangeError: no table is named.
         SceneError: a scene is missing or malformed.
         MissingDependencyError: OpenGL does not work here.
     """

@@ -1,4 +1,4 @@
-"""Networks made ready to fly: weights in, ONNX files out, in floats or in 8-bit integers."""
+"""Export of networks: from weights to ONNX files with floats or 8-bit integers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NETWORKS: Final[dict[Network, NetworkFiles[Any]]] = {
 CALIBRATION_VIEWS: Final = ViewPlan(
     views=50, size_px=(640, 360), lowered=0.25, truth_size_px=(32, 18), seed=5
 )
-"""What shows which values a network meets: 200 images of the training scenes."""
+"""Images for the calibration: 200 images of the training scenes."""
 
 
 def export_network(
@@ -45,17 +45,17 @@ def export_network(
     """Write the ONNX file of a network.
 
     Args:
-        network: which of `NETWORKS`.
+        network: name of one of `NETWORKS`.
         weights: the safetensors file.
         out: the ONNX file.
-        precision: what the network computes in.
-        views: the images that 8-bit integers are calibrated on.
-        advance: called after every image.
+        precision: number format of the network.
+        views: images for the calibration of 8-bit integers.
+        advance: called after each image.
 
     Raises:
-        WeightsError: the weights cannot be used.
+        WeightsError: the weights are unusable.
         SceneError: a scene is missing or malformed.
-        UnknownNameError: there is no such precision.
+        UnknownNameError: the precision does not exist.
         MissingDependencyError: OpenGL does not work here.
     """
     if precision not in PRECISIONS:

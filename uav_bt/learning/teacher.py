@@ -1,4 +1,4 @@
-"""The teacher of segmentation: trained on picks, it labels what the U-Net learns from."""
+"""Teacher of the segmentation: it is trained on picks and labels the images for the U-Net."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from uav_bt.record.moment import StoredFrame
 
 SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 
-_PART: Final = 100  # images that are labelled at a time
+_PART: Final = 100  # number of images to label at a time
 
 
 # --- training -------------------------------------------------------------------------------------
@@ -37,7 +37,7 @@ _PART: Final = 100  # images that are labelled at a time
 def draw_twin_picks(
     plan: ViewPlan, config: TeacherConfig, *, total: int = 6500, advance: Advance = silent
 ) -> list[Pick]:
-    """Draw points from the exact ids in a person's place, evenly over the plan's scenes."""
+    """Sample points of the exact ids instead of manual picks, evenly over the plan's scenes."""
     picks: list[Pick] = []
     size = (config.width_px, config.height_px)
     for done, scene in enumerate(plan.scenes, start=1):
@@ -68,10 +68,10 @@ def train_teacher(
 
 
 def train_teacher_on_photographs(picks_path: Path, folder: Path, config: TeacherConfig) -> Teacher:
-    """Train the teacher on a picks file and the photographs it names.
+    """Train the teacher on a picks file and its photographs.
 
     Raises:
-        FileError: a file is absent or malformed.
+        FileError: a file is missing or malformed.
     """
     picks = read_picks(picks_path)
     scaled: list[Pick] = []
@@ -79,7 +79,7 @@ def train_teacher_on_photographs(picks_path: Path, folder: Path, config: Teacher
     for name in dict.fromkeys(pick.image for pick in picks):
         bgr = cv2.imread(str(folder / name), cv2.IMREAD_COLOR)
         if bgr is None:
-            raise FileError(folder / name, f"is no readable image, yet {picks_path} names it")
+            raise FileError(folder / name, f"is not a readable image, but {picks_path} names it")
         size = (config.width_px, config.height_px)
         small = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
         images[name] = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2RGB), dtype=np.uint8)
@@ -97,15 +97,15 @@ def train_teacher_on_photographs(picks_path: Path, folder: Path, config: Teacher
 
 @dataclass(frozen=True, kw_only=True)
 class UNetPlan:
-    """What the segmentation U-Net learns from: the teacher's masks, never the exact ids."""
+    """Training data of the U-Net: masks of the teacher, never the exact ids."""
 
-    # As the teacher gets them.
+    # Images for the teacher.
     views: ViewPlan = field(default_factory=lambda: ViewPlan(views=1200, lowered=0.25, seed=1))
-    # The network gets a flight's frames from the same places, degraded by these profiles in turn.
+    # The network gets frames from the same poses, degraded by these profiles in turn.
     frame_size_px: tuple[int, int] = (640, 360)
     profiles: tuple[str, ...] = ("lab", "harsh")
     refine: RefineConfig = field(default_factory=RefineConfig)
-    size_px: tuple[int, int] = (224, 112)  # of the labels and of the images the net sees
+    size_px: tuple[int, int] = (224, 112)  # size of the labels and of the network's images
 
 
 def label_views(
@@ -116,14 +116,14 @@ def label_views(
     workers: int = 1,
     advance: Advance = silent,
 ) -> tuple[Image, Image]:
-    """Let the teacher label the plan's images; parts already done in the folder are kept.
+    """Label the images of a plan with the teacher; finished parts in the folder are reused.
 
     Args:
-        teacher_path: the teacher's weights.
-        plan: which images.
-        folder: where each part's result is kept, so that a broken-off run goes on.
-        workers: processes; parts are shared out among them.
-        advance: called when a part is done.
+        teacher_path: weights of the teacher.
+        plan: the images.
+        folder: cache of each part's result, so that an interrupted run can continue.
+        workers: number of processes that share the parts.
+        advance: called after each part.
 
     Returns:
         Images (N, h, w, 3) and the teacher's ids (N, h, w).
@@ -132,7 +132,7 @@ def label_views(
     parts = {folder / f"labels-{name}.npz": views for name, views in _parts(plan.views)}
     todo = {file: views for file, views in parts.items() if not file.is_file()}
     advance("labels", len(parts) - len(todo), len(parts))
-    # Not forked: a forked OpenGL context draws nothing.
+    # Spawned, because a forked OpenGL context draws nothing.
     with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
         jobs = [
             pool.submit(_label, teacher_path, replace(plan, views=views), file)
@@ -146,7 +146,7 @@ def label_views(
 
 
 def _parts(views: ViewPlan) -> Iterator[tuple[str, ViewPlan]]:
-    """Yield a plan in parts of one scene each: their names, and their plans."""
+    """Split a plan into parts of one scene each; yield their names and plans."""
     for scene in views.scenes:
         for number, first in enumerate(range(0, views.views, _PART)):
             part = replace(
@@ -185,7 +185,7 @@ def _kept_labels(file: Path) -> tuple[Image, Image]:
     try:
         with np.load(file, allow_pickle=False) as kept:
             return kept["rgb"], kept["ids"]
-    except Exception as error:  # numpy lets out what zip, zlib and its own parser make of damage
+    except Exception as error:  # numpy raises various errors of zip, zlib and its parser
         raise FileError(file, f"is damaged ({error}); delete it, and it is made again") from error
 
 
@@ -198,22 +198,22 @@ def label_flights(
     every_s: float = 1.0,
     advance: Advance = silent,
 ) -> tuple[Image, Image]:
-    """Label frames of flights with the teacher; flights already done in the folder are kept.
+    """Label frames of flights with the teacher; finished flights in the folder are reused.
 
     Args:
         teacher_path: the teacher's weights.
         records: flight records (mcap).
-        plan: how masks are sharpened, and their size; its views are not drawn.
-        folder: where each flight's result is kept, so that a broken-off run goes on.
-        every_s: between two frames of a flight; nearer ones show the same.
-        advance: called after every frame.
+        plan: sharpening and size of the masks; its views are not used.
+        folder: cache of each flight's result, so that an interrupted run can continue.
+        every_s: time between two frames of a flight; nearer frames are too similar.
+        advance: called after each frame.
 
     Returns:
         Images (N, h, w, 3) and the teacher's ids (N, h, w).
 
     Raises:
-        FileError: a record or the teacher is absent or damaged.
-        InputError: there is no frame.
+        FileError: a record or the teacher is missing or damaged.
+        InputError: the flights have no frame.
     """
     if not every_s > 0.0:
         raise ValueRangeError(f"the time between two frames must be positive, got {every_s} s")

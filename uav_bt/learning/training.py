@@ -1,4 +1,4 @@
-"""Networks trained: flights and labels in, weights and ONNX files out. Needs the extra `train`."""
+"""Training of the networks from flights and labels. Needs the extra `train`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from uav_bt.progress import Advance, silent
 
 UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
 
-# What a run's diary draws.
+# Curves in the diary of a run.
 DEPTH_CURVES: Final = ("loss", "abs_rel", "obstacle_error_m", "carpet_error_m")
 STUDENT_CURVES: Final = (
     "loss",
@@ -44,7 +44,7 @@ STUDENT_CURVES: Final = (
 
 
 def _save(files: NetworkFiles[Any], net: Any, weights: Path, notes: Mapping[str, Any]) -> None:
-    """Write a network's weights and, beside them, the ONNX file."""
+    """Write the weights of a network and the ONNX file with the same name."""
     files.save(weights, net, notes=notes)
     files.export(weights, weights.with_suffix(".onnx"))
 
@@ -60,14 +60,14 @@ def train_segmentation(
     checkpoint: Path | None = None,
     advance: Advance = silent,
 ) -> None:
-    """Train the U-Net and write its safetensors and, beside them, the ONNX file made from them.
+    """Train the U-Net and write its safetensors and ONNX files.
 
     Args:
-        images: (N, h, w, 3) and labels (N, h, w), as `label_views` gives them.
+        images: images (N, h, w, 3) and labels (N, h, w), from `label_views`.
         weights: the safetensors file; the ONNX file has the same name.
-        config: of the training; None for its defaults.
-        checkpoint: the state of a run to go on from, and to keep.
-        advance: called after every step, with the loss in the stage's name.
+        config: configuration of the training; None: defaults.
+        checkpoint: file of the training state, to continue from and to update.
+        advance: called after each step, with the loss in the name of the stage.
     """
     settings = config or TrainingConfig()
     rgb, ids = images
@@ -86,10 +86,10 @@ def train_segmentation(
 
 
 def score_depth_on(views: DepthViews, predicted: NDArray[np.float32]) -> DepthScore:
-    """Score predictions on the images they were made from.
+    """Score predictions on their images.
 
     Args:
-        views: the images, with the truth.
+        views: images with ground truth.
         predicted: (N, 128, 160) float32.
     """
     return score_depth(
@@ -113,22 +113,22 @@ def train_depth(
     advance: Advance = silent,
     diary: Diary | None = None,
 ) -> DepthScore | None:
-    """Train the depth network and write its safetensors and, beside them, the ONNX file.
+    """Train the depth network and write its safetensors and ONNX files.
 
     Args:
-        flights: what to learn from.
+        flights: the training data.
         weights: the safetensors file; the ONNX file has the same name.
-        config: of the training; None for its defaults.
-        net_config: the network's shape; None for its defaults.
-        start: weights of a depth network to begin with; None for random ones.
-        checkpoint: the state of a run to go on from, and to keep.
-        views: images with the truth to validate on; None where it is unknown.
-        validate_every: steps.
-        advance: called after every step, with the loss in the stage's name.
-        diary: keeps the terms of the loss, the scores and example images of each validation.
+        config: configuration of the training; None: defaults.
+        net_config: shape of the network; None: defaults.
+        start: initial weights of a depth network; None: random ones.
+        checkpoint: file of the training state, to continue from and to update.
+        views: images with ground truth for validation; None without ground truth.
+        validate_every: number of steps between validations.
+        advance: called after each step, with the loss in the name of the stage.
+        diary: stores loss terms, scores and example images of each validation.
 
     Returns:
-        The score at the end, None without views.
+        The score at the end; None without views.
     """
     settings = config or DepthTrainingConfig()
 
@@ -169,10 +169,10 @@ def train_depth(
 
 
 def first_weights(path: Path) -> Mapping[str, NDArray[np.float32]]:
-    """Return weights to begin with: a control student's, or a segmentation U-Net's encoder.
+    """Return initial weights: of a control student, or of a segmentation U-Net's encoder.
 
     Raises:
-        WeightsError: the file holds neither.
+        WeightsError: the file contains neither.
     """
     try:
         state = STUDENT_FILES.load(path)[0].state_dict()
@@ -200,22 +200,22 @@ def train_student(
     diary: Diary | None = None,
     advance: Advance = silent,
 ) -> ControlScore | None:
-    """Train the control student and write its safetensors and, beside them, the ONNX file.
+    """Train the control student and write its safetensors and ONNX files.
 
     Args:
-        flights: what to learn from.
+        flights: the training data.
         weights: the safetensors file; the ONNX file has the same name.
-        config: of the training; None for its defaults.
-        net_config: the network's shape; None for its defaults.
-        start: weights to begin with; None for random ones.
-        checkpoint: the state of a run to go on from, and to keep.
-        held_out: flights that are not learnt from, to measure on.
-        validate_every: steps.
-        diary: keeps losses, scores and curves.
-        advance: called after every step, with the loss in the stage's name.
+        config: configuration of the training; None: defaults.
+        net_config: shape of the network; None: defaults.
+        start: initial weights; None: random ones.
+        checkpoint: file of the training state, to continue from and to update.
+        held_out: flights for validation, not used for training.
+        validate_every: number of steps between validations.
+        diary: stores losses, scores and curves.
+        advance: called after each step, with the loss in the name of the stage.
 
     Returns:
-        The score at the end, None without flights to measure on.
+        The score at the end; None without held-out flights.
     """
     settings = config or ControlTrainingConfig()
     shape = net_config or ControlNetConfig()

@@ -1,4 +1,4 @@
-"""Images of the twin with their truth: which scenes teach, choose and test, and what is drawn."""
+"""Images of the twin with ground truth, and the split of scenes for training and testing."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.errors import ValueRangeError
 
 TRAINING_SCENES: Final = ("train-a", "train-b", "train-c", "train-d")
-VALIDATION_SCENES: Final = ("val-a", "val-b")  # to choose and tune on
-TESTING_SCENES: Final = ("test-a", "test-b")  # to report on, never to choose by
+VALIDATION_SCENES: Final = ("val-a", "val-b")  # for selection and tuning
+TESTING_SCENES: Final = ("test-a", "test-b")  # for reports, never for selection
 
 Image = NDArray[np.uint8]
 
 
 def scene_seed(seed: int, scene: Scene) -> int:
-    """Return the seed of a scene's images, whichever other scenes are in the plan.
+    """Return the seed of a scene's images, independent of other scenes in the plan.
 
     Args:
-        seed: of the plan.
-        scene: whose name is mixed in.
+        seed: seed of the plan.
+        scene: the scene; its name enters the seed.
     """
     return (seed << 32) + zlib.crc32(scene.name.encode())
 
@@ -44,15 +44,15 @@ def scene_seed(seed: int, scene: Scene) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class ViewPlan:
-    """Which images of the twin are taken."""
+    """Plan of images of the twin."""
 
     scenes: tuple[str, ...] = TRAINING_SCENES  # names or files
-    views: int = 60  # images a scene
-    size_px: tuple[int, int] = (1152, 648)  # width and height; the teacher's
-    truth_size_px: tuple[int, int] | None = None  # of the exact ids; the images' when None
-    profile: str = "lab"  # whose noise, blur and exposure error the images get
-    facing_pad: float = 0.25  # share that looks towards the helipad, which a random yaw rarely does
-    lowered: float = 0.0  # share whose camera is lowered, as near the carpet's edge
+    views: int = 60  # images per scene
+    size_px: tuple[int, int] = (1152, 648)  # width and height, those of the teacher
+    truth_size_px: tuple[int, int] | None = None  # size of the exact ids; None: as the images
+    profile: str = "lab"  # source of noise, blur and exposure error
+    facing_pad: float = 0.25  # share that faces the helipad, which is rare with a random yaw
+    lowered: float = 0.0  # share with a lowered camera, as near the carpet's edge
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -66,10 +66,10 @@ class ViewPlan:
 
 
 def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
-    """Take the images of a plan; the same plan gives the same images.
+    """Render the images of a plan; the same plan gives the same images.
 
     Yields:
-        A file name, the image (H, W, 3) RGB, and its exact class ids (h, w).
+        A file name, the image (H, W, 3) RGB, and the exact class ids (h, w).
 
     Raises:
         SceneError: a scene is missing or malformed.
@@ -117,20 +117,20 @@ def _towards(
 
 @dataclass(frozen=True, kw_only=True)
 class DepthViewPlan:
-    """Which images of the twin depth is measured on."""
+    """Plan of images for the measurement of depth."""
 
     scenes: tuple[str, ...] = VALIDATION_SCENES
-    views: int = 40  # images a scene
-    profile: str = "lab"  # whose noise, blur and exposure error the images get
-    min_pitch_rad: float = -0.8  # steeper images, of landings, are left out: no depth is used
+    views: int = 40  # images per scene
+    profile: str = "lab"  # source of noise, blur and exposure error
+    min_pitch_rad: float = -0.8  # steeper images are omitted: landings do not use depth
     seed: int = 11
 
     def poses(self, scene: Scene, seed: int) -> list[CameraPose]:
-        """Draw a scene's poses.
+        """Return the camera poses in a scene.
 
         Args:
-            scene: where.
-            seed: of `scene_seed`.
+            scene: the scene.
+            seed: seed from `scene_seed`.
         """
         drawn = sample_flight_poses(scene, np.random.default_rng(seed), 2 * self.views)
         return [pose for pose in drawn if pose.pitch_rad >= self.min_pitch_rad][: self.views]
@@ -138,7 +138,7 @@ class DepthViewPlan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthViews:
-    """Images with exact depth and ids, and exact ground plane, at the network's output size."""
+    """Images with exact depth, ids and ground plane at the output size of the network."""
 
     rgb: Image  # (N, 256, 320, 3)
     depth_m: NDArray[np.float32]  # (N, 128, 160)

@@ -1,4 +1,4 @@
-"""The ANAFI's firmware: commands in, movements of a body and events out.
+"""Simulated firmware of the ANAFI: turns commands into movements and events.
 
-Every part gets the time with its calls and moves a `World`; nothing here knows sockets.
+Each part gets the time as an argument and moves a `World`. This package uses no sockets.
 """

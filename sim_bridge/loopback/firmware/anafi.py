@@ -1,4 +1,4 @@
-"""The ANAFI's firmware as a whole: commands in, events out, a body moved."""
+"""Firmware of the ANAFI: dispatches commands to its parts and publishes their events."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from uav_bt.types import FlyingState, Hover
 
 _LOG = logging.getLogger(__name__)
 
-# What the SDK itself sends to any drone, whatever the script; an ANAFI does not answer it either.
+# Commands that the SDK sends to every drone; an ANAFI does not answer them either.
 _OF_THE_SDK: Final = frozenset(
     {"mission.custom_msg_enable", "generic.custom_cmd", "generic.custom_evt"}
 )
-# Commands that scripts for the ANAFI try, and that Parrot's documentation gives to other drones.
+# Commands that scripts for the ANAFI try, but that Parrot documents for other drones.
 _OTHER_DRONES: Final = frozenset(
     {
         "ardrone3.Piloting.CancelMoveBy",
@@ -44,16 +44,16 @@ _OTHER_DRONES: Final = frozenset(
 
 
 class Anafi:
-    """Handles commands and publishes events; one client at a time.
+    """Handles commands and publishes events for one client at a time.
 
     Args:
-        world: the body.
-        table: the messages it speaks.
+        world: the simulated body.
+        table: the known messages.
         identity: name and serial number.
         battery: charge, life and thresholds.
-        gps: whether it knows where on earth it is, as it does outdoors.
-        shoot: takes a photograph; without it photographs fail.
-        media: keeps photographs; one of its own unless given.
+        gps: whether there is a GPS fix.
+        shoot: takes a photograph; None makes photographs fail.
+        media: stores photographs; None makes a new store.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Anafi:
         media: MediaStore | None = None,
     ) -> None:
         identity = identity or Identity()
-        # An empty store is false: `or` would replace it.
+        # An empty store is false, so `or` would replace it.
         media = MediaStore() if media is None else media
         self._world = world
         self._publisher = Publisher(table)
@@ -92,7 +92,7 @@ class Anafi:
         self._piloting = Piloting(core, self._claim_sticks)
         gimbal = Gimbal(core)
         self.zoom = Zoom(core)
-        # A movement's end is published before the hovering that follows it.
+        # The end of a movement is published before the hovering that follows.
         self._parts: tuple[Part, ...] = (
             MoveBy(core),
             self._move_to,
@@ -117,12 +117,12 @@ class Anafi:
         self.update()
 
     def connected(self, sink: Sink) -> None:
-        """Send events to a client from now on."""
+        """Start sending events to a client."""
         self._publisher.sink = sink
         self._return_to_home.link_lost_s = None
 
     def disconnected(self) -> None:
-        """Centre the sticks, and return home unless a client connects in time."""
+        """Centre the sticks; return home unless a client connects in time."""
         self._publisher.sink = None
         self._piloting.release()
         state = self._world.state()
@@ -133,15 +133,15 @@ class Anafi:
         self._return_to_home.link_lost_s = state.time_s
 
     def handle(self, command: Received) -> None:
-        """Carry a command out; one that is not simulated changes nothing."""
+        """Execute a command; one that is not simulated has no effect."""
         handler = self._handlers.get(command.type.name)
         if handler is None:
             name = command.type.name
-            # Clients go on polling; one line for each command shows why they wait in vain.
+            # Clients continue to poll, so each command is logged only once.
             if name not in self._warned | _OF_THE_SDK:
                 self._warned.add(name)
                 _LOG.warning(
-                    "%s is %s: who waits for its effect waits in vain",
+                    "%s is %s: it has no effect",
                     name,
                     "not a command of the ANAFI" if name in _OTHER_DRONES else "not simulated",
                 )
@@ -149,7 +149,7 @@ class Anafi:
         handler(command.values, self._world.state())
 
     def update(self) -> None:
-        """Observe the body and publish what is new."""
+        """Observe the body and publish changes."""
         state = self._world.state()
         self._travel.update(state)
         for part in self._parts:
@@ -162,7 +162,7 @@ class Anafi:
         self._travel.interrupt(state)
 
     def _claim_sticks(self) -> bool:
-        """Let pushed sticks interrupt a moveBy and a return to home, but not a moveTo."""
+        """Let deflected sticks interrupt a moveBy or a return to home, but not a moveTo."""
         if self._move_to.running:
             return False
         self._stop_moving()

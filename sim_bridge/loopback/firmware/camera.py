@@ -1,6 +1,6 @@
-"""The gimbal, photographs, and recordings as far as clients wait for their answers.
+"""Gimbal, photographs, and the events of recordings.
 
-Recordings are reported as made, and there is no file.
+A recording is reported as made, but no file is written.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LOG = logging.getLogger(__name__)
 
 Shutter = Callable[[], Future[Photo]]  # takes a photograph
 
-_MIN_DEG: Final = -90.0  # the ANAFI's range, which the twin's camera has, too
+_MIN_DEG: Final = -90.0  # range of the ANAFI and of the twin's camera
 _MAX_DEG: Final = 90.0
 _BOUNDS: Final = {
     "gimbal_id": 0,
@@ -32,7 +32,7 @@ _BOUNDS: Final = {
 
 
 class Gimbal(Part):
-    """Points the camera up and down; its yaw is the body's, and its roll is level."""
+    """Controls the pitch of the camera; its yaw is that of the body, and its roll is 0."""
 
     def __init__(self, core: Core) -> None:
         super().__init__(core)
@@ -47,7 +47,7 @@ class Gimbal(Part):
         self._speed_degps = 0.0
         self._updated_s = 0.0
         self._target_deg = 0.0
-        self.reference = "absolute"  # of the last target; or relative
+        self.reference = "absolute"  # frame of the last target: absolute or relative
         publish = core.publisher.state
         publish("gimbal.gimbal_capabilities", gimbal_id=0, model="main", axes={"roll", "pitch"})
         publish("gimbal.relative_attitude_bounds", **_BOUNDS)
@@ -57,7 +57,7 @@ class Gimbal(Part):
         publish("gimbal.alert", gimbal_id=0, error=set())
 
     def update(self, state: WorldState) -> None:
-        """Integrate the velocity, where one is set."""
+        """Integrate the velocity if one is set."""
         elapsed_s, self._updated_s = state.time_s - self._updated_s, state.time_s
         if self._speed_degps:
             self._point(self._target_deg + self._speed_degps * elapsed_s)
@@ -100,7 +100,7 @@ class Gimbal(Part):
         self._core.settings.change("gimbal.offsets", update_state=update_state)
 
 
-_PHOTO_S: Final = 0.5  # s that a photo takes at least
+_PHOTO_S: Final = 0.5  # least duration of a photograph, s
 _CAPABILITIES: Final = {
     "cam_id": 0,
     "model": "main",
@@ -136,17 +136,17 @@ _PHOTO: Final = {
     "photo_file_formats": {"jpeg"},
     "hdr": "not_supported",
 }
-# The automatic modes know one exposure: the twin's light does not change.
+# The automatic modes have one exposure, because the light of the twin is constant.
 _AUTOMATIC: Final = ("shutter_1_over_500", "iso_100")
 
 
 class Camera(Part):
-    """Takes photos and recordings; publishes what the camera can do.
+    """Takes photographs and recordings; publishes the capabilities of the camera.
 
     Args:
-        core: what the parts share.
-        shoot: takes a photograph; None where there is no camera.
-        media: keeps the photographs.
+        core: shared state of the parts.
+        shoot: takes a photograph; None without a camera.
+        media: stores the photographs.
     """
 
     def __init__(self, core: Core, shoot: Shutter | None, media: MediaStore) -> None:
@@ -158,8 +158,8 @@ class Camera(Part):
             "camera.stop_recording": self._stop_recording,
         }
         self._shoot, self._media = shoot, media
-        self._photo: Future[Photo] | None = None  # the one under way
-        self._started_s = -math.inf  # when it was started
+        self._photo: Future[Photo] | None = None  # the photograph in progress
+        self._started_s = -math.inf  # start time of this photograph
         self._recordings = 0
         self._recording = False
         publish = core.publisher.state
@@ -174,7 +174,7 @@ class Camera(Part):
         self._publish_recording(0)
 
     def update(self, state: WorldState) -> None:
-        """Publish the exposure where it changed; finish the photo under way."""
+        """Publish a changed exposure; finish the photograph in progress."""
         self._publish_exposure()
         photo = self._photo
         if photo is None or not photo.done() or state.time_s - self._started_s < _PHOTO_S:

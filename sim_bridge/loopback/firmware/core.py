@@ -1,4 +1,4 @@
-"""What the parts of the firmware share: the world, the settings, and relative movements."""
+"""Shared state of the firmware's parts: world, settings and relative movements."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from sim_bridge.loopback.world import World, WorldState
 from sim_bridge.twin.reference import Pace
 from uav_bt.types import Hover, MoveBy, MovementState, rotate, wrap_angle
 
-# m/s of steady flight at 45 degrees of tilt: at 40 degrees it makes the ANAFI's 15 m/s.
+# Steady speed at a tilt of 45 degrees, m/s; a tilt of 40 degrees gives the ANAFI's 15 m/s.
 SPEED_PER_TILT_MPS: Final = 15.0 / math.tan(math.radians(40.0))
-_STUCK_S: Final = 3.0  # s without progress after which something is in the way
+_STUCK_S: Final = 3.0  # a movement without progress for this time is blocked, s
 _PROGRESS_M: Final = 0.05
 _PROGRESS_RAD: Final = 0.05
-_UNANSWERED_S: Final = 1.0  # s after which an order without an answer is lost
+_UNANSWERED_S: Final = 1.0  # a command without an answer for this time is lost, s
 
 
 class Outcome(enum.Enum):
-    """How a movement ended."""
+    """Result of a movement."""
 
     DONE = "done"
     INTERRUPTED = "interrupted"
@@ -41,21 +41,21 @@ class Step:
     yaw_rad: float = 0.0
 
 
-# Takes the outcome, what was flown in the frame in which it began, and the state at the end.
+# Takes the outcome, the displacement in the frame of the start, and the state at the end.
 Ending = Callable[[Outcome, Step, WorldState], None]
 
 
 def step_to(
     state: WorldState, north_m: float, east_m: float, altitude_m: float, yaw_rad: float
 ) -> Step:
-    """Return the relative movement that leads to a point.
+    """Return the relative movement to a point.
 
     Args:
-        state: the drone's at present.
-        north_m: the point, m north of the world's origin.
-        east_m: the point, m east of the world's origin.
-        altitude_m: the point, m above the take-off point.
-        yaw_rad: the heading at the end, rad clockwise from north.
+        state: present state of the drone.
+        north_m: position of the point north of the world's origin.
+        east_m: position of the point east of the world's origin.
+        altitude_m: altitude of the point above the take-off point.
+        yaw_rad: heading at the end, clockwise from north.
     """
     heading = state.attitude.yaw_rad
     forward, right = rotate(north_m - state.north_m, east_m - state.east_m, -heading)
@@ -68,10 +68,10 @@ def step_to(
 
 
 class Travel:
-    """Orders `MoveBy`s and watches them.
+    """Commands `MoveBy` movements and monitors them.
 
     Args:
-        world: what flies.
+        world: the simulated body.
     """
 
     def __init__(self, world: World) -> None:
@@ -84,17 +84,17 @@ class Travel:
 
     @property
     def running(self) -> bool:
-        """Whether a movement is carried out."""
+        """Whether a movement is being executed."""
         return self._ending is not None
 
     def start(self, step: Step, state: WorldState, ending: Ending, pace: Pace) -> None:
-        """Begin a movement; one that runs is interrupted.
+        """Start a movement; a running one is interrupted.
 
         Args:
             step: the movement.
-            state: the drone's at present.
-            ending: called once, when it is over.
-            pace: how fast it is flown at most.
+            state: present state of the drone.
+            ending: called once, at the end of the movement.
+            pace: speed limits of the movement.
         """
         self._close(Outcome.INTERRUPTED, state)
         self._count += 1
@@ -105,18 +105,18 @@ class Travel:
         self._world.move(MoveBy(id=self._count, **asdict(step)), pace)
 
     def interrupt(self, state: WorldState, *, hover: bool = False) -> None:
-        """End the movement, if one runs.
+        """End a running movement.
 
         Args:
-            state: the drone's at present.
-            hover: stop there; otherwise something else moves the drone on.
+            state: present state of the drone.
+            hover: stop the drone; otherwise another command moves it on.
         """
         if self._ending is not None and hover:
             self._world.move(Hover())
         self._close(Outcome.INTERRUPTED, state)
 
     def update(self, state: WorldState) -> None:
-        """Watch the movement."""
+        """Monitor the movement."""
         if self._ending is None:
             return
         self._turned_rad += wrap_angle(state.attitude.yaw_rad - self._yaw_rad)
@@ -166,24 +166,24 @@ def _position(state: WorldState) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Core:
-    """What the parts of the firmware share."""
+    """Shared state of the firmware's parts."""
 
     publisher: Publisher
     world: World
     settings: Settings
-    travel: Travel  # carries relative movements out
-    interrupt: Callable[[], None]  # ends whatever moves the drone
-    gps: bool = True  # whether it has a fix
+    travel: Travel  # executes relative movements
+    interrupt: Callable[[], None]  # ends the present movement, of any kind
+    gps: bool = True  # whether there is a GPS fix
 
     @property
     def ceiling_m(self) -> float:
-        """The greatest altitude, m above the take-off point: set by a client, or the world's."""
+        """The altitude limit above the take-off point: the lower of client's and world's, m."""
         highest: float = self.settings.value("ardrone3.PilotingSettingsState.MaxAltitudeChanged")
         return min(highest, self.world.limits.ceiling_m)
 
     @property
     def pace(self) -> Pace:
-        """How fast relative movements are flown: as set by a client, within the world's limits."""
+        """The speed limits of relative movements: the client's, within those of the world."""
         value, limits = self.settings.value, self.world.limits
         tilt_rad = math.radians(value("ardrone3.PilotingSettingsState.MaxTiltChanged"))
         climb_mps = value("ardrone3.SpeedSettingsState.MaxVerticalSpeedChanged")
@@ -196,11 +196,11 @@ class Core:
 
 
 class Part:
-    """One part of the firmware: handles commands, and follows the world's state."""
+    """One part of the firmware: handles commands and reacts to the state of the world."""
 
     def __init__(self, core: Core) -> None:
         self._core = core
-        self.handlers: Mapping[str, Handler] = {}  # by the command's name
+        self.handlers: Mapping[str, Handler] = {}  # by name of the command
 
     def update(self, state: WorldState) -> None:
-        """React to a new state of the world; `state.time_s` is the time."""
+        """React to a new state of the world; `state.time_s` is the present time."""

@@ -1,4 +1,4 @@
-"""Flights to a point: moveBy by a displacement, moveTo to a place on earth."""
+"""Flights to a point: moveBy to a displacement, moveTo to a geographic position."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim_bridge.loopback.world import WorldState, offset_m
 from sim_bridge.twin.reference import Pace
 from uav_bt.types import FlyingState, wrap_angle
 
-_RESULTS: Final = {  # of moveByChanged and of moveByEnd
+_RESULTS: Final = {  # status of moveByChanged, error of moveByEnd
     Outcome.DONE: ("DONE", "ok"),
     Outcome.INTERRUPTED: ("CANCELED", "interrupted"),
     Outcome.REFUSED: ("ERROR", "notAvailable"),
@@ -83,15 +83,15 @@ class MoveBy(Part):
 
 
 def _slowed(pace: Pace, values: Values, needed: Sequence[bool]) -> Pace | None:
-    """Return a pace within the speeds that an extended movement names.
+    """Return a pace within the speeds of an extended movement.
 
     Args:
-        pace: as set for all movements.
-        values: the command's.
-        needed: whether it goes along the ground, up or down, and turns.
+        pace: speed limits of all movements.
+        values: arguments of the command.
+        needed: whether the movement has a horizontal part, a vertical part and a turn.
 
     Returns:
-        None where a speed that is needed, or each of them, is none.
+        None if a needed speed, or each speed, is not a positive number.
     """
     named = [values[f"max_{name}_speed"] for name in ("horizontal", "vertical", "yaw_rotation")]
     named[2] = math.radians(named[2])
@@ -109,7 +109,7 @@ def _arguments(step: Step) -> dict[str, float]:
     return {"dX": step.forward_m, "dY": step.right_m, "dZ": step.down_m, "dPsi": step.yaw_rad}
 
 
-_NEAR_M: Final = 0.3  # so near a goal its direction is not worth a turn
+_NEAR_M: Final = 0.3  # within this distance of a goal the drone does not turn towards it
 _STATUS: Final = {
     Outcome.DONE: "DONE",
     Outcome.INTERRUPTED: "CANCELED",
@@ -122,7 +122,7 @@ _STATUS: Final = {
 class _Goal:
     """A goal of moveTo."""
 
-    asked: Mapping[str, Any]  # the command's arguments, as its event repeats them
+    asked: Mapping[str, Any]  # arguments of the command; its event repeats them
     north_m: float
     east_m: float
     altitude_m: float
@@ -146,7 +146,7 @@ class MoveTo(Part):
         return self._goal is not None
 
     def _extended_move_to(self, values: Values, state: WorldState) -> None:
-        # How far it is from a place, and how high, is only known to the drone.
+        # The vertical and yaw parts are unknown here; only the drone knows its position.
         self._go(values, state, _slowed(self._core.pace, values, (True, False, False)))
 
     def _move_to(self, values: Values, state: WorldState) -> None:

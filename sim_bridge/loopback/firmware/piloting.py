@@ -17,7 +17,7 @@ from uav_bt.types.bounds import clamp, limit_length
 AIRBORNE: Final = (FlyingState.HOVERING, FlyingState.FLYING)
 
 _EVENT: Final = "ardrone3.PilotingState.FlyingStateChanged"
-# s for which an emergency stop is published even on the ground: clients wait for the state.
+# Time for which an emergency stop is published even on the ground, because clients wait for it, s.
 _EMERGENCY_S: Final = 0.5
 _NAMES: Final = {
     FlyingState.LANDED: "landed",
@@ -30,7 +30,7 @@ _NAMES: Final = {
 
 
 class Flight(Part):
-    """Starts and ends flights."""
+    """Handles take-off, landing and emergency stop."""
 
     def __init__(self, core: Core) -> None:
         super().__init__(core)
@@ -64,7 +64,7 @@ class Flight(Part):
             self._core.world.move(TakeOff())
 
     def _user_take_off(self, values: Values, state: WorldState) -> None:
-        # A real drone waits with spinning motors to be thrown; this one takes off at once.
+        # A real drone waits with spinning motors until it is thrown; this one takes off at once.
         if values["state"]:
             self._take_off(values, state)
         elif state.flying is FlyingState.TAKING_OFF and not state.lifting:
@@ -82,8 +82,8 @@ class Flight(Part):
 
 
 EXPIRY_S: Final = 0.5  # s after which old stick positions count as centred; clients send at 20 Hz
-# Share of its speed that the air takes from it each second: a tilt makes an acceleration, which
-# drag ends at the speed above.
+# Drag: share of the speed lost per second. A tilt causes an acceleration until drag balances it
+# at `SPEED_PER_TILT_MPS` times the tangent of the tilt.
 _DRAG_PER_S: Final = 9.81 / SPEED_PER_TILT_MPS
 _SPEED: Final = "ardrone3.SpeedSettingsState"
 _TILT: Final = "ardrone3.PilotingSettingsState.MaxTiltChanged"
@@ -100,20 +100,20 @@ class Sticks:
 
     @property
     def centred(self) -> bool:
-        """Whether all are centred."""
+        """Whether all sticks are centred."""
         return not (self.roll or self.pitch or self.yaw or self.gaz)
 
 
 def velocity_of(sticks: Sticks, settings: Settings, limits: WorldLimits) -> Velocity:
-    """Return the velocity that stick positions ask for.
+    """Return the velocity that stick positions command.
 
-    Roll and pitch are shares of the greatest tilt, and a tilt makes a speed; yaw and gaz are shares
-    of the greatest rates.
+    Roll and pitch are shares of the largest tilt, and a tilt gives a speed. Yaw and gaz are shares
+    of the largest rates.
 
     Args:
-        sticks: the percentages.
-        settings: the greatest tilt and rates, as set by a client.
-        limits: what the body can do.
+        sticks: the stick positions, per cent.
+        settings: largest tilt and rates, set by a client.
+        limits: limits of the body.
     """
     tilt_rad = math.radians(settings.value(_TILT))
 
@@ -134,11 +134,11 @@ def velocity_of(sticks: Sticks, settings: Settings, limits: WorldLimits) -> Velo
 
 
 class Piloting(Part):
-    """Follows the sticks where nothing else moves the drone, or where they interrupt it.
+    """Follows the sticks unless another movement has priority.
 
     Args:
-        core: what the parts share.
-        claim: whether pushed sticks may move the drone now; ends what else moves it.
+        core: shared state of the parts.
+        claim: returns whether deflected sticks may move the drone now; ends other movements.
     """
 
     def __init__(self, core: Core, claim: Callable[[], bool]) -> None:
@@ -148,16 +148,16 @@ class Piloting(Part):
         self._sticks = Sticks()
         self._received_s = -math.inf
         self._steering = False
-        self._speed_mps = (0.0, 0.0)  # that the sticks have made so far: forward, right
+        self._speed_mps = (0.0, 0.0)  # present speed from the sticks: forward, right
         self._steered_s = 0.0
 
     def release(self) -> None:
-        """Let something else move the drone."""
+        """Stop following the sticks, for another movement."""
         self._steering = False
         self._sticks = Sticks()
 
     def update(self, state: WorldState) -> None:
-        """Hover once stick positions have expired; keep below the greatest altitude."""
+        """Hover when the stick positions expire; keep below the altitude limit."""
         if not self._steering:
             return
         if state.flying not in AIRBORNE:

@@ -1,4 +1,4 @@
-"""Commands in, events out: each event goes to the client, and states are kept for the next one."""
+"""Publisher of events: sends each to the client and stores states for later clients."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from sim_bridge.loopback.messages import Memory, MessageTable, MessageType
 from sim_bridge.loopback.world import WorldState
 
 Values = Mapping[str, Any]
-Handler = Callable[[Values, WorldState], None]  # carries one command out
+Handler = Callable[[Values, WorldState], None]  # executes one command
 Sink = Callable[[MessageType, bytes], None]
 
-_SETTINGS: Final = "SettingsState"  # how classes are named whose states are settings
+_SETTINGS: Final = "SettingsState"  # suffix of the classes whose states are settings
 _FLAGS: Final = "list_flags"
 
 
 class Publisher:
-    """Encodes events, sends them where there is a client, and remembers the states.
+    """Encodes events, sends them to a connected client, and stores the states.
 
     Args:
-        table: the messages that it speaks.
+        table: the known messages.
     """
 
     def __init__(self, table: MessageTable) -> None:
@@ -30,11 +30,11 @@ class Publisher:
         self.sink: Sink | None = None  # None while no client is connected
 
     def state(self, name: str, /, **values: Any) -> None:
-        """Publish a state if it differs from the last one published.
+        """Publish a state if it has changed.
 
         Args:
-            name: the event.
-            values: all its arguments, by name.
+            name: name of the event.
+            values: all arguments, by name.
         """
         message = self._table.named(name)
         payload, key = encode(message, values), _key(message, values)
@@ -43,11 +43,11 @@ class Publisher:
             self._send(message, payload)
 
     def refresh(self, name: str, /, **values: Any) -> None:
-        """Publish a state even if nothing has changed: it is periodic, or answers a command.
+        """Publish a state even if it has not changed: periodically, or as an answer to a command.
 
         Args:
-            name: the event.
-            values: all its arguments, by name.
+            name: name of the event.
+            values: all arguments, by name.
         """
         message = self._table.named(name)
         payload = encode(message, values)
@@ -55,21 +55,21 @@ class Publisher:
         self._send(message, payload)
 
     def notify(self, name: str, /, **values: Any) -> None:
-        """Publish an occurrence, which is not kept for later clients.
+        """Publish a notification, which is not stored for later clients.
 
         Args:
-            name: the event.
-            values: all its arguments, by name.
+            name: name of the event.
+            values: all arguments, by name.
         """
         message = self._table.named(name)
         self._send(message, encode(message, values))
 
     def entries(self, name: str, entries: Iterable[Values]) -> None:
-        """Publish all entries of a list or a map in place of earlier ones.
+        """Publish all entries of a list or a map; they replace earlier ones.
 
         Args:
-            name: the event.
-            entries: the arguments of each, without the flags that mark the first and the last.
+            name: name of the event.
+            entries: arguments of each entry, without the flags of the first and the last.
         """
         message = self._table.named(name)
         for old in [key for key in self._memory if key[0] == name]:
@@ -85,7 +85,7 @@ class Publisher:
             self._send(message, payload)
 
     def replay(self, *, settings: bool) -> None:
-        """Send a new client all states that are settings, or all that are not."""
+        """Send a new client all settings, or all other states."""
         for (name, _), payload in self._memory.items():
             parts = name.split(".")
             if (len(parts) == 3 and parts[1].endswith(_SETTINGS)) is settings:

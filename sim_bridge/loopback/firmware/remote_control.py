@@ -1,4 +1,4 @@
-"""A SkyController 3 in front of the ANAFI: passes messages on, and says who has the sticks."""
+"""Firmware of a SkyController 3: forwards messages and arbitrates pilot and client."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from sim_bridge.loopback.handshake import Identity
 from sim_bridge.loopback.messages import MessageTable
 from sim_bridge.loopback.world import World, WorldState
 
-_PERIOD_S: Final = 0.05  # between two of its own attitudes, as others have measured
+_PERIOD_S: Final = 0.05  # time between two attitudes of the remote control; measured by others
 _ATTITUDE: Final = "skyctrl.SkyControllerState.AttitudeChanged"
 _STICKS: Final = "ardrone3.Piloting.PCMD"
 
 
 class RemoteControl:
-    """Firmware of the remote control; the server sees it in place of the drone's.
+    """Firmware of the remote control; the server drives it instead of the drone's firmware.
 
-    The pilot has the sticks until a client asks for them, and again when it leaves.
+    The pilot has control until a client requests it, and again after the client leaves.
 
     Args:
-        anafi: the drone's firmware.
-        world: whose time passes.
-        table: the messages it speaks.
-        drone: the drone's name and serial number.
-        identity: the remote control's.
+        anafi: firmware of the drone.
+        world: source of the time.
+        table: the known messages.
+        drone: name and serial number of the drone.
+        identity: name and serial number of the remote control.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class RemoteControl:
         self._sink: Sink | None = None
         self._attitude_s = -math.inf
         self._source = "SkyController"
-        self.linked = True  # whether it has its drone
+        self.linked = True  # whether the drone is connected
         self._handlers: dict[str, Handler] = {
             "skyctrl.Common.AllStates": self._all_states,
             "skyctrl.Common.CurrentDateTime": self._set_time,
@@ -66,20 +66,20 @@ class RemoteControl:
         self.give_sticks("SkyController")
 
     def connected(self, sink: Sink) -> None:
-        """Send events to a client from now on, the drone's and its own."""
+        """Start sending events of the drone and of the remote control to a client."""
         self._sink = self._publisher.sink = sink
         if self.linked:
             self._anafi.connected(sink)
 
     def disconnected(self) -> None:
-        """Give the pilot the sticks."""
+        """Give control to the pilot."""
         self._sink = self._publisher.sink = None
         self.give_sticks("SkyController")
         if self.linked:
             self._anafi.disconnected()
 
     def handle(self, command: Received) -> None:
-        """Carry a command out, or pass it on."""
+        """Execute a command, or forward it to the drone."""
         name = command.type.name
         handler = self._handlers.get(name)
         if handler is not None:
@@ -88,7 +88,7 @@ class RemoteControl:
             self._anafi.handle(command)
 
     def update(self) -> None:
-        """Let the drone move on; publish the remote control's own attitude when it is time."""
+        """Update the drone; publish the attitude of the remote control when due."""
         self._anafi.update()
         now_s = self._world.state().time_s
         if now_s - self._attitude_s >= _PERIOD_S:
@@ -96,18 +96,18 @@ class RemoteControl:
             self._publisher.refresh(_ATTITUDE, q0=1.0, q1=0.0, q2=0.0, q3=0.0)
 
     def give_sticks(self, source: str) -> None:
-        """Let `SkyController`, the pilot, or `Controller`, the client, steer from now on."""
+        """Give control to `SkyController` (the pilot) or `Controller` (the client)."""
         self._source = source
         self._publisher.refresh("skyctrl.CoPilotingState.pilotingSource", source=source)
 
     def lose_drone(self) -> None:
-        """Lose the radio link to the drone; the client's to the remote control stays."""
+        """Lose the radio link to the drone; the client's link to the remote control remains."""
         self.linked = False
         self._anafi.disconnected()
         self._publish_link()
 
     def find_drone(self) -> None:
-        """Have the drone again."""
+        """Restore the radio link to the drone."""
         self.linked = True
         if self._sink is not None:
             self._anafi.connected(self._sink)

@@ -1,4 +1,4 @@
-"""Return to home: where home is, the path there, and the return when the link is lost."""
+"""Return to home: the home position, the flight there, and the return after a lost link."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import UNKNOWN, WorldState, location, offset_m
 from uav_bt.types import FlyingState
 
-_NEAR_M: Final = 0.5  # so near home it lands without a climb
-# The names of rth.state, in ardrone3's NavigateHomeStateChanged.
+_NEAR_M: Final = 0.5  # within this distance of home the drone lands without a climb
+# From names of rth.state to names of ardrone3's NavigateHomeStateChanged.
 _NAVIGATE_HOME: Final = {
     "in_progress": "inProgress",
     "user_request": "userRequest",
@@ -29,11 +29,11 @@ class _Phase(enum.Enum):
 
 
 class ReturnToHome(Part):
-    """Flies home on request, or when the link is lost for too long.
+    """Flies home on request, or after the link was lost for too long.
 
     Args:
-        core: what the parts share.
-        flight: lands.
+        core: shared state of the parts.
+        flight: lands the drone.
     """
 
     def __init__(self, core: Core, flight: Flight) -> None:
@@ -46,22 +46,22 @@ class ReturnToHome(Part):
             "ardrone3.Piloting.NavigateHome": self._navigate_home,
         }
         self._flight = flight
-        self._phase: _Phase | None = None  # None while it does not run
+        self._phase: _Phase | None = None  # None: not returning
         self._flying = False
-        self.link_lost_s: float | None = None  # since when no client is connected
+        self.link_lost_s: float | None = None  # time at which the last client was lost
         self._take_off_m: tuple[float, float] = (0.0, 0.0)  # north, east
         self._custom_m: tuple[float, float] | None = None
         self._publish("unavailable", "disabled")
         self._publish_home()
 
     def interrupted(self) -> None:
-        """Give up, because something else moves the drone now."""
+        """Abort the return, because another movement replaces it."""
         if self._phase is not None:
             self._phase = None
             self._publish("available", "stopped")
 
     def update(self, state: WorldState) -> None:
-        """Note where flights begin; return when the link is lost for as long as is set."""
+        """Record the take-off point; return after the link was lost for the set delay."""
         flying = state.flying in (*AIRBORNE, FlyingState.TAKING_OFF)
         if flying and not self._flying:
             self._take_off_m = (state.north_m, state.east_m)

@@ -1,4 +1,4 @@
-"""Settings that a client may change: taken within their bounds, and published."""
+"""Settings that a client may change: limited to their bounds, and published."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ class Setting:
 
     command: str
     event: str
-    takes: Mapping[str, str]  # the event's argument, and the command's that it takes
-    start: Mapping[str, Any]  # all the event's arguments at first; `min` and `max` are bounds
+    takes: Mapping[str, str]  # from argument of the event to argument of the command
+    start: Mapping[str, Any]  # first values of all event arguments; `min` and `max` are bounds
 
 
 def setting(command: str, takes: str, event: str = "", /, **start: Any) -> Setting:
     """Return a setting.
 
     Args:
-        command: the command's name.
-        takes: arguments that the event takes from the command, parted by spaces: `name`, or
-            `event's name=command's name`.
-        event: the event's name, where it does not follow from the command's: `rth.delay` answers
-            `rth.set_delay`, and `ASettings.X` is answered by `ASettingsState.XChanged`.
-        start: all the event's arguments at first.
+        command: name of the command.
+        takes: arguments that the event takes from the command, separated by spaces: `name`, or
+            `event name=command name`.
+        event: name of the event if it differs from the default: `rth.delay` for
+            `rth.set_delay`, and `ASettingsState.XChanged` for `ASettings.X`.
+        start: first values of all arguments of the event.
     """
     if not event:
         where, _, name = command.rpartition(".")
@@ -58,7 +58,7 @@ _ISO: Final = ("iso_100", "iso_200", "iso_400", "iso_800", "iso_1600", "iso_3200
 _SHUTTER: Final = ("shutter_1_over_1000", "shutter_1_over_500", "shutter_1_over_60")
 _STYLE: Final = ("saturation", "contrast", "sharpness")
 
-# Bounds and first values are an ANAFI's, as its documentation and its settings page have them.
+# Bounds and first values are those of the ANAFI's documentation and settings page.
 SETTINGS: Final = (
     setting(f"{_PILOTING}.MaxAltitude", "current", current=30.0, min=0.5, max=4000.0),
     setting(f"{_PILOTING}.MaxTilt", "current", current=20.0, min=1.0, max=40.0),
@@ -196,7 +196,7 @@ SETTINGS: Final = (
 
 
 class Settings:
-    """Keeps the settings; the other parts read them by the event's name."""
+    """Stores the settings; the other parts read them by event name."""
 
     def __init__(self, publisher: Publisher) -> None:
         self._publisher = publisher
@@ -213,20 +213,20 @@ class Settings:
             self._publisher.state(event, **values)
 
     def value(self, event: str, argument: str = "current") -> Any:
-        """Return a setting's value.
+        """Return the value of a setting.
 
         Args:
             event: the event that publishes it.
-            argument: which of the event's arguments.
+            argument: name of the event's argument.
         """
         return self._values[event][argument]
 
     def change(self, event: str, /, **values: Any) -> None:
-        """Change a setting without a client's command, and publish it.
+        """Change a setting without a command of a client, and publish it.
 
         Args:
             event: the event that publishes it.
-            values: those of its arguments that change.
+            values: the arguments that change.
         """
         self._values[event].update(values)
         self._publisher.refresh(event, **self._values[event])
@@ -247,7 +247,7 @@ class Settings:
 
 
 def _within(held: Mapping[str, Any], name: str, value: Any) -> Any:
-    """Return a value within the bounds that its event names; NaN leaves it as it was."""
+    """Return a value limited to the bounds of its event; NaN keeps the present value."""
     if isinstance(value, float) and math.isnan(value):
         return held[name]
     bounds = [(f"{name}_min", f"{name}_max"), ("min", "max")]

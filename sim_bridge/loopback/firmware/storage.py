@@ -1,4 +1,4 @@
-"""The memory card as clients see it by commands and events: its room, its media, formatting."""
+"""Commands and events of the memory card: free space, media, formatting."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from sim_bridge.loopback.media import MAX_BYTES, MediaStore
 from sim_bridge.loopback.world import WorldState
 from uav_bt.types import FlyingState
 
-_DEFAULT_PERIOD_S: Final = 1  # of monitoring, where a client leaves it open
+_DEFAULT_PERIOD_S: Final = 1  # monitoring period if a client gives none
 
 
 class Storage(Part):
-    """Publishes what the card holds; formats it on the ground, which deletes all media.
+    """Publishes the content of the card; formats it on the ground, which deletes all media.
 
     Args:
-        core: what the parts share.
-        media: the card's content.
+        core: shared state of the parts.
+        media: content of the card.
     """
 
     def __init__(self, core: Core, media: MediaStore) -> None:
         super().__init__(core)
         self._media = media
-        self._period_s = 0  # of monitoring; 0: nobody monitors
+        self._period_s = 0  # monitoring period; 0: off
         self._monitored_s = 0.0
         self.handlers = {
             "user_storage.format": self._format,
@@ -45,7 +45,7 @@ class Storage(Part):
         media.subscribe(lambda _: self._publish_counters())
 
     def update(self, state: WorldState) -> None:
-        """Publish the free space, where a client monitors it."""
+        """Publish the free space if a client monitors it."""
         if self._period_s and state.time_s - self._monitored_s >= self._period_s:
             self._monitor(state.time_s)
 

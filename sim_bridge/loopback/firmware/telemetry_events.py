@@ -1,4 +1,4 @@
-"""What the drone reports of itself: its identity, its battery, and periodically its motion."""
+"""Reports of the drone: identity, battery, and periodic telemetry of the motion."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def publish_identity(publisher: Publisher, identity: Identity, *, gps: bool) -> 
     """Publish the states that a client reads once.
 
     Args:
-        publisher: publishes them.
+        publisher: publishes the states.
         identity: name and serial number.
-        gps: whether it has a fix.
+        gps: whether there is a GPS fix.
     """
     publish = publisher.state
     half = len(identity.serial) // 2
@@ -78,16 +78,16 @@ def publish_identity(publisher: Publisher, identity: Identity, *, gps: bool) -> 
 
 @dataclass(frozen=True, kw_only=True)
 class BatteryOptions:
-    """The battery's charge, life and thresholds.
+    """Charge, life and thresholds of the battery.
 
     Raises:
         ValueRangeError: a value is out of its range.
     """
 
-    charge: float = 1.0  # 0 to 1, at first and again whenever it is changed on the ground
-    life_s: float = 1500.0  # s in the air from full to empty, the ANAFI's 25 minutes
-    low: float = 0.2  # share at which it warns
-    critical: float = 0.1  # share at which the drone lands by itself
+    charge: float = 1.0  # 0 to 1, at the start and after each change of battery
+    life_s: float = 1500.0  # flight time from full to empty: 25 minutes, as the ANAFI
+    low: float = 0.2  # charge at which the drone warns
+    critical: float = 0.1  # charge at which the drone lands automatically
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.charge <= 1.0 and self.life_s > 0.0):
@@ -96,7 +96,7 @@ class BatteryOptions:
             )
 
 
-# Between nothing and full, of two cells in series; a straight line in between.
+# Voltages of two cells in series, empty and full; linear in between.
 _EMPTY_MV, _FULL_MV = 6600, 8700
 _ALERTS: Final = (
     *("power_level", "too_hot", "too_cold"),
@@ -105,11 +105,11 @@ _ALERTS: Final = (
 
 
 class Battery(Part):
-    """Drains in the air; a critical one makes the drone land.
+    """Battery that drains in the air; a critical charge makes the drone land.
 
     Args:
-        core: what the parts share.
-        flight: lands.
+        core: shared state of the parts.
+        flight: lands the drone.
         options: charge, life and thresholds.
     """
 
@@ -119,7 +119,7 @@ class Battery(Part):
         self._options = options
         self.charge = options.charge  # 0 to 1
         self._updated_s: float | None = None
-        self._severity: str | None = None  # of the power level's alert; None before the first
+        self._severity: str | None = None  # severity of the last power alert; None before the first
         core.publisher.state("battery.health", state_of_health=100)
         core.publisher.state("battery.cycle_count", count=1)
         core.publisher.state("battery.serial", serial="loopback")
@@ -127,12 +127,12 @@ class Battery(Part):
         self._publish()
 
     def exchange(self) -> None:
-        """Restore the first charge."""
+        """Restore the charge of the start."""
         self.charge = self._options.charge
         self._publish()
 
     def update(self, state: WorldState) -> None:
-        """Drain while the motors turn; land when the charge is critical."""
+        """Drain while the motors turn; land at a critical charge."""
         elapsed_s = 0.0 if self._updated_s is None else state.time_s - self._updated_s
         self._updated_s = state.time_s
         if state.flying in (*AIRBORNE, FlyingState.TAKING_OFF, FlyingState.LANDING):
@@ -144,7 +144,7 @@ class Battery(Part):
     def _publish(self) -> None:
         publisher = self._core.publisher
         percent = round(100.0 * self.charge)
-        # Once for each per cent: a state that differs at every update would be sent at each.
+        # Rounded to a per cent: a state that changes at every update would be sent at every update.
         voltage_mv = round(_EMPTY_MV + (_FULL_MV - _EMPTY_MV) * percent / 100.0)
         publisher.state("battery.voltage", voltage=voltage_mv)
         publisher.state("common.CommonState.BatteryStateChanged", percent=percent)
@@ -164,16 +164,16 @@ class Battery(Part):
         )
 
 
-_PERIOD_S: Final = 0.2  # s between two attitudes, as the ANAFI has it
+_PERIOD_S: Final = 0.2  # s between two attitudes, as the ANAFI
 _PILOTING: Final = "ardrone3.PilotingState"
 
 
 class Telemetry(Part):
-    """Publishes periodically, whether anything has changed or not.
+    """Publishes the motion periodically, changed or not.
 
     Args:
-        core: what the parts share.
-        gimbal: knows the frame of reference of its pitch.
+        core: shared state of the parts.
+        gimbal: gives the frame of reference of the pitch.
     """
 
     def __init__(self, core: Core, gimbal: Gimbal) -> None:
@@ -182,7 +182,7 @@ class Telemetry(Part):
         self._published_s = -math.inf
 
     def update(self, state: WorldState) -> None:
-        """Publish what is due."""
+        """Publish the telemetry that is due."""
         elapsed_s = state.time_s - self._published_s
         if elapsed_s >= _PERIOD_S:
             # A small delay must not lengthen the period.
@@ -203,7 +203,7 @@ class Telemetry(Part):
         publish(f"{_PILOTING}.SpeedChanged", speedX=north, speedY=east, speedZ=velocity.down_mps)
         publish(f"{_PILOTING}.AltitudeChanged", altitude=state.altitude_m)
         publish(f"{_PILOTING}.AltitudeAboveGroundChanged", altitude=state.height_m)
-        # Above sea level, unlike all other altitudes.
+        # This altitude is above sea level, unlike all others.
         position = location(state.north_m, state.east_m, GROUND_M + state.altitude_m).arguments
         if not self._core.gps:
             position = dict.fromkeys(position, UNKNOWN)

@@ -1,4 +1,4 @@
-"""The camera's zoom: its level is what the video and the photographs are drawn with."""
+"""Zoom of the camera; its level applies to the video and the photographs."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from sim_bridge.loopback.firmware.core import Core, Part
 from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import WorldState
 
-_MAX_LEVEL: Final = 3.0  # an ANAFI's
-_MAX_LOSSLESS_LEVEL: Final = 2.8  # the same, for video of 1080 lines
-_PERIOD_S: Final = 0.2  # s between two levels while it changes
+_MAX_LEVEL: Final = 3.0  # as the ANAFI
+_MAX_LOSSLESS_LEVEL: Final = 2.8  # as the ANAFI, for video of 1080 lines
+_PERIOD_S: Final = 0.2  # s between two published levels during a change
 _HALF_VIEW: Final = 0.5 / FOCAL_SHARE  # tangent of half the horizontal field of view at level 1
 
 
 class Zoom(Part):
-    """Sets the level at once, or changes it at a speed until its bound."""
+    """Sets the level at once, or changes it at a speed up to its bound."""
 
     def __init__(self, core: Core) -> None:
         super().__init__(core)
@@ -25,8 +25,8 @@ class Zoom(Part):
             "camera.set_zoom_target": self._set_target,
             "camera.reset_zoom": self._reset,
         }
-        self.level = 1.0  # times the focal length
-        self._share = 0.0  # of the greatest speed, -1 to 1
+        self.level = 1.0  # factor of the focal length
+        self._share = 0.0  # share of the largest speed, -1 to 1
         self._updated_s = self._published_s = 0.0
         core.publisher.state(
             "camera.zoom_info",
@@ -38,14 +38,14 @@ class Zoom(Part):
         self._publish(0.0)
 
     def update(self, state: WorldState) -> None:
-        """Integrate the speed, where one is set."""
+        """Integrate the speed if one is set."""
         elapsed_s, self._updated_s = state.time_s - self._updated_s, state.time_s
         if not self._share:
             return
         value = self._core.settings.value
         degraded = value("camera.zoom_velocity_quality_degradation", "allowed")
         top = _MAX_LEVEL if degraded else max(self.level, _MAX_LOSSLESS_LEVEL)
-        # The speed is that of half the view's tangent, which a zoom in makes smaller.
+        # The speed applies to the tangent of half the field of view; zooming in reduces it.
         tangent = _HALF_VIEW / self.level
         tangent -= self._share * value("camera.max_zoom_speed") * elapsed_s
         self.level = _HALF_VIEW / min(_HALF_VIEW, max(_HALF_VIEW / top, tangent))

@@ -1,1 +1,1 @@
-"""The loopback ANAFI's video: RTSP and RTP, H.264, and the telemetry of every frame."""
+"""Video of the loopback ANAFI: RTSP, RTP, H.264, and the telemetry of each frame."""

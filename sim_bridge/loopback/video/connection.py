@@ -1,4 +1,4 @@
-"""One client's RTSP connection: bytes in, answers out, and the effects of its requests."""
+"""RTSP connection of one client: answers requests and executes them."""
 
 from __future__ import annotations
 
@@ -24,34 +24,34 @@ from sim_bridge.loopback.video.transport import (
 
 _LOG: Final = logging.getLogger(__name__)
 
-MAX_CONNECTIONS: Final = 32  # a drone serves a handful; more is a fault or malice
-_MAX_UNREAD_BYTES: Final = 1024 * 1024  # answers that a client asks for and does not read
-_LAST_ANSWER_S: Final = 1.0  # for a client to read the answer that ends its connection
+MAX_CONNECTIONS: Final = 32  # far above normal use; more is a fault or an attack
+_MAX_UNREAD_BYTES: Final = 1024 * 1024  # limit of answers that a client does not read
+_LAST_ANSWER_S: Final = 1.0  # time for a client to read the last answer
 
 
 @dataclass(kw_only=True)
 class ServerState:
-    """What all connections share."""
+    """Shared state of all connections."""
 
     streamer: Streamer
     datagrams: DatagramPair
-    serial: str  # of the drone
-    media_name: str  # what the stream is called
+    serial: str  # serial number of the drone
+    media_name: str  # name of the stream
     sets: ParameterSets
     random: Random
-    now: Callable[[], float]  # monotonic, the clock of the frames' times
-    session_timeout_s: float  # without anything from a client
-    fault: Exception | None = None  # why there is no video any more
+    now: Callable[[], float]  # monotonic clock of the capture times, s
+    session_timeout_s: float  # longest silence of a client
+    fault: Exception | None = None  # the error that ended the video; None while it works
     connections: set[Connection] = field(default_factory=set)
-    # By the address that RTCP reports come from: a report keeps its session alive.
+    # By source address of the RTCP reports; a report keeps its session alive.
     reporting: dict[tuple[str, int], Connection] = field(default_factory=dict)
 
 
 class Connection(asyncio.Protocol):
-    """Serves one client; its session ends with its connection.
+    """Serves one client; the session ends with the connection.
 
     Args:
-        state: what it shares with the others.
+        state: shared state of all connections.
     """
 
     def __init__(self, state: ServerState) -> None:
@@ -59,7 +59,7 @@ class Connection(asyncio.Protocol):
         self._reader = RequestReader()
         self._dialogue = Dialogue(self, state.random, timeout_s=state.session_timeout_s)
         self._transport: asyncio.Transport
-        self._host = ""  # the client's
+        self._host = ""  # address of the client
         self._player: Player | None = None
         self._report_address: tuple[str, int] | None = None
         self._received_s = 0.0
@@ -68,10 +68,10 @@ class Connection(asyncio.Protocol):
     # --- asyncio's side ---
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Accept a client, or refuse it where there are too many."""
+        """Accept a client, or refuse it if there are too many."""
         self._transport = cast("asyncio.Transport", transport)
         peer = self._transport.get_extra_info("peername")
-        if peer is None:  # gone already, as port scanners are
+        if peer is None:  # already disconnected, for example a port scanner
             self._transport.abort()
             return
         if len(self._state.connections) >= MAX_CONNECTIONS and not self._make_room():
@@ -83,7 +83,7 @@ class Connection(asyncio.Protocol):
         self._wait()
 
     def data_received(self, data: bytes) -> None:
-        """Answer all requests that are complete."""
+        """Answer all complete requests."""
         if self._transport.is_closing():
             return
         self.touch()
@@ -98,7 +98,7 @@ class Connection(asyncio.Protocol):
             self._transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002  (asyncio's interface)
-        """Forget the client."""
+        """Remove the client."""
         self._state.connections.discard(self)
         self._forget()
         if self._timer is not None:
@@ -106,11 +106,11 @@ class Connection(asyncio.Protocol):
 
     @property
     def idle_since_s(self) -> float | None:
-        """When the client was heard last; None while it has a stream."""
+        """Time of the last data from the client; None while it has a stream."""
         return None if self._player is not None else self._received_s
 
     def touch(self) -> None:
-        """Note that the client is alive."""
+        """Restart the timeout of the client."""
         self._received_s = asyncio.get_running_loop().time()
 
     def close(self) -> None:
@@ -119,7 +119,7 @@ class Connection(asyncio.Protocol):
         self._transport.close()
 
     def abort(self) -> None:
-        """End the connection without waiting for the client to read what was sent."""
+        """End the connection at once; sent data may remain unread."""
         self._transport.abort()
 
     # --- the effects of requests ---
@@ -135,7 +135,7 @@ class Connection(asyncio.Protocol):
         )
 
     def set_up(self, transport: Transport) -> str:
-        """Prepare a stream in place of an earlier one."""
+        """Prepare a stream; it replaces an earlier one."""
         self._forget()
         stream = RtpStream(self._state.random, self._state.serial)
         self._player = Player(stream, self._sink(transport))
@@ -150,9 +150,9 @@ class Connection(asyncio.Protocol):
         return DatagramSink(self._state.datagrams, self._host, ports)
 
     def play(self) -> tuple[int, int]:
-        """Begin to send."""
+        """Start sending."""
         if self._state.fault is not None:
-            raise RtspError(500, f"there is no video: {self._state.fault}")
+            raise RtspError(500, f"the video has ended: {self._state.fault}")
         player = self._playing()
         self._state.streamer.add(player)
         return player.stream.next_sequence, player.stream.stamp(self._state.now())
@@ -162,7 +162,7 @@ class Connection(asyncio.Protocol):
         self._state.streamer.remove(self._playing())
 
     def tear_down(self) -> None:
-        """Send a BYE packet and forget the stream."""
+        """Send a BYE packet and remove the stream."""
         if self._player is not None:
             self._player.goodbye(self._state.now())
         self._forget()
@@ -171,7 +171,7 @@ class Connection(asyncio.Protocol):
 
     def _playing(self) -> Player:
         if self._player is None:
-            raise RtspError(454, "there is no stream; SETUP comes first")
+            raise RtspError(454, "no stream is set up; send SETUP first")
         return self._player
 
     def _forget(self) -> None:
@@ -184,7 +184,7 @@ class Connection(asyncio.Protocol):
             self._report_address = None
 
     def _end(self, error: RtspError) -> None:
-        """Refuse what came and hang up."""
+        """Send an error and end the connection."""
         self._forget()
         self._transport.write(refusal(error, ""))
         self._transport.close()
@@ -201,7 +201,7 @@ class Connection(asyncio.Protocol):
             self._timer = loop.call_later(left_s, self._wait)
 
     def _make_room(self) -> bool:
-        """End the connection without a stream that was silent for longest, if there is one."""
+        """End the longest silent connection without a stream; return whether one was found."""
         idle = [each for each in self._state.connections if each.idle_since_s is not None]
         if idle:
             longest = min(idle, key=lambda each: each.idle_since_s or 0.0)

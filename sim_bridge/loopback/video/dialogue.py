@@ -1,4 +1,4 @@
-"""One client's RTSP session: requests to answers, without sockets.
+"""RTSP session of one client: answers to requests, without sockets.
 
 Source: RFC 2326, sections 10 and 11 and appendix A (the states of a session).
 """
@@ -19,40 +19,40 @@ from sim_bridge.loopback.video.rtsp_message import Request, RtspError, answer
 from sim_bridge.loopback.video.transport import Transport, choose_transport
 
 _PATH: Final = "live"
-DIRECT_MEDIUM: Final = "Front camera"  # what a drone calls its video to a client on its own Wi-Fi
-REMOTE_MEDIUM: Final = "DefaultVideo"  # and what is reported of one behind a remote control
+DIRECT_MEDIUM: Final = "Front camera"  # name of the video over the drone's Wi-Fi
+REMOTE_MEDIUM: Final = "DefaultVideo"  # name of the video through a remote control, as reported
 _CONTROL: Final = "stream=0"
 
 _METHODS: Final = "OPTIONS, DESCRIBE, SETUP, PLAY, PAUSE, GET_PARAMETER, TEARDOWN"
-# Methods of the RFC that a server of live video does not have.
+# Methods of the RFC that do not apply to a server of live video.
 _NOT_ALLOWED: Final = frozenset({"ANNOUNCE", "RECORD", "REDIRECT", "SET_PARAMETER"})
 
 
 class SessionActions(Protocol):
-    """The effects of a client's requests."""
+    """Actions that requests of a client trigger."""
 
     def description(self) -> str:
         """Return the SDP."""
 
     def set_up(self, transport: Transport) -> str:
-        """Prepare a stream, in place of an earlier one, and return the answer's `Transport`.
+        """Prepare a stream, replacing an earlier one; return the `Transport` header of the answer.
 
         Raises:
-            RtspError: there are too many already.
+            RtspError: there are too many streams.
         """
 
     def play(self) -> tuple[int, int]:
-        """Begin to send; return the next packet's sequence number and the present time stamp.
+        """Start sending; return the sequence number of the next packet and the present timestamp.
 
         Raises:
-            RtspError: there is no video any more.
+            RtspError: the video has ended.
         """
 
     def pause(self) -> None:
         """Stop sending."""
 
     def tear_down(self) -> None:
-        """Forget the stream."""
+        """Remove the stream."""
 
 
 class _State(enum.Enum):
@@ -68,12 +68,12 @@ class _Reply:
 
 
 class Dialogue:
-    """One client's session, from its first request to the end of its connection.
+    """Session of one client, from its first request to the end of its connection.
 
     Args:
-        actions: carries the requests out.
-        random: gives the session its unpredictable name.
-        timeout_s: without anything from the client, s; as clients are informed.
+        actions: executes the requests.
+        random: source of the unpredictable session name.
+        timeout_s: session timeout that clients are informed of, s.
     """
 
     def __init__(self, actions: SessionActions, random: Random, *, timeout_s: float = 60.0) -> None:
@@ -92,7 +92,7 @@ class Dialogue:
         }
 
     def reply(self, request: Request) -> bytes:
-        """Carry a request out and return its answer."""
+        """Execute a request and return its answer."""
         try:
             done = self._handle(request)
         except RtspError as error:
@@ -105,7 +105,7 @@ class Dialogue:
         if "require" in request.headers:
             raise RtspError(
                 551,
-                "no options of RTSP are supported",
+                "RTSP options are not supported",
                 headers={"Unsupported": request.headers["require"]},
             )
         if request.method in _NOT_ALLOWED:
@@ -160,7 +160,7 @@ class Dialogue:
         if "session" in request.headers:
             self._check_session(request)
         if request.body.strip():
-            raise RtspError(451, "there are no parameters; without a body it keeps a session alive")
+            raise RtspError(451, "no parameter is supported; an empty body keeps a session alive")
         return _Reply(headers={})
 
     def _tear_down(self, request: Request) -> _Reply:
@@ -173,15 +173,15 @@ class Dialogue:
     def _check_session(self, request: Request) -> None:
         named = request.headers.get("session", "").partition(";")[0].strip()
         if self._state is _State.INIT or named != self._session:
-            raise RtspError(454, "expected the session that SETUP has given on this connection")
+            raise RtspError(454, "expected the session that SETUP returned on this connection")
 
 
 def refusal(error: RtspError, sequence: str) -> bytes:
-    """Return the answer to a request that is refused.
+    """Return the answer to a refused request.
 
     Args:
         error: status and reason.
-        sequence: the request's number; empty where it is not known.
+        sequence: number of the request; empty if unknown.
     """
     headers = {"Content-Type": "text/plain", **error.headers}
     return answer(error.status, sequence, headers, f"{error.why}\n".encode())
@@ -190,18 +190,18 @@ def refusal(error: RtspError, sequence: str) -> bytes:
 def describe(
     sets: ParameterSets, *, serial: str, host: str, session: int, media_name: str = DIRECT_MEDIUM
 ) -> str:
-    """Return the SDP, by which a client knows the stream before it is set up.
+    """Return the SDP, which describes the stream to a client before the setup.
 
-    Source: RFC 8866 (SDP), RFC 6184 section 8.2 (H.264), and what Parrot's libsdp and
-    libvideo-metadata read: `i=` of the medium is the name by which Olympe 8.5.0 finds it, and a
-    session-wide `a=range:npt=now-` is an error to that parser, so that there is none.
+    Sources: RFC 8866 (SDP), RFC 6184 section 8.2 (H.264), Parrot's libsdp and
+    libvideo-metadata. Olympe 8.5.0 finds the medium by its `i=` line. A session-wide
+    `a=range:npt=now-` is an error for that parser, so it is omitted.
 
     Args:
         sets: the parameter sets of the H.264 stream.
-        serial: the drone's serial number, which Olympe shows as the session's metadata.
-        host: the server's numeric address.
-        session: a number for this session.
-        media_name: what the stream is called.
+        serial: serial number of the drone; Olympe shows it as metadata of the session.
+        host: numeric address of the server.
+        session: number of this session.
+        media_name: name of the stream.
     """
     family = "IP6" if ":" in host else "IP4"
     sprop = ",".join(base64.b64encode(unit).decode() for unit in (sets.sps, sets.pps))
@@ -236,7 +236,7 @@ def describe(
 
 
 def _check_url(request: Request) -> str:
-    """Return the stream's URL without the part that names the medium."""
+    """Return the URL of the stream without the part of the medium."""
     try:
         parts = urlsplit(request.url)
     except ValueError as error:

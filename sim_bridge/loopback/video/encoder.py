@@ -1,6 +1,6 @@
-"""Images in, H.264 out, with the least delay that x264 can do.
+"""H.264 encoder with the lowest delay of x264.
 
-The settings are those that Parrot's decoder is known to take: baseline profile, no reordering,
+The settings are known to work with Parrot's decoder: baseline profile, no reordering,
 several slices, parameter sets before every key frame. A frame is a sequence of NAL units
 (ITU-T H.264, annex B).
 """
@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import DroneError, MissingDependencyError, ValueRangeError
 
-CLOCK_HZ: Final = 90_000  # of the time stamps of video in RTP
-IDR: Final = 5  # NAL unit: a slice of a key frame
+CLOCK_HZ: Final = 90_000  # clock of video timestamps in RTP
+IDR: Final = 5  # type of a NAL unit: slice of a key frame
 _SPS: Final = 7
 _PPS: Final = 8
 _START_CODE: Final = b"\x00\x00\x01"
-_CHROMA_PX: Final = 2  # sizes must be even: chroma has half the resolution
+_CHROMA_PX: Final = 2  # sizes must be even, because chroma has half the resolution
 _MAX_SIDE_PX: Final = 4096
 _RANGES: Final = {
     "rate_hz": (0.1, 240.0),
@@ -33,23 +33,23 @@ _RANGES: Final = {
     "slices": (1, 16),
     "threads": (1, 16),
 }
-_RATE_WINDOW_S: Final = 0.5  # the bit rate is kept over this long; a key frame needs more at once
+_RATE_WINDOW_S: Final = 0.5  # window of the bit rate limit; a key frame exceeds it briefly
 
 
 @dataclass(frozen=True, kw_only=True)
 class EncoderConfig:
-    """How the video is encoded.
+    """Parameters of the encoder.
 
     Raises:
         ValueRangeError: a value is out of its range.
     """
 
-    size_px: tuple[int, int] = (1280, 720)  # width, height; the drone's
-    rate_hz: float = 30.0  # at most; the drone's
-    bitrate_bps: int = 5_000_000  # what the drone's live stream has on a good link
+    size_px: tuple[int, int] = (1280, 720)  # width and height, as the drone
+    rate_hz: float = 30.0  # highest frame rate, as the drone
+    bitrate_bps: int = 5_000_000  # bit rate of the drone's live stream on a good link
     keyframe_interval_s: float = 1.0  # the longest wait of a client that lost a packet
-    slices: int = 4  # a lost packet costs a part of the frame
-    threads: int = 1  # of the encoder; two cores have more to do than this
+    slices: int = 4  # slices per frame; a lost packet damages one of them
+    threads: int = 1  # threads of the encoder; the other core is needed elsewhere
 
     def __post_init__(self) -> None:
         width, height = self.size_px
@@ -68,18 +68,18 @@ class EncoderConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class EncodedFrame:
-    """One frame as NAL units, without start codes."""
+    """One frame as NAL units without start codes."""
 
     nals: tuple[bytes, ...]
 
     @property
     def is_key(self) -> bool:
-        """Whether it can be decoded without any other."""
+        """Whether it can be decoded without other frames."""
         return any(nal_type(unit) == IDR for unit in self.nals)
 
 
 class Encoder:
-    """Encodes one frame after the other. Not thread-safe: one thread at a time.
+    """Encodes frames in order. It is not thread-safe.
 
     Args:
         config: size, rate and quality.
@@ -100,14 +100,14 @@ class Encoder:
         Args:
             image: (H, W, 3) uint8 RGB; resized to the size of the video.
             captured_s: capture time, s of a monotonic clock.
-            key: make it a key frame whether it is time for one or not.
+            key: force a key frame.
         """
         size_px = self._config.size_px
         if image.shape[1::-1] != size_px:
             smaller = size_px[0] < image.shape[1]
             how = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
             image = np.asarray(cv2.resize(image, size_px, interpolation=how), np.uint8)
-        # BT.601 of limited range: what OpenCV makes, and what its users turn the video back with.
+        # BT.601 of limited range, as OpenCV uses in both directions.
         planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), np.uint8)
         frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
         frame.pts = round(captured_s * CLOCK_HZ)
@@ -118,29 +118,29 @@ class Encoder:
 
 
 def split_nals(stream: bytes) -> tuple[bytes, ...]:
-    """Return the NAL units between start codes, without those.
+    """Return the NAL units between start codes.
 
-    A unit never ends with a zero byte; zeros there belong to the next, longer start code.
+    A unit never ends with a zero byte; such zeros belong to the next start code.
     """
     units = (unit.rstrip(b"\x00") for unit in stream.split(_START_CODE)[1:])
     return tuple(unit for unit in units if unit)
 
 
 def nal_type(unit: bytes) -> int:
-    """Return a NAL unit's type."""
+    """Return the type of a NAL unit."""
     return unit[0] & 0x1F
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterSets:
-    """What a decoder has to know before the first frame."""
+    """Parameter sets that a decoder needs before the first frame."""
 
     sps: bytes
     pps: bytes
 
     @property
     def profile_level_id(self) -> str:
-        """Profile, constraints and level as the SDP names them."""
+        """Profile, constraints and level in the format of the SDP."""
         return self.sps[1:4].hex().upper()
 
 
@@ -148,7 +148,7 @@ def find_parameter_sets(nals: tuple[bytes, ...]) -> ParameterSets:
     """Return the parameter sets of a key frame.
 
     Raises:
-        DroneError: there are none.
+        DroneError: the frame has none.
     """
     sps = next((unit for unit in nals if nal_type(unit) == _SPS), None)
     pps = next((unit for unit in nals if nal_type(unit) == _PPS), None)
@@ -159,7 +159,7 @@ def find_parameter_sets(nals: tuple[bytes, ...]) -> ParameterSets:
 
 
 def parameter_sets(config: EncoderConfig) -> ParameterSets:
-    """Return what every stream of this configuration begins with.
+    """Return the parameter sets of all streams with this configuration.
 
     Raises:
         MissingDependencyError: this build of PyAV has no x264.
@@ -184,7 +184,7 @@ def _open(config: EncoderConfig) -> av.VideoCodecContext:
     codec.gop_size = max(1, round(config.rate_hz * config.keyframe_interval_s))
     codec.bit_rate = config.bitrate_bps
     codec.thread_count = config.threads
-    codec.color_range = 1  # MPEG, limited
+    codec.color_range = 1  # MPEG: limited range
     codec.colorspace = 6  # SMPTE 170M, which is BT.601
     codec.options = {
         "preset": "ultrafast",

@@ -1,11 +1,11 @@
-"""Frames of the video: an image and its telemetry, and that telemetry as Parrot's `TimedMetadata`.
+"""Video frame with telemetry, and its encoding as Parrot's `TimedMetadata`.
 
-Field numbers and types are those of the message descriptors compiled into
-`olympe_deps/libvideo-metadata-protobuf.so` of the wheels parrot-olympe 7.7.5 and 8.5.0 (the same
-in both, except that 7.7.5 does not know `altitude_ato`, `zoom_level` and `spectrum`, and skips
-them). The layout of the RTP header extension is that of Parrot's libvideo-streaming
-(`vstrm_rtp_h264.h`): a word with the index of the last and of the present part and the padding,
-an offset, and the message, all big endian.
+Field numbers and types are from the message descriptors in
+`olympe_deps/libvideo-metadata-protobuf.so` of the wheels parrot-olympe 7.7.5 and 8.5.0. Both are
+equal, except that 7.7.5 skips `altitude_ato`, `zoom_level` and `spectrum`. The layout of the RTP
+header extension is that of Parrot's libvideo-streaming (`vstrm_rtp_h264.h`): a word with the
+indices of the last and the present part and the padding, an offset, and the message, all big
+endian.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from uav_bt.types import Attitude, FlyingState
 
 @dataclass(frozen=True, kw_only=True)
 class NorthEastDown:
-    """A vector in the earth's frame: metres, or metres a second."""
+    """A vector in the frame north, east, down: metres, or metres per second."""
 
     north: float = 0.0
     east: float = 0.0
@@ -35,13 +35,13 @@ class NorthEastDown:
 
 @dataclass(frozen=True, kw_only=True)
 class VideoFrame:
-    """One image of the camera, with the telemetry of the moment it was captured."""
+    """One camera image with the telemetry at its capture time."""
 
     image: NDArray[np.uint8]  # (H, W, 3), RGB
-    captured_s: float  # s of the server's monotonic clock; a new frame has a new time
-    captured_utc_s: float | None = None  # the same moment since the epoch, where it is known
-    attitude: Attitude = field(default_factory=Attitude)  # of the body; yaw clockwise from north
-    camera: Attitude = field(default_factory=Attitude)  # of the view, in the same frame
+    captured_s: float  # capture time by the server's monotonic clock; differs for each frame
+    captured_utc_s: float | None = None  # capture time since the epoch; None: unknown
+    attitude: Attitude = field(default_factory=Attitude)  # body; yaw clockwise from north
+    camera: Attitude = field(default_factory=Attitude)  # camera view, in the same frame
     velocity_mps: NorthEastDown = field(default_factory=NorthEastDown)
     position_m: NorthEastDown = field(default_factory=NorthEastDown)  # from the take-off point
     location: Location | None = None
@@ -49,7 +49,7 @@ class VideoFrame:
     height_m: float = 0.0  # above the surface below
     battery: float = 1.0  # 0 to 1
     flying: FlyingState = FlyingState.LANDED
-    fov_rad: tuple[float, float] = (0.0, 0.0)  # horizontal, vertical; 0 where it is not known
+    fov_rad: tuple[float, float] = (0.0, 0.0)  # horizontal, vertical; 0: unknown
 
     def __post_init__(self) -> None:
         if self.image.ndim != 3 or self.image.shape[2] != 3 or 0 in self.image.shape:
@@ -61,19 +61,18 @@ class VideoFrame:
 
 
 class FrameSource(Protocol):
-    """Where frames come from."""
+    """Source of video frames."""
 
     def newest(self) -> VideoFrame | None:
-        """Return the newest frame, None before the first.
+        """Return the newest frame; None before the first.
 
-        Called on the video's own thread and only while a client plays; it may take its time, for
-        instance to render now. A frame that was returned before is recognised by its time and not
-        sent again.
+        Called on the video's thread, and only while a client plays. It may block, for example to
+        render. A frame that was returned before is recognised by its time and not sent again.
         """
 
 
 EXTENSION_ID: Final = 0x5062
-MAX_METADATA_BYTES: Final = 300  # what Parrot's sender puts on one packet
+MAX_METADATA_BYTES: Final = 300  # limit of Parrot's sender for one packet
 
 _UTC_ACCURACY_US: Final = 1_000  # 0 would mean that the time is not valid
 _MANUAL_PILOTING: Final = 1
@@ -90,16 +89,16 @@ _FLYING: Final = {
 
 
 def timed_metadata(frame: VideoFrame) -> bytes:
-    """Return the frame's telemetry as an encoded `vmeta.TimedMetadata`."""
+    """Return the telemetry of a frame as an encoded `vmeta.TimedMetadata`."""
     parts = (_drone(frame), _camera(frame), protobuf.message(1, _wifi()))
     return b"".join(protobuf.message(number, part) for number, part in enumerate(parts, 1))
 
 
 def extension(metadata: bytes) -> bytes:
-    """Return the RTP header extension that carries a frame's metadata, its header included.
+    """Return the RTP header extension with the metadata of a frame, including its header.
 
     Raises:
-        ValueRangeError: more bytes than go on one packet.
+        ValueRangeError: the metadata does not fit into one packet.
     """
     if len(metadata) > MAX_METADATA_BYTES:
         raise ValueRangeError(
@@ -107,13 +106,13 @@ def extension(metadata: bytes) -> bytes:
         )
     padding = -len(metadata) % 4
     words = 1 + (len(metadata) + padding) // 4
-    # One part, which is number 0 and the last one, and begins at offset 0.
+    # There is one part: number 0, the last one, at offset 0.
     head = struct.pack("!HHHH", EXTENSION_ID, words, padding, 0)
     return head + metadata + bytes(padding)
 
 
 def quaternion(attitude: Attitude) -> tuple[float, float, float, float]:
-    """Return the rotation from body to north-east-down as w, x, y, z (yaw, pitch, roll in turn)."""
+    """Return the quaternion w, x, y, z from body to north-east-down (order yaw, pitch, roll)."""
     cr, sr = math.cos(attitude.roll_rad / 2), math.sin(attitude.roll_rad / 2)
     cp, sp = math.cos(attitude.pitch_rad / 2), math.sin(attitude.pitch_rad / 2)
     cy, sy = math.cos(attitude.yaw_rad / 2), math.sin(attitude.yaw_rad / 2)
@@ -144,7 +143,7 @@ def _drone(frame: VideoFrame) -> bytes:
 
 
 def _camera(frame: VideoFrame) -> bytes:
-    # The base view is the one without pan and tilt by a pilot: the stabilised heading.
+    # The base view is the stabilised heading, without pan and tilt by a pilot.
     base = Attitude(yaw_rad=frame.attitude.yaw_rad)
     horizontal_rad, vertical_rad = frame.fov_rad
     utc = b""
@@ -167,7 +166,7 @@ def _camera(frame: VideoFrame) -> bytes:
 
 
 def _wifi() -> bytes:
-    """Return a good link, which a loopback is: goodput in kbit/s, quality from 1 to 5, dBm."""
+    """Return the state of a good link: goodput in kbit/s, quality from 1 to 5, dBm."""
     return b"".join(
         (
             protobuf.unsigned(1, _GOODPUT_KBITPS),

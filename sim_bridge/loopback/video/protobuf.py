@@ -1,8 +1,8 @@
-"""Just enough of protobuf's encoding to write a message: tags, varints and fixed-size numbers.
+"""Minimal protobuf writer: tags, varints and fixed-size numbers.
 
-Source: the encoding guide of protocol buffers (proto3). A field that has its default value, zero,
-is left out, as generators of proto3 do it; a message within a message is written even when empty,
-because its presence is information.
+Source: the encoding guide of protocol buffers (proto3). A field with the default value zero is
+omitted, as by generators of proto3. A nested message is written even if empty, because its presence
+is information.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def unsigned(number: int, value: int) -> bytes:
     """Return a field of type uint32, uint64, bool or enum.
 
     Args:
-        number: the field's.
+        number: number of the field.
         value: 0 to 2^64 - 1.
 
     Raises:
@@ -39,7 +39,7 @@ def signed(number: int, value: int) -> bytes:
     """Return a field of type sint32 or sint64 (zigzag).
 
     Args:
-        number: the field's.
+        number: number of the field.
         value: -2^63 to 2^63 - 1.
 
     Raises:
@@ -54,7 +54,7 @@ def float32(number: int, value: float) -> bytes:
     """Return a field of type float.
 
     Args:
-        number: the field's.
+        number: number of the field.
         value: rounded to 32 bits.
     """
     return _tag(number, _FIXED32) + struct.pack("<f", value) if value else b""
@@ -64,7 +64,7 @@ def double(number: int, value: float) -> bytes:
     """Return a field of type double.
 
     Args:
-        number: the field's.
+        number: number of the field.
         value: its value.
     """
     return _tag(number, _FIXED64) + struct.pack("<d", value) if value else b""
@@ -74,7 +74,7 @@ def message(number: int, content: bytes) -> bytes:
     """Return a field that is a message, a string or bytes.
 
     Args:
-        number: the field's.
+        number: number of the field.
         content: the encoded message, or the bytes.
     """
     return _tag(number, _LENGTH_DELIMITED) + varint(len(content)) + content

@@ -1,9 +1,9 @@
-"""RTP: frames as packets, numbered and stamped for each client, and sender reports.
+"""RTP packets of frames, numbered and stamped for each client, and sender reports.
 
 Sources: RFC 3550, sections 5.1, 6.4.1, 6.5 and 6.6; for the payloads (single units, aggregates
 STAP-A, fragments FU-A) RFC 6184, sections 5.6 to 5.8, packetization mode 1. As in Parrot's
-libvideo-streaming, the time of the sender reports is the drone's monotonic clock, not the date:
-what a client computes from it is comparable with the capture time in the frame's metadata.
+libvideo-streaming, the sender reports contain the drone's monotonic clock instead of the date. A
+client can then compare their time with the capture time in the metadata.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from sim_bridge.loopback.video.encoder import CLOCK_HZ, EncodedFrame
 from sim_bridge.loopback.video.frame import extension
 from uav_bt.errors import ValueRangeError
 
-PAYLOAD_TYPE: Final = 96  # the only one that Parrot's receiver takes
-MTU_BYTES: Final = 1400  # of a packet with its RTP header; Parrot's receiver wants less than 1500
+PAYLOAD_TYPE: Final = 96  # the only type that Parrot's receiver accepts
+MTU_BYTES: Final = 1400  # packet with RTP header; Parrot's receiver needs less than 1500
 
 _HEADER: Final = struct.Struct("!BBHII")
 _VERSION: Final = 0x80
@@ -30,33 +30,33 @@ _DESCRIPTION: Final = 202
 _GOODBYE: Final = 203
 _CNAME: Final = 1
 _WORD: Final = 4
-MIN_PAYLOAD_BYTES: Final = 64  # below, packets would be nearly all header
+MIN_PAYLOAD_BYTES: Final = 64  # smaller packets would be mostly header
 _STAP_A: Final = 24
 _FU_A: Final = 28
 _FU_START: Final = 0x80
 _FU_END: Final = 0x40
-_NRI: Final = 0x60  # importance, in a unit's first byte; an aggregate has its units' highest
+_NRI: Final = 0x60  # importance bits in a unit's first byte; an aggregate has the highest
 _FORBIDDEN: Final = 0x80
 _SIZE: Final = struct.Struct("!H")
 
 
 @dataclass(frozen=True, kw_only=True)
 class FramePackets:
-    """An encoded frame as packets: what is the same for all clients."""
+    """Packets of an encoded frame, identical for all clients."""
 
-    captured_s: float  # monotonic
+    captured_s: float  # capture time by the monotonic clock
     is_key: bool
-    bodies: tuple[bytes, ...]  # packets without their RTP header; the first begins with `extension`
+    bodies: tuple[bytes, ...]  # packets without RTP header; the first begins with `extension`
     payload_bytes: int
 
     @classmethod
     def of(cls, frame: EncodedFrame, metadata: bytes, captured_s: float) -> FramePackets:
-        """Cut an encoded frame into packets, the metadata on the first.
+        """Split an encoded frame into packets; the first carries the metadata.
 
         Args:
             frame: the frame.
             metadata: encoded `TimedMetadata`.
-            captured_s: its capture time, s of the monotonic clock.
+            captured_s: capture time by the monotonic clock, s.
         """
         head = extension(metadata)
         room = MTU_BYTES - _HEADER.size
@@ -70,11 +70,11 @@ class FramePackets:
 
 
 class RtpStream:
-    """Numbers and stamps one client's packets.
+    """Numbers and stamps the packets of one client.
 
     Args:
-        random: where the stream begins; RFC 3550 wants it to be unpredictable.
-        cname: the sender's name in the reports; Parrot's clients take it for the serial number.
+        random: source of the first numbers, which RFC 3550 requires to be unpredictable.
+        cname: name of the sender in reports; Parrot's clients use it as the serial number.
     """
 
     def __init__(self, random: Random, cname: str) -> None:
@@ -87,15 +87,15 @@ class RtpStream:
 
     @property
     def next_sequence(self) -> int:
-        """The number that the next packet has."""
+        """The sequence number of the next packet."""
         return self._sequence
 
     def stamp(self, time_s: float) -> int:
-        """Return the RTP time stamp of a monotonic time."""
+        """Return the RTP timestamp of a monotonic time."""
         return (self._offset + round(time_s * CLOCK_HZ)) & 0xFFFF_FFFF
 
     def packets(self, frame: FramePackets) -> Iterator[bytes]:
-        """Return the frame's packets; the last one has the marker."""
+        """Yield the packets of a frame; the last one has the marker."""
         stamp = self.stamp(frame.captured_s)
         last = len(frame.bodies) - 1
         for at, body in enumerate(frame.bodies):
@@ -107,10 +107,10 @@ class RtpStream:
         self._payload_bytes += frame.payload_bytes
 
     def report(self, now_s: float) -> bytes:
-        """Return a sender report of this moment, with the sender's name.
+        """Return a sender report with the sender's name.
 
         Args:
-            now_s: monotonic.
+            now_s: present time by the monotonic clock, s.
         """
         seconds = int(now_s)
         fraction = int((now_s - seconds) * (1 << 32))
@@ -140,14 +140,14 @@ def _control(kind: int, count: int, body: bytes) -> bytes:
 def packetize(
     nals: Sequence[bytes], limit_bytes: int, *, first_limit_bytes: int | None = None
 ) -> tuple[bytes, ...]:
-    """Return the payloads that carry a frame's NAL units, in order.
+    """Return the payloads that carry the NAL units of a frame, in order.
 
-    Neighbours that fit go into one packet; a unit that is too large is cut into pieces.
+    Small neighbours are aggregated into one packet; a unit that is too large is fragmented.
 
     Args:
-        nals: the units of one frame, none of them empty.
-        limit_bytes: the largest payload.
-        first_limit_bytes: the largest first payload, whose packet may have to carry an extension.
+        nals: the units of one frame, not empty.
+        limit_bytes: size limit of a payload.
+        first_limit_bytes: size limit of the first payload, whose packet may carry an extension.
 
     Raises:
         ValueRangeError: a limit is too small, or a unit is empty.
@@ -161,7 +161,7 @@ def packetize(
     if not all(nals):
         raise ValueRangeError("a NAL unit has at least one byte, got none")
     payloads: list[bytes] = []
-    waiting: list[bytes] = []  # units that go together so far
+    waiting: list[bytes] = []  # units to aggregate
 
     def room() -> int:
         return limit_bytes if payloads else first_limit

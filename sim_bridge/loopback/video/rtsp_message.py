@@ -1,7 +1,7 @@
-"""RTSP requests and answers as bytes (RFC 2326), and packets between them on the same connection.
+"""RTSP requests and answers as bytes (RFC 2326), with packets in between.
 
-The reader takes bytes as they come, knows no sockets, and gives up early: what is not RTSP, or is
-larger than a valid request, is refused at once.
+The reader accepts bytes in pieces and uses no sockets. It refuses data at once if they are not RTSP
+or larger than a valid request.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _TOKEN: Final = re.compile(r"[!#$%&'*+\-.^_`|~0-9A-Za-z]{1,64}")
 _URL: Final = re.compile(r"[\x21-\x7e]{1,1024}")
 _METHOD: Final = re.compile(r"[A-Z_]{1,32}")
 _END_OF_HEAD: Final = re.compile(rb"\r?\n\r?\n")
-_DOLLAR: Final = 0x24  # begins a packet within the connection
+_DOLLAR: Final = 0x24  # first byte of an interleaved packet
 _REASONS: Final[Mapping[int, str]] = {
     200: "OK",
     400: "Bad Request",
@@ -41,12 +41,12 @@ _REASONS: Final[Mapping[int, str]] = {
 
 
 class RtspError(Exception):
-    """A request that is refused.
+    """A refused request.
 
     Args:
-        status: the answer's status.
-        why: a sentence for the reader of the answer.
-        headers: that the answer has besides.
+        status: status of the answer.
+        why: reason, as a sentence for the user.
+        headers: additional headers of the answer.
     """
 
     def __init__(self, status: int, why: str, *, headers: Mapping[str, str] | None = None) -> None:
@@ -67,13 +67,13 @@ class Request:
 
     @property
     def sequence(self) -> str:
-        """The number by which the client finds the answer; empty without one."""
+        """The number that links the answer to the request; empty without one."""
         number = self.headers.get("cseq", "")
         return number if number.isascii() and number.isdigit() and len(number) <= 10 else ""
 
 
 class RequestReader:
-    """Finds requests in the bytes of one connection.
+    """Extracts requests from the bytes of one connection.
 
     Packets between them (RTCP reports; RFC 2326, section 10.12) are skipped.
     """
@@ -82,10 +82,10 @@ class RequestReader:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> Iterator[Request]:
-        """Take bytes and yield the requests that are complete now.
+        """Add bytes and yield the requests that are now complete.
 
         Raises:
-            RtspError: what came is no RTSP, or too large: the rest cannot be read either.
+            RtspError: the data is not RTSP or too large; the rest cannot be read either.
         """
         self._buffer += data
         while self._skip_blank_lines():
@@ -134,10 +134,10 @@ def answer(
     """Return an answer.
 
     Args:
-        status: of the answer.
-        sequence: the request's number.
-        headers: besides those that every answer has.
-        body: what it carries.
+        status: status of the answer.
+        sequence: number of the request.
+        headers: headers in addition to those of all answers.
+        body: body of the answer.
     """
     lines = [f"{_VERSION} {status} {_REASONS[status]}"]
     if sequence:

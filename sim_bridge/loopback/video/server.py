@@ -1,4 +1,4 @@
-"""The RTSP server: from the first open port to the last closed one."""
+"""RTSP server of the video."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ _MAX_PORT: Final = 65_535
 
 
 class VideoServer:
-    """A running server; `serve_video` makes one. Close it in the end.
+    """A running server, made by `serve_video`. Close it at the end.
 
     Args:
-        state: what its connections share.
-        listening: its RTSP socket.
+        state: shared state of the connections.
+        listening: the RTSP socket.
     """
 
     def __init__(self, state: ServerState, listening: asyncio.Server) -> None:
         self._state = state
         self._listening = listening
         host, port = listening.sockets[0].getsockname()[:2]
-        self.address: tuple[str, int] = (host, port)  # where it listens
+        self.address: tuple[str, int] = (host, port)  # address and port of the RTSP socket
 
     @property
     def url(self) -> str:
-        """Where a client finds the video."""
+        """The URL of the video."""
         host, port = self.address
         return f"rtsp://{f'[{host}]' if ':' in host else host}:{port}/live"
 
     @property
     def fault(self) -> Exception | None:
-        """What the source or the encoder raised; None while there is video."""
+        """The error of the source or the encoder; None while the video works."""
         return self._state.fault
 
     def stats(self) -> VideoStats:
-        """Return what was done so far."""
+        """Return the statistics since the start."""
         return self._state.streamer.stats()
 
     async def close(self) -> None:
@@ -74,28 +74,28 @@ async def serve_video(
     finish: Callable[[], None] | None = None,
     session_timeout_s: float = 60.0,  # the default of RFC 2326
 ) -> VideoServer:
-    """Serve a source's frames at rtsp://HOST:PORT/live, as an ANAFI does.
+    """Serve the frames of a source at rtsp://HOST:PORT/live, as an ANAFI does.
 
-    Nothing is fetched or encoded while no client plays; all clients share one encoder.
+    Frames are fetched and encoded only while a client plays. All clients share one encoder.
 
     Args:
-        source: where frames come from.
-        host: numeric address to listen on; anyone who reaches it can watch the video.
-        port: of RTSP; 0 takes a free one. The media go through two free UDP ports, or through the
-            client's connection, as the client wishes.
+        source: source of the frames.
+        host: numeric address to listen on; the video has no access control.
+        port: RTSP port; 0 selects a free one. The client chooses whether the media use two free UDP
+            ports or its RTSP connection.
         encoder: size, rate and quality.
-        serial: the drone's serial number.
-        media_name: what the stream is called.
-        now: the monotonic clock of the frames' times.
-        random: where streams and sessions begin; unpredictable unless given.
-        finish: called once by `close`, on the source's thread, where an OpenGL context must be
-            freed.
-        session_timeout_s: a client that sends nothing for so long is disconnected, s.
+        serial: serial number of the drone.
+        media_name: name of the stream.
+        now: monotonic clock of the capture times, s.
+        random: source of the first numbers of streams and sessions; unpredictable by default.
+        finish: called once by `close` on the thread of the source, for example to free an OpenGL
+            context.
+        session_timeout_s: a client that is silent for this time is disconnected, s.
 
     Raises:
         PortTakenError: the port is taken or may not be used.
         MissingDependencyError: this build of PyAV has no x264.
-        ValueRangeError: there is no such port.
+        ValueRangeError: the port number is out of range.
     """
     if not 0 <= port <= _MAX_PORT:
         raise ValueRangeError(f"a port must lie within 0 and {_MAX_PORT}, got {port}")

@@ -1,4 +1,4 @@
-"""The newest frame, encoded once, to all clients that play; nothing is done while none does."""
+"""Streamer: encodes the newest frame once and sends it to all playing clients."""
 
 from __future__ import annotations
 
@@ -20,56 +20,56 @@ from sim_bridge.loopback.video.transport import Sink
 
 _LOG: Final = logging.getLogger(__name__)
 
-# As in Parrot's sender; its receivers tell the capture time from the second report on.
+# As in Parrot's sender; its receivers compute the capture time from the second report on.
 _REPORT_INTERVAL_S: Final = 0.1
-_POLL_S: Final = 0.004  # between two looks for a new frame; adds half of it to the latency
-_RATE_FRAMES: Final = 60  # the rate is the mean over so many frames
-_ENCODED_FRAMES: Final = 1800  # a minute's: what encoding took is taken over so many frames
+_POLL_S: Final = 0.004  # polling period for a new frame; half of it adds to the latency
+_RATE_FRAMES: Final = 60  # number of frames for the mean rate
+_ENCODED_FRAMES: Final = 1800  # number of frames for the encoding times: one minute
 
 
 @dataclass(kw_only=True)
 class VideoStats:
-    """What the video has done so far."""
+    """Statistics of the video since its start."""
 
-    playing: int = 0  # clients now
+    playing: int = 0  # clients that play now
     frames_encoded: int = 0
-    frames_sent: int = 0  # added up over all clients that ever played, like the next ones
-    frames_dropped: int = 0  # left out because a client did not keep up
+    frames_sent: int = 0  # sum over all clients, as are the next counters
+    frames_dropped: int = 0  # frames skipped because a client was too slow
     packets_sent: int = 0
     bytes_sent: int = 0
-    frames_late: int = 0  # slots of the wanted rate that passed while a frame was being made
-    rate_hz: float = 0.0  # reached lately; 0 before the second frame
-    # Fetching, encoding and cutting into packets: median and 95 % of the frames made lately.
+    frames_late: int = 0  # frame slots that passed while another frame was being made
+    rate_hz: float = 0.0  # mean rate of recent frames; 0 before the second frame
+    # Time to fetch, encode and packetize recent frames: median and 95th percentile.
     encode_ms: tuple[float, float] = (0.0, 0.0)
-    age_ms: tuple[float, float] = (0.0, 0.0)  # likewise, from capture until all was sent
+    age_ms: tuple[float, float] = (0.0, 0.0)  # time from capture to sending, in the same way
 
 
 class Player:
-    """One client that plays.
+    """One playing client.
 
     Args:
-        stream: numbers its packets.
-        sink: takes them.
+        stream: numbers the packets.
+        sink: sends the packets.
     """
 
     def __init__(self, stream: RtpStream, sink: Sink) -> None:
         self.stream = stream
         self._sink = sink
-        self.needs_key = True  # the client cannot decode what comes before the next key frame
+        self.needs_key = True  # whether the client can only decode from the next key frame on
         self._reported_s = float("-inf")
 
     @property
     def wants_key(self) -> bool:
-        """Whether it waits for a key frame, and could take it."""
+        """Whether the client needs a key frame and is not congested."""
         return self.needs_key and not self._sink.congested
 
     def send(self, frame: FramePackets, now_s: float, stats: VideoStats) -> None:
-        """Send a frame, unless the client cannot use it or does not keep up.
+        """Send a frame unless the client cannot decode it or is too slow.
 
         Args:
             frame: the frame as packets.
-            now_s: the monotonic time.
-            stats: counts what is sent.
+            now_s: present time by the monotonic clock, s.
+            stats: the counters to update.
         """
         if self._sink.congested:
             self.needs_key = True
@@ -92,14 +92,14 @@ class Player:
 
 
 class Streamer:
-    """Fetches, encodes and sends while there are players.
+    """Fetches, encodes and sends frames while clients play.
 
     Args:
-        source: where frames come from; called on the encoder's thread.
-        config: of the encoder.
-        now: the monotonic clock of the frames' times.
-        failed: called when the source or the encoder raised; then no client plays any more.
-        finish: called once, in the end, on the source's thread.
+        source: source of the frames; called on the encoder's thread.
+        config: configuration of the encoder.
+        now: monotonic clock of the capture times, s.
+        failed: called after an error of the source or the encoder, which ends the video.
+        finish: called once, at the end, on the source's thread.
     """
 
     def __init__(
@@ -118,8 +118,8 @@ class Streamer:
         self._finish = finish
         self._players: list[Player] = []
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="loopback-video")
-        self._encoder: Encoder | None = None  # the thread's
-        self._captured_s = float("-inf")  # the thread's: capture time of the newest encoded frame
+        self._encoder: Encoder | None = None  # used on the thread only
+        self._captured_s = float("-inf")  # on the thread only: capture time of the last frame
         self._task: asyncio.Task[None] | None = None
         self._closing = asyncio.Event()
         self._stats = VideoStats()
@@ -128,7 +128,7 @@ class Streamer:
         self._ages_s: deque[float] = deque(maxlen=_ENCODED_FRAMES)
 
     def add(self, player: Player) -> None:
-        """Send to this client, too, from a key frame on, which is made for it."""
+        """Add a client; a key frame is made for it."""
         if player in self._players:
             return
         player.needs_key = True
@@ -137,12 +137,12 @@ class Streamer:
             self._task = asyncio.get_running_loop().create_task(self._run())
 
     def remove(self, player: Player) -> None:
-        """Send nothing more to this client; one that does not play is no error."""
+        """Remove a client; no effect if it does not play."""
         if player in self._players:
             self._players.remove(player)
 
     def stats(self) -> VideoStats:
-        """Return what was done so far."""
+        """Return the statistics since the start."""
         times_s = self._times_s
         rate_hz = (len(times_s) - 1) / (times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
         return replace(
@@ -154,7 +154,7 @@ class Streamer:
         )
 
     async def close(self) -> None:
-        """Stop; a frame under way is finished first. Safe to call twice."""
+        """Stop after the frame in progress; safe to call twice."""
         self._closing.set()
         self._players.clear()
         if self._task is not None:
@@ -170,7 +170,7 @@ class Streamer:
         self._times_s.clear()
         try:
             await self._stream()
-        except Exception as error:  # noqa: BLE001  (the server goes on and reports it)
+        except Exception as error:  # noqa: BLE001  (the server continues and reports it)
             _LOG.exception("the video has ended: its source or its encoder failed")
             self._players.clear()
             self._failed(error)
@@ -195,16 +195,16 @@ class Streamer:
             for player in tuple(self._players):
                 player.send(packets, now_s, self._stats)
             self._ages_s.append(self._now() - self._captured_s)
-            # On the grid where it can be, so that the rate is kept; never faster to make up.
+            # Keep the grid of the rate if possible, but do not catch up after a delay.
             due_s = max(due_s + period_s, loop.time())
             await self._pause(due_s - loop.time())
 
     async def _pause(self, duration_s: float) -> None:
-        with contextlib.suppress(TimeoutError):  # the usual end of it
+        with contextlib.suppress(TimeoutError):  # the usual end of the pause
             await asyncio.wait_for(self._closing.wait(), duration_s)
 
     def _next(self, key: bool) -> FramePackets | None:  # noqa: FBT001  (run_in_executor takes no names)
-        """Fetch and encode on the thread; None when there is no newer frame."""
+        """Fetch and encode on the thread; return None without a newer frame."""
         frame = self._source.newest()
         if frame is None or frame.captured_s <= self._captured_s:
             return None

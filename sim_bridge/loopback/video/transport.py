@@ -1,4 +1,4 @@
-"""Transports to a client: datagrams to its ports, or packets on its RTSP connection."""
+"""Transports to a client: datagrams to its ports, or packets on the RTSP connection."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from typing import Final, Protocol
 from sim_bridge.loopback.handshake import PortTakenError
 from sim_bridge.loopback.video.rtsp_message import RtspError
 
-# What may wait in a client's buffer; with more, whole frames are left out until it has caught up.
+# Limit of data in a client's buffer; above it, whole frames are dropped.
 MAX_WAITING_BYTES: Final = 256 * 1024
 
-_PAIR_TRIES: Final = 20  # for an even port whose neighbour is free, too
+_PAIR_TRIES: Final = 20  # tries to find an even port with a free neighbour
 _MAX_PORT: Final = 65_535
 _RANGE: Final = re.compile(r"(\d{1,5})(?:-(\d{1,5}))?")
 
 
 class Sink(Protocol):
-    """Where a client's packets go."""
+    """Destination of a client's packets."""
 
     @property
     def congested(self) -> bool:
-        """Whether so much is waiting that nothing should be added."""
+        """Whether too much data is waiting to add more."""
 
     def send_data(self, packets: Iterable[bytes]) -> None:
         """Send RTP packets."""
@@ -36,17 +36,17 @@ class Sink(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Transport:
-    """What a client asked for in SETUP."""
+    """Transport that a client requested in SETUP."""
 
-    ports: tuple[int, int] | None = None  # RTP and RTCP, when by datagrams
-    channels: tuple[int, int] | None = None  # RTP and RTCP, when interleaved
+    ports: tuple[int, int] | None = None  # RTP and RTCP ports; None if interleaved
+    channels: tuple[int, int] | None = None  # RTP and RTCP channels; None for datagrams
 
     def header(self, server_ports: tuple[int, int], ssrc: int) -> str:
         """Return the `Transport` header of the answer.
 
         Args:
-            server_ports: the server's RTP and RTCP ports, UDP.
-            ssrc: the stream's identifier.
+            server_ports: UDP ports of the server for RTP and RTCP.
+            ssrc: identifier of the stream.
         """
         if self.channels is not None:
             channels = "-".join(map(str, self.channels))
@@ -57,12 +57,12 @@ class Transport:
 
 
 def choose_transport(header: str) -> Transport:
-    """Return the first of the offered transports that can be had.
+    """Return the first offered transport that is supported.
 
-    A client gets its packets itself: another destination is not looked at.
+    Packets are sent to the client only: another destination in the header is ignored.
 
     Raises:
-        RtspError: none can.
+        RtspError: no offered transport is supported.
     """
     for offer in header.split(","):
         profile, *parameters = (part.strip() for part in offer.split(";"))
@@ -97,7 +97,7 @@ class InterleavedSink:
 
     Args:
         transport: the connection.
-        channels: of RTP and of RTCP.
+        channels: channels of RTP and RTCP.
     """
 
     def __init__(self, transport: asyncio.Transport, channels: tuple[int, int]) -> None:
@@ -106,7 +106,7 @@ class InterleavedSink:
 
     @property
     def congested(self) -> bool:
-        """Whether the client reads more slowly than it is sent to."""
+        """Whether the client reads too slowly."""
         return self._transport.get_write_buffer_size() > MAX_WAITING_BYTES
 
     def send_data(self, packets: Iterable[bytes]) -> None:
@@ -123,42 +123,42 @@ class InterleavedSink:
 
 
 class _Flow(asyncio.DatagramProtocol):
-    """Knows whether the system takes more datagrams."""
+    """Tracks whether the system accepts more datagrams."""
 
     def __init__(self) -> None:
         self.paused = False
 
     def pause_writing(self) -> None:
-        """Note that datagrams wait."""
+        """Mark the socket as congested."""
         self.paused = True
 
     def resume_writing(self) -> None:
-        """Note that they are gone."""
+        """Mark the socket as free."""
         self.paused = False
 
 
 class _Reports(asyncio.DatagramProtocol):
-    """Receives RTCP reports, of which only the sender matters."""
+    """Receives RTCP reports; only their sender is used."""
 
     def __init__(self, received: Callable[[tuple[str, int]], None]) -> None:
         self._received = received
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:  # noqa: ARG002  (asyncio's)
-        """Pass the sender's address on."""
+        """Forward the address of the sender."""
         self._received((addr[0], addr[1]))
 
 
 @dataclass(frozen=True, kw_only=True)
 class DatagramPair:
-    """The server's two sockets, for all clients."""
+    """The two sockets of the server, shared by all clients."""
 
     data: asyncio.DatagramTransport
     control: asyncio.DatagramTransport
-    flow: _Flow  # of the data
+    flow: _Flow  # congestion of the data socket
     ports: tuple[int, int]
 
     def close(self) -> None:
-        """Let go of the ports."""
+        """Free the ports."""
         self.data.close()
         self.control.close()
 
@@ -167,9 +167,9 @@ class DatagramSink:
     """Datagrams to a client's two ports.
 
     Args:
-        pair: the server's sockets.
-        host: the client's numeric address.
-        ports: the client's, of RTP and of RTCP.
+        pair: sockets of the server.
+        host: numeric address of the client.
+        ports: ports of the client for RTP and RTCP.
     """
 
     def __init__(self, pair: DatagramPair, host: str, ports: tuple[int, int]) -> None:
@@ -179,7 +179,7 @@ class DatagramSink:
 
     @property
     def congested(self) -> bool:
-        """Whether the system takes no more datagrams for now."""
+        """Whether the system accepts no more datagrams now."""
         return self._pair.flow.paused
 
     def send_data(self, packets: Iterable[bytes]) -> None:
@@ -195,27 +195,27 @@ class DatagramSink:
 async def open_datagram_pair(
     host: str, received: Callable[[tuple[str, int]], None]
 ) -> DatagramPair:
-    """Open an even port and its neighbour, as RTP wants them.
+    """Open an even port and the next port, as RTP requires.
 
     Args:
         host: numeric address to send from.
         received: called with the address of each sender to the control port.
 
     Raises:
-        PortTakenError: no such pair is free.
+        PortTakenError: no pair was free.
     """
     loop = asyncio.get_running_loop()
     for _ in range(_PAIR_TRIES):
         data, flow = await loop.create_datagram_endpoint(_Flow, local_addr=(host, 0))
         port = data.get_extra_info("sockname")[1]
         if port % 2 == 0:
-            with contextlib.suppress(OSError):  # the neighbour is taken: the next pair
+            with contextlib.suppress(OSError):  # the neighbour is taken: try the next pair
                 control, _reports = await loop.create_datagram_endpoint(
                     lambda: _Reports(received), local_addr=(host, port + 1)
                 )
                 return DatagramPair(data=data, control=control, flow=flow, ports=(port, port + 1))
         data.close()
     raise PortTakenError(
-        f"found no two neighbouring free UDP ports on {host} in {_PAIR_TRIES} tries; end some of "
-        "what listens there"
+        f"found no two neighbouring free UDP ports on {host} in {_PAIR_TRIES} tries; end some "
+        "programs that listen there"
     )

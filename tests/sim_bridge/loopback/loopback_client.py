@@ -1,4 +1,4 @@
-"""A client of the loopback ANAFI for tests: asyncio, our own codec, no SDK."""
+"""Test client of the loopback ANAFI: asyncio and the project's codec, without the SDK."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from sim_bridge.loopback.handshake import Ports
 from sim_bridge.loopback.link import SEQUENCES, FrameType, WireFrame, pack, parse, unpack
 from sim_bridge.loopback.messages import Buffer, message_table
 
-PATIENCE_S = 60.0  # a test that waits longer has failed, however busy the machine
+PATIENCE_S = 60.0  # timeout of a wait, also on a busy machine, s
 REPEAT_S = 0.1
 
 
 class Client(asyncio.DatagramProtocol):
-    """Finds the drone, gets a link, sends commands and waits for events."""
+    """Discovers the drone, opens a link, sends commands and waits for events."""
 
     def __init__(self, ports: Ports, *, name: str = "test") -> None:
         self._ports = ports
@@ -54,7 +54,7 @@ class Client(asyncio.DatagramProtocol):
         self._udp.close()
 
     async def send(self, name: str, /, **values: Any) -> None:
-        """Send a command; return once it is acknowledged, where it must be."""
+        """Send a command; wait for its acknowledgement if it needs one."""
         message = message_table().named(name)
         acked = message.buffer is not Buffer.NOACK
         payload = pack([encode(message, values)])
@@ -74,11 +74,11 @@ class Client(asyncio.DatagramProtocol):
                     continue
 
     def put(self, data: bytes) -> None:
-        """Send a datagram as it is."""
+        """Send a datagram unchanged."""
         self._udp.sendto(data, ("127.0.0.1", self.answer["c2d_port"]))
 
     async def wait(self, name: str, /, **values: Any) -> Received:
-        """Return the next event of that name with these values, leaving out all before it."""
+        """Return the next event with this name and these values; earlier events are skipped."""
         async with asyncio.timeout(PATIENCE_S):
             while True:
                 while self.events:

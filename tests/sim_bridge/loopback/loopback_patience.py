@@ -1,4 +1,4 @@
-"""Settings for property tests on a machine that may be busy."""
+"""Settings of property tests for busy machines."""
 
 from __future__ import annotations
 

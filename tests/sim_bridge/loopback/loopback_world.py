@@ -1,4 +1,4 @@
-"""A world without physics for tests of the loopback ANAFI: time moves on demand."""
+"""A world without physics for tests of the loopback ANAFI; time passes on demand."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ STEP_S = 0.02
 
 
 class FakeWorld:
-    """Motors in 0.5 s, up in another, down in a second; 1 m/s and 1 rad/s at most."""
+    """Motors start in 0.5 s, take-off takes 0.5 s, landing 1 s; at most 1 m/s and 1 rad/s."""
 
     def __init__(self, limits: WorldLimits | None = None) -> None:
         self.limits = limits or WorldLimits(max_speed_mps=2.0, max_climb_mps=1.0)
@@ -46,7 +46,7 @@ class FakeWorld:
         self._order: Movement = Hover()
         self._since_s = 0.0
         self._left = (0.0, 0.0, 0.0, 0.0)
-        self._heading_rad = 0.0  # of the frame in which a movement began
+        self._heading_rad = 0.0  # heading at the start of a movement
 
     def state(self) -> WorldState:
         return self._state
@@ -156,7 +156,7 @@ PHOTO = Photo(
 
 
 def taken(photo: Photo | Exception = PHOTO) -> Shutter:
-    """A camera that takes this photograph at once, or fails so."""
+    """Return a camera that takes this photograph at once, or fails with this error."""
 
     def shoot() -> Future[Photo]:
         future: Future[Photo] = Future()
@@ -171,7 +171,7 @@ def taken(photo: Photo | Exception = PHOTO) -> Shutter:
 
 @dataclass
 class Bench:
-    """The firmware in a fake world, and all the events it sent."""
+    """The firmware in a fake world, and all events that it sent."""
 
     battery: BatteryOptions = field(default_factory=BatteryOptions)
     world: FakeWorld = field(default_factory=FakeWorld)

@@ -1,4 +1,4 @@
-"""Messages to bytes and back."""
+"""Codec of ARSDK messages."""
 
 from __future__ import annotations
 

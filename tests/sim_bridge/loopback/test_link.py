@@ -1,4 +1,4 @@
-"""Frames in datagrams, and the command link on a channel that loses, doubles and reorders."""
+"""Frames in datagrams, and the command link on a channel with loss, duplicates and reordering."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ def test_a_long_payload_has_its_size_in_two_bytes() -> None:
 
 
 class Channel:
-    """Two links and a bad line between them; time moves in steps of 10 ms."""
+    """Two links with a bad channel between them; time passes in steps of 10 ms."""
 
     def __init__(self, seed: int, *, bad: float) -> None:
-        self._random = Random(seed)  # noqa: S311 - the weather, no secret
+        self._random = Random(seed)  # noqa: S311 - not for secrets
         self._bad = bad
         self._now_s = 0.0
         self._line: list[tuple[float, bool, bytes]] = []
@@ -140,7 +140,7 @@ def test_a_good_line_needs_no_repeats() -> None:
     assert messages_in(sent) == [b"one"]
     ack = WireFrame(type=FrameType.ACK, buffer=EVENTS + 128, sequence=0, payload=b"\0\0")
     link.receive(ack.to_bytes(), 0.01)
-    link.receive(ack.to_bytes(), 0.02)  # a double acknowledges nothing else
+    link.receive(ack.to_bytes(), 0.02)  # a duplicate acknowledges nothing else
     link.poll(0.05)
     assert messages_in(sent) == [b"one", b"two"]
     assert link.pending == 1

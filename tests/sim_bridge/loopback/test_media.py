@@ -1,4 +1,4 @@
-"""Photographs: taken by a client, listed and fetched through the drone's web interface."""
+"""Photographs: taken by a client, listed and fetched through the web interface."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MEDIAS = "/api/v1/media/medias"
 
 @asynccontextmanager
 async def flying() -> AsyncIterator[tuple[LoopbackServer, Client]]:
-    """A drone with a camera, and a client that is connected to it."""
+    """Yield a drone with a camera, and a connected client."""
     media, table = MediaStore(), message_table()
     anafi = Anafi(LiveWorld(), table, shoot=taken(), media=media)
     options = ServerOptions(ports=Ports(discovery=0, control=0, commands=0, http=0, rtsp=0))
@@ -47,7 +47,7 @@ async def flying() -> AsyncIterator[tuple[LoopbackServer, Client]]:
 
 
 async def ask(server: LoopbackServer, path: str, method: str = "GET") -> tuple[str, str, bytes]:
-    """Return status, content type and body of an answer."""
+    """Send a request; return status, content type and body of the answer."""
     reader, writer = await asyncio.open_connection("127.0.0.1", server.ports.http)
     writer.write(f"{method} {path} HTTP/1.1\r\nConnection: close\r\n\r\n".encode())
     head, _, body = (await reader.read()).partition(b"\r\n\r\n")
@@ -130,7 +130,7 @@ def test_there_is_nothing_else(path: str) -> None:
 
 @asynccontextmanager
 async def listening(server: LoopbackServer) -> AsyncIterator[Callable[[], Any]]:
-    """Open the websocket of notifications; give what awaits the next one."""
+    """Open the websocket of notifications; yield a function that awaits the next one."""
     reader, writer = await asyncio.open_connection("127.0.0.1", server.ports.http)
     writer.write(
         b"GET /api/v1/media/notifications HTTP/1.1\r\nUpgrade: websocket\r\n"
@@ -216,6 +216,6 @@ def test_a_photograph_shows_what_the_camera_sees() -> None:
     assert seen is not None
     assert photo.size_px == (320, 180)
     assert photo.location is None
-    assert np.abs(shown.astype(int) - seen.image).mean() < 4.0  # JPEG's own loss
+    assert np.abs(shown.astype(int) - seen.image).mean() < 4.0  # loss of JPEG
     assert seen.image.std() > 10.0
     assert photo.taken_utc_s == pytest.approx(seen.captured_utc_s, abs=5.0)

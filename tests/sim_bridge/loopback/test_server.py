@@ -26,7 +26,7 @@ FLYING = "ardrone3.PilotingState.FlyingStateChanged"
 
 
 class LiveWorld(FakeWorld):
-    """Time passes as often as somebody looks, ten times as fast as the server thinks."""
+    """A world whose time passes at each call of `state`, ten times faster than real time."""
 
     broken = False
 
@@ -39,7 +39,7 @@ class LiveWorld(FakeWorld):
 
 @asynccontextmanager
 async def serving(world: FakeWorld | None = None) -> AsyncIterator[LoopbackServer]:
-    # Patient, for the machine may be busy.
+    # Long timeouts, because the machine may be busy.
     timing = LinkTiming(silence_s=PATIENCE_S)
     options = ServerOptions(ports=FREE, timing=timing, update_s=0.002, probe_s=0.5)
     server = LoopbackServer(Anafi(world or LiveWorld(), message_table()), message_table(), options)
@@ -108,7 +108,7 @@ def test_a_client_that_dies_silently_makes_room_for_another() -> None:
     async def run() -> None:
         async with serving() as server:
             first = await connected(server)
-            first._udp.close()  # killed, with its discovery connection left hanging
+            first._udp.close()  # killed, but its discovery connection stays open
             second = await connected(server)
             second.close()
             first._keep.close()
@@ -118,7 +118,7 @@ def test_a_client_that_dies_silently_makes_room_for_another() -> None:
 
 @pytest.mark.parametrize("port", ["discovery", "control", "http"])
 def test_idle_connections_make_room(port: str) -> None:
-    """More of them than a port keeps, and the client that flies is not among those that go."""
+    """With more connections than the limit, that of the flying client stays open."""
 
     async def run() -> None:
         async with serving() as server:
@@ -127,7 +127,7 @@ def test_idle_connections_make_room(port: str) -> None:
             idle = [await asyncio.open_connection(*where) for _ in range(100)]
             other = Client(server.ports, name="other")
             assert not await other.connect()
-            assert other.answer["status"] != 0  # an answer it is, if none to be glad of
+            assert other.answer["status"] != 0  # an answer, although a refusal
             assert not flies._found.at_eof()
             await flies.send("ardrone3.PilotingSettings.MaxTilt", current=12.0)
             await flies.wait("ardrone3.PilotingSettingsState.MaxTiltChanged", current=12.0)
@@ -141,7 +141,7 @@ def test_idle_connections_make_room(port: str) -> None:
 
 def test_garbage_on_every_port_is_survived() -> None:
     async def run() -> None:
-        random = Random(7)  # noqa: S311 - garbage, no secret
+        random = Random(7)  # noqa: S311 - not for secrets
         async with serving() as server:
             client = await connected(server)
             ports = server.ports
@@ -229,7 +229,7 @@ def test_a_websocket_is_kept_and_its_pings_are_answered() -> None:
                 b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
             )
             head = await reader.readuntil(b"\r\n\r\n")
-            # The key and its answer are RFC 6455's own example.
+            # The key and its answer are the example of RFC 6455.
             assert b"Sec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=" in head
             writer.write(bytes.fromhex("89 82 01020304 6060"))
             assert await reader.readexactly(4) == bytes.fromhex("8a 02 6162")

@@ -1,4 +1,4 @@
-"""The twin as a loopback ANAFI's world."""
+"""The twin as the world of a loopback ANAFI."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from uav_bt.types import FlyingState, Land, MoveBy, MovementState, TakeOff, Velo
 
 
 class Stepped:
-    """A world whose rounds of physics the test makes itself."""
+    """A world whose physics is advanced by the test."""
 
     def __init__(self, scene: str | None = None) -> None:
         self.clock = ManualClock()

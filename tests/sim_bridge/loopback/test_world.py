@@ -1,4 +1,4 @@
-"""Metres around home, and degrees on earth."""
+"""Conversion of metres from home to degrees."""
 
 from __future__ import annotations
 

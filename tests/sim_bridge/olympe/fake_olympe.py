@@ -1,4 +1,4 @@
-"""A scripted SDK: it answers like a drone, without a drone and without Olympe."""
+"""A scripted SDK that answers like a drone, without Olympe."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.video import FrameClock
 
-# The settings that the bridge changes: by command, its event, that one's argument, the first value.
+# Settings that the bridge changes, by command: event, argument of the event, first value.
 SETTINGS: dict[str, tuple[str, str, Any]] = {
     "ardrone3.PilotingSettings.MaxTilt": (
         *("ardrone3.PilotingSettingsState.MaxTiltChanged", "current"),
@@ -49,11 +49,11 @@ class Kind(enum.Enum):
 
 
 class Time:
-    """A wall clock and a condition of which waiting takes no time but the clock's."""
+    """A simulated wall clock, and a condition variable whose wait only advances this clock."""
 
     def __init__(self) -> None:
         self.now_s = 100.0
-        self.on_wait: Callable[[], None] | None = None  # what wakes who waits
+        self.on_wait: Callable[[], None] | None = None  # called during a wait
 
     def __call__(self) -> float:
         return self.now_s
@@ -71,11 +71,11 @@ class Time:
         if self.on_wait is not None:
             self.on_wait()
         else:
-            self.now_s += max(timeout, 1e-6)  # as a real wait, never nothing at all
+            self.now_s += max(timeout, 1e-6)  # a real wait is never zero
 
 
 class Answer:
-    """The SDK's expectation of an answer; waiting for one that does not come blocks."""
+    """The SDK's expectation of an answer; waiting for a missing one blocks."""
 
     def __init__(self, *, good: bool) -> None:
         self._good = good
@@ -90,7 +90,7 @@ class Answer:
 
 
 class FakeFrame:
-    """The SDK's frame: empty before `ref`, gone after `unref`."""
+    """The SDK's frame, which is valid between `ref` and `unref`."""
 
     def __init__(
         self, planes: np.ndarray, meta: Mapping[str, Any] | None = None, **info: Any
@@ -139,7 +139,7 @@ class FakeStreaming:
     def play(self, **given: Any) -> bool:
         self.given = given
         if not self._drone.world.video:
-            raise self._drone.world.video_fault  # as the SDK does where RTSP is refused
+            raise self._drone.world.video_fault  # as the SDK if RTSP is refused
         self._drone.world.on_video(self._drone)
         return True
 
@@ -158,7 +158,7 @@ class FakeStreaming:
 
 
 class FakeSdkDrone:
-    """An object of the SDK's `Drone` that notes all it is sent."""
+    """An object of the SDK's `Drone` that records all commands."""
 
     def __init__(self, world: FakeWorld, host: str, **given: Any) -> None:
         self.world, self.host, self.given = world, host, given
@@ -216,15 +216,15 @@ class FakeSdkDrone:
 
 
 class FakeWorld:
-    """The drones that the SDK meets: they answer or not, give video or not."""
+    """The drones behind the SDK, with and without answers and video."""
 
     def __init__(self, version: tuple[int, ...] = (8, 5, 0)) -> None:
         self.answers = True
         self.video = True
         self.video_fault: BaseException = TimeoutError()
         self.steers = True
-        self.refused: set[str] = set()  # settings that it does not confirm
-        self.unreported: set[str] = set()  # settings that it does not report when it connects
+        self.refused: set[str] = set()  # settings that the drone does not confirm
+        self.unreported: set[str] = set()  # settings that the drone does not report on connecting
         self.made: list[FakeSdkDrone] = []
         self.on_connect: Callable[[FakeSdkDrone], None] = lambda _: None
         self.on_video: Callable[[FakeSdkDrone], None] = lambda _: None

@@ -15,13 +15,13 @@ PATIENCE_S = 30.0
 
 
 def finish(queue: CommandQueue) -> None:
-    """Wait for all commands; take no more."""
+    """Close the queue and wait for all commands."""
     assert queue.run(lambda: None, PATIENCE_S)
     queue.close()
 
 
 class Blocked:
-    """A queue whose first command blocks until it is let go."""
+    """A queue whose first command blocks until it is released."""
 
     def __init__(self) -> None:
         self.queue = CommandQueue()
@@ -88,7 +88,7 @@ def test_a_cancelled_call_of_the_sdk_does_not_keep_the_landing_back() -> None:
     commands, landed = CommandQueue(), threading.Event()
 
     def cancelled() -> None:
-        raise asyncio.CancelledError  # no Exception: it would end a thread that lets it pass
+        raise asyncio.CancelledError  # not an Exception: uncaught it would end the thread
 
     commands.submit(Kind.STICKS, cancelled)
     assert commands.run(lambda: None, PATIENCE_S)

@@ -1,4 +1,4 @@
-"""An ANAFI through a scripted SDK: commands out, events in."""
+"""An ANAFI through a scripted SDK: commands, events and frames."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ SETTINGS = [
 
 
 def hovering(world: FakeWorld, time: Time | None = None) -> OlympeDrone:
-    """A drone in the air whose limits are set."""
+    """Return a drone in the air with its limits set."""
     drone = bridge(world, time)
     drone.connect()
     say(drone, TakeOff())
@@ -160,7 +160,7 @@ def test_no_video_is_said_at_once(version: tuple[int, ...], fault: BaseException
     world = FakeWorld(version)
     world.video = False
     world.video_fault = fault
-    with pytest.raises(DroneError, match=r"gives no video \(RTSP port 554\) within 5 s"):
+    with pytest.raises(DroneError, match=r"sends no video \(RTSP port 554\) within 5 s"):
         bridge(world).connect()
     assert world.drone.closed[:2] == ["stop video", "disconnect"]
 
@@ -172,7 +172,7 @@ def test_an_unconnected_drone_says_so(call: str) -> None:
         drone.observe() if call == "observe" else drone.send(Command(movement=Hover()))
 
 
-# --- telling --------------------------------------------------------------------------------------
+# --- commands -------------------------------------------------------------------------------------
 
 
 def test_taking_off_is_ordered_once_and_again_when_nothing_came_of_it() -> None:
@@ -329,11 +329,11 @@ def test_an_sdk_that_refuses_the_sticks_is_an_error() -> None:
     world = FakeWorld()
     drone = hovering(world)
     world.steers = False
-    with pytest.raises(DroneError, match="does not take stick positions any more"):
+    with pytest.raises(DroneError, match="no longer accepts stick positions"):
         say(drone, Velocity(forward_mps=0.5))
 
 
-# --- listening ------------------------------------------------------------------------------------
+# --- events ---------------------------------------------------------------------------------------
 
 
 def test_events_become_a_state() -> None:
@@ -376,7 +376,7 @@ def measure(world: FakeWorld, *quantities: str) -> None:
 
 
 class FakeState:
-    """An enumeration's member, as the SDK gives it."""
+    """A member of an enumeration of the SDK."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -465,7 +465,7 @@ def test_landing_ends_a_movement_that_was_never_ended() -> None:
     assert drone.observe().state.movement == MovementStatus(id=3, state=MovementState.INTERRUPTED)
 
 
-# --- watching -------------------------------------------------------------------------------------
+# --- video ----------------------------------------------------------------------------------------
 
 
 def grey(level: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""An SDK that blocks, and on which thread it is used."""
+"""The connection with a blocking SDK, and the threads that use it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FLYING = "ardrone3.PilotingState.FlyingStateChanged"
 
 
 class WatchedDrone:
-    """An SDK's drone that notes which thread calls it, and may block."""
+    """A drone of the SDK that records the calling thread, and may block."""
 
     def __init__(self, drone: FakeSdkDrone, world: BlockingWorld) -> None:
         self._drone = drone
@@ -60,11 +60,11 @@ class WatchedDrone:
 
 
 class BlockingWorld(FakeWorld):
-    """A world whose SDK blocks in one of its calls until it is let go."""
+    """A world whose SDK blocks in one call until it is released."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.blocks = ""  # the call
+        self.blocks = ""  # name of the blocking call
         self.go, self.begun, self.destroyed = (threading.Event() for _ in range(3))
         self.calls: list[tuple[str, int]] = []
         make = self.sdk.classes.Drone
@@ -105,7 +105,7 @@ def say(drone: OlympeDrone, *movements: Movement) -> None:
 
 
 def soon(condition: Callable[[], bool]) -> bool:
-    """Return whether a condition comes true; a command takes milliseconds."""
+    """Wait for a condition; return whether it became true in time."""
     end_s = time.monotonic() + PATIENCE_S / 2.0
     while not condition() and time.monotonic() < end_s:
         time.sleep(0.005)
@@ -135,7 +135,7 @@ def test_a_drone_that_connects_too_late_is_let_go_by_the_thread_that_connected_i
     drone = world.bridge(connect_limit_s=0.01)
     with pytest.raises(DroneError, match="not ready for commands after 0 s: restart it"):
         drone.connect()
-    # The SDK still connects: nobody else may touch its object now.
+    # The SDK is still connecting, so no other thread may use its object.
     assert world.names() == ["make", "subscribe", "connect"]
     assert world.drone.closed == []
     world.go.set()
@@ -143,7 +143,7 @@ def test_a_drone_that_connects_too_late_is_let_go_by_the_thread_that_connected_i
     assert world.drone.connected
     assert world.drone.closed == ["stop video", "disconnect", "destroy"]
     assert len(world.threads()) == 1
-    assert world.drone.streaming.given == {}  # its video was not asked for any more
+    assert world.drone.streaming.given == {}  # the video was not requested
 
 
 def test_a_video_that_blocks_is_given_up_in_time() -> None:
@@ -151,7 +151,7 @@ def test_a_video_that_blocks_is_given_up_in_time() -> None:
     world.on_video = lambda _: world.note("play")
     world.blocks = "play"
     drone = world.bridge(video_limit_s=0.01)
-    with pytest.raises(DroneError, match="gives no video"):
+    with pytest.raises(DroneError, match="sends no video"):
         drone.connect()
     assert world.drone.closed == []
     world.go.set()
@@ -178,7 +178,7 @@ def test_a_drone_that_does_not_disconnect_keeps_nobody(
     [(Land(), "Landing"), (CutMotors(), "Emergency"), (Release(), "stop_piloting")],
 )
 def test_no_setting_keeps_back_what_ends_a_flight(movement: Movement, order: str) -> None:
-    """A pilot took off: the limits are set in the air, and the drone confirms none of them."""
+    """After a take-off by a pilot the limits are set in the air, without confirmation."""
     world = BlockingWorld()
     world.refused = set(SETTINGS)
     drone = world.bridge(setting_limit_s=PATIENCE_S)
@@ -189,7 +189,7 @@ def test_no_setting_keeps_back_what_ends_a_flight(movement: Movement, order: str
     assert soon(lambda: expected in world.drone.names())
     say(drone, movement)
     assert soon(lambda: order in world.drone.names())
-    world.drone.connected = False  # a drone that is gone is not asked to confirm anything
+    world.drone.connected = False  # a lost drone is not asked for a confirmation
     drone.disconnect()
 
 

@@ -1,4 +1,4 @@
-"""Movements and their end events."""
+"""Ledger of movements and their end events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a drone is there."""
+"""Probe of an address for a drone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An ANAFI behind a SkyController: who has the sticks, and who is heard."""
+"""An ANAFI behind a SkyController: control by pilot and mission, and the age of telemetry."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CONNECTION = "drone_manager.connection_state"
 
 
 def announce(drone: FakeSdkDrone) -> None:
-    """What a SkyController with a drone sends at first."""
+    """Send the first events of a SkyController with a drone."""
     drone.event(CONNECTION, state="connected", serial="PI", model=0x0914, name="ANAFI")
     drone.event(SOURCE, source="SkyController")
 
@@ -60,7 +60,7 @@ def test_the_pilot_gets_the_sticks_and_hands_them_back() -> None:
     say(drone, Release(), Release())
     assert sources(world) == ["Controller", "SkyController"]
     world.drone.event(SOURCE, source="SkyController")
-    assert not drone.observe().state.pilot_has_control  # what was lent is no take-over
+    assert not drone.observe().state.pilot_has_control  # control was given, not taken
     time.now_s += 5.0
     say(drone, Hover())
     world.drone.event(SOURCE, source="Controller")
@@ -124,7 +124,7 @@ def test_a_remote_control_that_goes_on_talking_is_not_the_drone() -> None:
     assert state.connected
     world.drone.event(CONNECTION, state="searching", serial="", model=0, name="")
     state = drone.observe().state
-    assert (state.connected, state.lost) == (False, False)  # it may find its drone again
+    assert (state.connected, state.lost) == (False, False)  # the remote control may reconnect
 
 
 def test_a_remote_control_without_a_drone_says_so_before_it_is_asked_for_video() -> None:

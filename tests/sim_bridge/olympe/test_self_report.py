@@ -1,4 +1,4 @@
-"""What a drone reports about itself."""
+"""Faults that a drone reports."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_drone_without_complaints_has_no_faults() -> None:
         ("camera.zoom_level", {"level": 1.5}, "camera: zoomed in, 1.5 times"),
         ("gimbal.calibration_state", {"state": "required"}, "gimbal: needs a calibration"),
         ("gimbal.alert", {"error": 4}, "gimbal: reports an error (4)"),
-        ("alarms.takeoff_checklist", {"state": "on"}, "take-off checklist: gyro keeps it"),
+        ("alarms.takeoff_checklist", {"state": "on"}, "take-off checklist: gyro prevents"),
         ("alarms.alarms", {"state": "on"}, "alarm: motor cutout"),
     ],
 )

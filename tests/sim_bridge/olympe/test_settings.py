@@ -1,4 +1,4 @@
-"""Limits and speeds: set for a flight, and put back after it."""
+"""Settings of the drone: changed for a flight, and restored after it."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_a_limit_that_is_not_confirmed_in_time_is_a_warning_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     world, time = with_firmware("1.8.2"), Time()
-    world.refused = {MAX_TILT, BANKED_TURN}  # not all firmware knows banked turns
+    world.refused = {MAX_TILT, BANKED_TURN}  # some firmware lacks banked turns
     drone = bridge(world, time)
     drone.connect()
     drone.send(Command(movement=TakeOff()))
@@ -84,7 +84,7 @@ def test_a_limit_that_is_not_confirmed_in_time_is_a_warning_once(
 
 def test_a_flight_begins_without_an_answer_about_its_limits() -> None:
     world = with_firmware("1.8.2")
-    world.refused = set(SETTINGS)  # nothing is ever confirmed
+    world.refused = set(SETTINGS)  # no setting is confirmed
     drone = bridge(world)
     drone.connect()
     drone.send(Command(movement=TakeOff()))
@@ -111,7 +111,7 @@ def test_a_setting_that_the_drone_never_reported_is_named_before_and_after(
 ) -> None:
     world = with_firmware("1.8.2")
     world.unreported = {MAX_TILT, MAX_ALTITUDE, BANKED_TURN}
-    world.refused = {BANKED_TURN}  # firmware without it
+    world.refused = {BANKED_TURN}  # firmware without banked turns
     drone = bridge(world, setting_limit_s=0.01)
     drone.connect()
     assert caplog.text == ""
@@ -196,4 +196,4 @@ def test_a_movement_keeps_the_speed_limits(version: str) -> None:
 def test_older_firmware_is_kept_slow_by_its_tilt(version: str) -> None:
     sent = fly_a_metre(with_firmware(version))
     assert "ardrone3.Piloting.moveBy" in sent
-    assert sent[MAX_TILT] == {"current": pytest.approx(1.0)}  # the least that can be set
+    assert sent[MAX_TILT] == {"current": pytest.approx(1.0)}  # the lowest possible setting

@@ -1,4 +1,4 @@
-"""Speeds to stick positions."""
+"""Speed control by stick positions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_nothing_wanted_and_nothing_moving_is_centred() -> None:
 
 @pytest.mark.parametrize("plant", ["tilt", "speed"])
 def test_a_speed_is_reached_whatever_the_sticks_mean(plant: str) -> None:
-    """On a drone whose sticks tilt it, and on one that takes them for shares of a speed."""
+    """With a drone whose sticks command tilt, and with one whose sticks command speeds."""
     holder, speed_mps, step_s = SpeedHolder(config()), 0.0, 0.05
     for step in range(400):
         measured_mps = BodyVelocity(forward_mps=speed_mps)

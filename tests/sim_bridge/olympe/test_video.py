@@ -1,4 +1,4 @@
-"""The newest frame, its metadata, and the clock that ticks with it."""
+"""The newest frame, its metadata, and the frame clock."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_a_frame_that_was_looked_at_wakes_no_waiter() -> None:
 
 
 def test_colours_come_back() -> None:
-    """A red, a green and a blue field, made by BT.709's equations."""
+    """Red, green and blue fields, computed by the equations of BT.709."""
     wanted = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.float64)
     matrix = np.array([[0.2126, 0.7152, 0.0722], [-0.1146, -0.3854, 0.5], [0.5, -0.4542, -0.0458]])
     y, cb, cr = (matrix @ wanted.T) * np.array([[219], [224], [224]]) / 255

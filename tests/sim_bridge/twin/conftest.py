@@ -16,7 +16,7 @@ SMALL = (160, 90)
 
 @pytest.fixture
 def make_twin() -> Iterator[Callable[..., TwinDrone]]:
-    """Return a maker of connected twins with small pictures; all are disconnected afterwards."""
+    """Yield a maker of connected twins with small images; all are disconnected at the end."""
     made: list[TwinDrone] = []
 
     def make(*, airborne: bool = False, **options: object) -> TwinDrone:

@@ -1,4 +1,4 @@
-"""What the twin's tests share: flying without looking, and a ray caster as independent truth."""
+"""Helpers of the twin's tests: flights without images, and a ray caster as independent truth."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uav_bt.types.ground import Footprint
 
 
 def fly(drone: TwinDrone, movement: Movement, duration_s: float) -> Observation:
-    """Send a movement every tick for a while, without looking; return the last state."""
+    """Send a movement at each tick for a time, without images; return the last observation."""
     end = drone.clock.now() + duration_s
     while drone.clock.now() < end - 1e-6:
         drone.send(Command(movement=movement))
@@ -27,7 +27,7 @@ def fly(drone: TwinDrone, movement: Movement, duration_s: float) -> Observation:
 def cast_rays(
     scene: Scene, pose: CameraPose, pixels: NDArray[np.float64], size_px: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return class id and depth along the axis for pixels (N, 2), by geometry alone."""
+    """Return class id and depth along the optical axis for pixels (N, 2), from geometry only."""
     camera = anafi_camera(*size_px)
     axis, up = (np.array(v) for v in pose.axes())
     right = np.cross(axis, up)

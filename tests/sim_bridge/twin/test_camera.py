@@ -1,4 +1,4 @@
-"""What the simulated lens and sensor do to a picture."""
+"""Blur, exposure error and noise of the simulated camera."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ GREY = np.full((90, 160, 3), 120, np.uint8)
 
 
 def test_an_ideal_camera_changes_nothing() -> None:
-    """And returns a picture of its own, so that the clean one stays clean."""
+    """It returns a copy, so that the clean image stays unchanged."""
     result = Optics(IDEAL, 160, 90, 0).degrade(GREY, 3, 1.0)
     assert np.array_equal(result, GREY)
     assert not np.shares_memory(result, GREY)
 
 
 def test_noise_has_the_asked_strength_no_bias_and_no_pattern() -> None:
-    """Standard deviation as configured; two frames share nothing; a frame repeats exactly."""
+    """The standard deviation is as configured; frames are independent; a frame is reproducible."""
     optics = Optics(replace(IDEAL, image_noise_std=5.0), 160, 90, 7)
     first, second = (optics.degrade(GREY, k, 1.0).astype(float) - 120 for k in (1, 2))
     assert first.std() == pytest.approx(5.0, rel=0.05)
@@ -39,7 +39,7 @@ def test_exposure_scales_and_saturates() -> None:
 
 
 def test_blur_softens_an_edge_and_keeps_the_mean() -> None:
-    """The step over an edge shrinks with the blur's width."""
+    """The step at an edge decreases with the width of the blur."""
     edge = np.zeros((90, 160, 3), np.uint8)
     edge[:, 80:] = 200
     blurred = Optics(replace(IDEAL, blur_sigma_px=4.0), 160, 90, 0).degrade(edge, 0, 1.0)

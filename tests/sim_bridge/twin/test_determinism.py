@@ -43,19 +43,19 @@ def first() -> str:
 
 
 def test_a_flight_repeats(first: str) -> None:
-    """However often one looks and whatever the wall clock does."""
+    """Independent of the number of observations and of the wall clock."""
     assert flight_digest(5, looks=3, pause=lambda: time.sleep(0.002)) == first
 
 
 def test_another_seed_is_another_flight(first: str) -> None:
-    """The seed decides wind, noise and pictures."""
+    """The seed sets wind, noise and images."""
     assert flight_digest(6) != first
 
 
 def test_a_flight_repeats_in_another_process(first: str) -> None:
-    """Nothing depends on the process: not hashing, not what ran before."""
+    """The flight is independent of the process, of hashing and of earlier flights."""
     code = f"from {__name__} import flight_digest; print(flight_digest(5))"
-    done = subprocess.run(  # noqa: S603  (our own code)
+    done = subprocess.run(  # noqa: S603  (code of this test)
         [sys.executable, "-c", code],
         capture_output=True,
         text=True,
@@ -66,7 +66,7 @@ def test_a_flight_repeats_in_another_process(first: str) -> None:
 
 
 def test_two_twins_in_one_process_do_not_meet(first: str) -> None:
-    """A flight is the same while another twin flies and draws in between."""
+    """A flight is the same if another twin flies and renders in between."""
     other = TwinConfig(seed=9, image_size_px=(320, 180), scene="val-a").create()
     other.connect()
 

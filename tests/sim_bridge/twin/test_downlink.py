@@ -1,4 +1,4 @@
-"""The twin's telemetry: each quantity comes at its rate and after its delay."""
+"""The twin's telemetry: each quantity has a rate and a delay."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def measured(value: float) -> Telemetry:
 
 
 def states(drone: TwinDrone, last_s: float) -> list[tuple[float, DroneState]]:
-    """Return the state of every control step, with the time of the step."""
+    """Return time and state of each control step."""
     found = []
     while drone.clock.now() < last_s:
         drone.clock.sleep_until(drone.clock.now() + STEP_S)
@@ -80,7 +80,7 @@ def test_the_same_seed_reports_at_the_same_times_and_another_at_others(
 
 
 def test_each_quantity_has_its_own_rate_and_delay() -> None:
-    """Velocity each 0.2 s and 0.05 s late, all other quantities at once."""
+    """Velocity every 0.2 s with a delay of 0.05 s, all other quantities at once."""
     profile = replace(Profile.named("lab-instant"), velocity_period_s=0.2, velocity_latency_s=0.05)
     downlink = Downlink(profile, seed=0)
     for step in range(101):

@@ -1,4 +1,4 @@
-"""The twin answers commands as an ANAFI would."""
+"""Reactions of the twin to commands, as of an ANAFI."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def truth(drone: TwinDrone) -> Truth:
 
 
 def test_it_keeps_the_protocols(make_twin: MakeTwin) -> None:
-    """Drone, clock and referee are what the framework expects."""
+    """Drone, clock and referee implement the protocols of the framework."""
     drone = make_twin()
     assert isinstance(drone, Drone)
     assert isinstance(drone.clock, Clock)
@@ -45,7 +45,7 @@ def test_it_keeps_the_protocols(make_twin: MakeTwin) -> None:
 
 
 def test_nothing_works_before_connecting_and_disconnecting_twice_is_fine() -> None:
-    """An unconnected twin has no referee and says what to do; it may be let go at any time."""
+    """An unconnected twin has no referee, and its error gives a remedy; disconnecting is safe."""
     drone = TwinConfig().create()
     assert drone.referee is None
     for use in (drone.observe, drone.clock.now, lambda: drone.send(Command(movement=Hover()))):
@@ -56,7 +56,7 @@ def test_nothing_works_before_connecting_and_disconnecting_twice_is_fine() -> No
 
 
 def test_a_second_connection_starts_the_flight_anew(make_twin: MakeTwin) -> None:
-    """After a disconnection the drone stands at its start again, at time 0."""
+    """After a disconnection the drone is at its start again, at time 0."""
     drone = make_twin(airborne=True)
     drone.disconnect()
     drone.connect()
@@ -107,7 +107,7 @@ def test_a_movement_arrives_where_it_was_sent(
 
 
 def test_a_movement_keeps_the_limits(make_twin: MakeTwin) -> None:
-    """Two metres ahead are flown at no more than 1.0 m/s and the set acceleration, within 5 %."""
+    """A movement of 2 m keeps 1.0 m/s and the configured acceleration, within 5 %."""
     drone = make_twin(airborne=True)
     speeds = []
     for _ in range(60):
@@ -130,7 +130,7 @@ def test_a_turn_is_clockwise_in_the_telemetry_and_counter_clockwise_in_the_world
 
 
 def test_a_new_movement_interrupts_the_one_in_progress(make_twin: MakeTwin) -> None:
-    """A hover interrupts; a new id supersedes at once."""
+    """A hover interrupts a movement; a new id replaces it at once."""
     drone = make_twin(airborne=True)
     fly(drone, MoveBy(id=1, forward_m=1.5), 0.5)
     state = fly(drone, Hover(), 0.2).state
@@ -142,7 +142,7 @@ def test_a_new_movement_interrupts_the_one_in_progress(make_twin: MakeTwin) -> N
 
 
 def test_a_movement_that_was_told_is_not_begun_again(make_twin: MakeTwin) -> None:
-    """The same id, sent every tick and after its end, is flown once."""
+    """The same id, sent at each tick and after its end, is flown once."""
     drone = make_twin(airborne=True)
     before = truth(drone).pose
     fly(drone, MoveBy(id=7, forward_m=0.5), 6.0)
@@ -153,7 +153,7 @@ def test_a_movement_that_was_told_is_not_begun_again(make_twin: MakeTwin) -> Non
 
 
 def test_a_movement_on_the_ground_is_rejected(make_twin: MakeTwin) -> None:
-    """Before take-off a movement is answered with REJECTED and nothing moves."""
+    """Before take-off a movement is REJECTED, and the drone does not move."""
     drone = make_twin()
     state = fly(drone, MoveBy(id=3, forward_m=1.0), 0.5).state
     assert state.movement is not None
@@ -162,7 +162,7 @@ def test_a_movement_on_the_ground_is_rejected(make_twin: MakeTwin) -> None:
 
 
 def test_velocity_piloting_is_limited_and_ends_with_a_release(make_twin: MakeTwin) -> None:
-    """What is returned is what is flown; after a release the drone stops."""
+    """The returned velocity is flown; after a release the drone stops."""
     drone = make_twin(airborne=True)
     order = Command(movement=Velocity(forward_mps=3.0, right_mps=4.0, yaw_rate_radps=9.0))
     sent = drone.send(order).movement
@@ -178,7 +178,7 @@ def test_velocity_piloting_is_limited_and_ends_with_a_release(make_twin: MakeTwi
 
 
 def test_landing_stops_the_motors_on_the_pad(make_twin: MakeTwin) -> None:
-    """From the hover over the pad it descends, touches, and is LANDED with the motors off."""
+    """From the hover above the pad it descends, touches, and is LANDED with the motors off."""
     drone = make_twin(airborne=True)
     fly(drone, Land(), 0.5)
     assert drone.observe().state.flying is FlyingState.LANDING
@@ -211,7 +211,7 @@ def test_cut_motors_let_it_fall(make_twin: MakeTwin) -> None:
 
 
 def test_the_gimbal_is_a_channel_of_its_own(make_twin: MakeTwin) -> None:
-    """It turns at its limited rate, whatever flies, and stays when nothing is said."""
+    """It turns at its limited rate during any movement, and keeps its pitch without a command."""
     drone = make_twin()
     drone.send(Command(movement=TakeOff(), gimbal=GimbalTo(pitch_rad=-math.pi / 2)))
     drone.clock.sleep_until(0.5)
@@ -221,7 +221,7 @@ def test_the_gimbal_is_a_channel_of_its_own(make_twin: MakeTwin) -> None:
 
 
 def test_commands_take_effect_after_computing_and_transmission(make_twin: MakeTwin) -> None:
-    """In the lab profile a take-off sent at 0 is obeyed at 0.09 s, not before."""
+    """In the lab profile a take-off sent at 0 is executed at 0.09 s, not before."""
     drone = make_twin(profile="lab-instant")
     drone.send(Command(movement=TakeOff()))
     drone.clock.sleep_until(0.08)
@@ -231,7 +231,7 @@ def test_commands_take_effect_after_computing_and_transmission(make_twin: MakeTw
 
 
 def test_frames_come_late_and_on_the_video_rate(make_twin: MakeTwin) -> None:
-    """The newest frame is at least the latency old, less than a video period older, and indexed."""
+    """The age of the newest frame is between the latency and one video period more."""
     drone = make_twin(profile="lab")
     assert drone.observe().frame is None
     for tick in range(2, 20):
@@ -246,7 +246,7 @@ def test_frames_come_late_and_on_the_video_rate(make_twin: MakeTwin) -> None:
 def test_a_frame_is_drawn_once_and_carries_the_telemetry_of_its_capture(
     make_twin: MakeTwin,
 ) -> None:
-    """Looking twice gives the same object; gimbal and height are those of the capture."""
+    """Two observations give the same object; gimbal and height are those of the capture."""
     drone = make_twin(profile="lab")
     drone.send(Command(movement=TakeOff(), gimbal=GimbalTo(pitch_rad=-1.0)))
     drone.clock.sleep_until(0.5)
@@ -261,7 +261,7 @@ def test_a_frame_is_drawn_once_and_carries_the_telemetry_of_its_capture(
 
 
 def test_a_pilot_interrupts_and_is_not_interfered_with(make_twin: MakeTwin) -> None:
-    """With a pilot at the sticks the movement ends, and further commands are not obeyed."""
+    """When a pilot takes control the movement ends, and further commands are ignored."""
     drone = make_twin(airborne=True)
     fly(drone, MoveBy(id=1, forward_m=1.5), 0.5)
     drone.pilot_has_control = True
@@ -273,7 +273,7 @@ def test_a_pilot_interrupts_and_is_not_interfered_with(make_twin: MakeTwin) -> N
 
 
 def test_the_drone_never_sees_itself(make_twin: MakeTwin) -> None:
-    """Standing on the pad with the camera straight down, every pixel is the lab's."""
+    """On the pad with the camera straight down, all pixels show the lab."""
     drone = make_twin()
     drone.send(Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-math.pi / 2)))
     drone.clock.sleep_until(2.0)
@@ -285,7 +285,7 @@ def test_the_drone_never_sees_itself(make_twin: MakeTwin) -> None:
 
 
 def test_sleeping_into_the_past_changes_nothing(make_twin: MakeTwin) -> None:
-    """The clock only moves forward."""
+    """The clock only advances."""
     drone = make_twin()
     drone.clock.sleep_until(0.5)
     drone.clock.sleep_until(0.2)
@@ -295,7 +295,7 @@ def test_sleeping_into_the_past_changes_nothing(make_twin: MakeTwin) -> None:
 def test_real_time_keeps_pace_with_the_wall(
     make_twin: MakeTwin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In real time the clock waits for the wall by what the computing left over."""
+    """In real time the clock waits for the rest of each step after computing."""
     wall, slept = [100.0], []
 
     def sleep(duration_s: float) -> None:
@@ -314,7 +314,7 @@ def test_real_time_keeps_pace_with_the_wall(
 
 
 def test_bad_options_are_refused_before_anything_is_built() -> None:
-    """Unknown scene and profile names come with a suggestion; a negative seed with its value."""
+    """The errors of unknown names suggest a name; that of a negative seed has its value."""
     with pytest.raises(UnknownNameError, match="did you mean 'train-a'"):
         TwinConfig(scene="trian-a").create()
     with pytest.raises(UnknownNameError, match="did you mean 'harsh'"):
@@ -327,7 +327,7 @@ def test_bad_options_are_refused_before_anything_is_built() -> None:
 
 @pytest.mark.parametrize(("profile", "reach_m"), [("lab", 0.35), ("harsh", 0.9)])
 def test_a_hover_wanders_but_not_away(make_twin: MakeTwin, profile: str, reach_m: float) -> None:
-    """Half a minute's hover drifts visibly, within reason, and telemetry is noisy but close."""
+    """A hover of 30 s drifts within limits, and the telemetry is noisy but close."""
     drone = make_twin(profile=profile, airborne=True)
     start = truth(drone).pose
     far = 0.0

@@ -1,4 +1,4 @@
-"""Choosing OpenGL: the choice is made once, by what works, and failures name the remedy."""
+"""Choice of OpenGL: made once, from the working backends; errors name a remedy."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def _fresh(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def choose() -> str:
-    """Choose as a fresh process would, past what this one has settled."""
+    """Choose as in a new process, ignoring the choice of this one."""
     return gl.choose_gl.__wrapped__()
 
 
 def test_egl_is_taken_where_it_works(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And MuJoCo and PyOpenGL are told."""
+    """MuJoCo and PyOpenGL are configured for it."""
     monkeypatch.setenv("PYOPENGL_PLATFORM", "")
     monkeypatch.setattr(gl, "_egl_works", lambda: True)
     assert choose() == "egl"
@@ -45,7 +45,7 @@ def test_without_egl_osmesa_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_with_nothing_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both ways are named: pip alone, and apt."""
+    """The message names both remedies: pip and apt."""
     monkeypatch.setattr(gl, "_loads", lambda *_, **__: False)
     monkeypatch.setattr(gl, "_wheel_folder", lambda: None)
     with pytest.raises(MissingDependencyError, match="pip install --no-deps lavavu-osmesa") as seen:
@@ -55,7 +55,7 @@ def test_with_nothing_the_message_says_what_to_install(monkeypatch: pytest.Monke
 
 
 def test_asking_for_osmesa_without_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was asked for is not replaced by something else."""
+    """A requested backend is not replaced by another."""
     monkeypatch.setenv("MUJOCO_GL", "osmesa")
     monkeypatch.setattr(gl, "_loads", lambda *_, **__: False)
     monkeypatch.setattr(gl, "_wheel_folder", lambda: None)
@@ -64,7 +64,7 @@ def test_asking_for_osmesa_without_it_is_refused(monkeypatch: pytest.MonkeyPatch
 
 
 def test_drawing_turned_off_and_unknown_ways_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`MUJOCO_GL=off` and a misspelt one are told apart."""
+    """`MUJOCO_GL=off` and a misspelt value have different errors."""
     monkeypatch.setenv("MUJOCO_GL", "off")
     with pytest.raises(MissingDependencyError, match="unset it"):
         choose()
@@ -74,7 +74,7 @@ def test_drawing_turned_off_and_unknown_ways_are_refused(monkeypatch: pytest.Mon
 
 
 def test_a_failure_inside_opengl_is_translated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """PyOpenGL's AttributeError on a bare machine becomes our message."""
+    """PyOpenGL's AttributeError without libraries becomes an error with a remedy."""
 
     def broken(_: str) -> None:
         raise AttributeError("'NoneType' object has no attribute 'eglQueryString'")
@@ -118,10 +118,10 @@ def test_the_llvm_of_triton_is_loaded_before_that_of_mesa(
 ) -> None:
     library = tmp_path / "triton" / "_C" / "libtriton.so"
     library.parent.mkdir(parents=True)
-    shutil.copy(_ctypes.__file__, library)  # any shared library does
+    shutil.copy(_ctypes.__file__, library)  # any shared library
     (tmp_path / "triton" / "__init__.py").touch()
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delitem(sys.modules, "triton", raising=False)  # where PyTorch brought the real one
+    monkeypatch.delitem(sys.modules, "triton", raising=False)  # the real one of PyTorch
     monkeypatch.setenv("PYOPENGL_PLATFORM", "")
     mapped = []
     monkeypatch.setattr(
@@ -132,12 +132,12 @@ def test_the_llvm_of_triton_is_loaded_before_that_of_mesa(
 
 
 def test_importing_the_package_is_light() -> None:
-    """The face of the package imports neither MuJoCo nor OpenCV nor YAML."""
+    """The package imports neither MuJoCo nor OpenCV nor YAML."""
     code = (
         "import sys, sim_bridge.twin; "
         "print([m for m in ('mujoco', 'cv2', 'yaml', 'OpenGL') if m in sys.modules])"
     )
-    done = subprocess.run(  # noqa: S603  (our own code)
+    done = subprocess.run(  # noqa: S603  (code of this test)
         [sys.executable, "-c", code],
         capture_output=True,
         text=True,

@@ -1,4 +1,4 @@
-"""What moves in a lab: where it is when, what it may not do, and that a drone meets it."""
+"""Movers: positions over time, invalid paths, and contacts with a drone."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_a_mover_that_cannot_be_is_refused_with_its_line(
 
 
 def test_a_round_mover_may_pass_a_corner_that_a_square_one_would_hit(tmp_path: Path) -> None:
-    """Its radius is less than the gap to the box's corner, half a square's diagonal is not."""
+    """Its radius is less than the gap to the box's corner; half a square's diagonal is more."""
     diagonal = "path_m: [[0.4, 1.018], [1.4, 0.018]], speed_mps: 0.3"
     text = GOOD.replace("path_m: [[0.0, -1.2], [0.0, 1.2]], speed_mps: 0.5", diagonal)
     gap_m = abs(1.3 + 0.8 - 1.418) / math.sqrt(2.0)
@@ -162,7 +162,7 @@ def test_a_round_mover_may_pass_a_corner_that_a_square_one_would_hit(tmp_path: P
         load_scene(written(tmp_path, near.replace("- {path_m", "- {shape: box, path_m", 1)))
 
 
-# --- scenes with movers drawn for them ------------------------------------------------------------
+# --- scenes with random movers --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -181,7 +181,7 @@ def test_drawn_movers_leave_the_pad_and_the_boxes_alone(seed: int) -> None:
 
 def test_there_is_no_room_for_a_mover_between_walls() -> None:
     scene = load_scene("train-a")
-    with pytest.raises(ValueRangeError, match=r"of its own and takes 8 more, got 9"):
+    with pytest.raises(ValueRangeError, match=r"takes at most 8 more, got 9"):
         with_movers(scene, 9, 0)
 
 
@@ -223,7 +223,7 @@ def test_the_truth_has_the_movers_and_they_count_for_the_clearance(
     assert (mover.pose.x_m, mover.pose.y_m) == pytest.approx((1.0, -0.5))
     assert (mover.vx_mps, mover.vy_mps) == pytest.approx((0.0, 0.5))
     drone.clock.sleep_until(3.0)
-    gap_m = 2.0 - 0.2 - 0.12  # abreast: between its side and the hull's nose
+    gap_m = 2.0 - 0.2 - 0.12  # abreast: from the mover's side to the front of the hull
     assert truth_of(drone).clearance_m == pytest.approx(gap_m, abs=0.002)
 
 
@@ -239,7 +239,7 @@ def test_flying_into_a_mover_is_a_contact_with_its_name(
 
 
 def test_a_mover_drives_into_a_drone_that_hovers(make_twin: MakeTwin, tmp_path: Path) -> None:
-    """A collision is charged, whoever moves."""
+    """A collision counts even if the drone does not move."""
     text = MEETING.replace("[[1.0, -1.5], [1.0, 1.5]]", "[[1.0, 1.0], [-0.5, 1.0], [-0.5, -0.6]]")
     drone = make_twin(scene=str(written(tmp_path, text)), airborne=True)
     fly(drone, Velocity(forward_mps=0.3), 1.5)
@@ -253,7 +253,7 @@ def test_a_mover_drives_into_a_drone_that_hovers(make_twin: MakeTwin, tmp_path: 
 def test_an_image_shows_movers_where_they_were_when_it_was_taken(
     make_twin: MakeTwin, tmp_path: Path
 ) -> None:
-    """The frame is delivered late, and its masks and depth are asked for later still."""
+    """The frame is delivered late, and its masks and depth are requested even later."""
     text = MEETING.replace("[[1.0, -1.5], [1.0, 1.5]]", "[[1.0, 0.0], [2.0, 0.0]]")
     drone = make_twin(scene=str(written(tmp_path, text)), image_size_px=(320, 180))
     drone.clock.sleep_until(1.0)

@@ -1,4 +1,4 @@
-"""Disturbances: statistics as configured, and repeatable."""
+"""Disturbances: configured statistics, and reproducible."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 
 
 def test_the_process_has_its_standard_deviation_and_correlation_time() -> None:
-    """Over a long run: std 0.5, correlation 1/e after its time."""
+    """In the long run: standard deviation 0.5, correlation 1/e after the correlation time."""
     wander = OrnsteinUhlenbeck(
         std=0.5, time_s=1.0, step_s=0.1, stream=NormalStream(child_seed(0, 1))
     )
@@ -19,7 +19,7 @@ def test_the_process_has_its_standard_deviation_and_correlation_time() -> None:
 
 
 def test_no_strength_is_exactly_nothing() -> None:
-    """A switched-off disturbance stays at zero and draws nothing."""
+    """A disturbance of zero strength stays at zero and uses no random numbers."""
     stream, fresh = (NormalStream(child_seed(3, 1)) for _ in range(2))
     wander = OrnsteinUhlenbeck(std=0.0, time_s=1.0, step_s=0.1, stream=stream)
     assert [wander.step() for _ in range(5)] == [0.0] * 5
@@ -27,7 +27,7 @@ def test_no_strength_is_exactly_nothing() -> None:
 
 
 def test_purposes_and_seeds_are_independent() -> None:
-    """Another purpose or another seed is another stream; the same is the same."""
+    """Different purposes or seeds give different streams; equal ones give equal streams."""
     draws = {path: NormalStream(child_seed(*path)).draw() for path in ((0, 1), (0, 2), (1, 1))}
     assert len(set(draws.values())) == 3
     assert NormalStream(child_seed(0, 1)).draw() == draws[0, 1]

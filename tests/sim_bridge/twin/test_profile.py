@@ -1,4 +1,4 @@
-"""Profiles: named sets of imperfections, checked field by field."""
+"""Profiles: named sets of limits and imperfections."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 
 
 def test_the_ideal_profile_has_limits_but_no_delay_and_no_error() -> None:
-    """Everything that disturbs is zero."""
+    """All disturbances are zero."""
     ideal = Profile.named("ideal")
     for item in fields(Profile):
         zero = item.name.endswith(("latency_s", "period_s")) or item.name == "blur_sigma_px"
@@ -22,7 +22,7 @@ def test_the_ideal_profile_has_limits_but_no_delay_and_no_error() -> None:
 
 
 def test_harsh_is_at_least_as_bad_as_lab_everywhere() -> None:
-    """No imperfection is milder, most are worse."""
+    """No imperfection is smaller, most are larger."""
     lab, harsh = Profile.named("lab"), Profile.named("harsh")
     names = [item.name for item in fields(Profile) if "_std" in item.name or "latency" in item.name]
     assert all(getattr(harsh, name) >= getattr(lab, name) for name in names)
@@ -31,7 +31,7 @@ def test_harsh_is_at_least_as_bad_as_lab_everywhere() -> None:
 
 @pytest.mark.parametrize("name", ["lab", "harsh"])
 def test_instant_telemetry_changes_telemetry_and_nothing_else(name: str) -> None:
-    """The noise of the telemetry and the delays of commands and video stay."""
+    """The noise of telemetry and the delays of commands and video do not change."""
     usual, instant = Profile.named(name), Profile.named(f"{name}-instant")
     changed = {
         item.name
@@ -47,25 +47,25 @@ def test_instant_telemetry_changes_telemetry_and_nothing_else(name: str) -> None
 
 
 def test_lab_is_the_default() -> None:
-    """An empty profile is the lab's."""
+    """A profile without arguments is ``lab``."""
     assert Profile() == Profile.named("lab")
 
 
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
 def test_a_field_out_of_range_is_refused_by_name(value: float) -> None:
-    """Negative and not finite numbers are refused with the field's name."""
+    """The error of a negative or non-finite number names the field."""
     with pytest.raises(ValueRangeError, match="wind_std_mps2"):
         Profile(wind_std_mps2=value)
 
 
 def test_limits_must_not_be_zero() -> None:
-    """A drone that cannot move is a mistake."""
+    """A limit of zero would prevent all movements."""
     with pytest.raises(ValueRangeError, match="max_speed_mps must be a positive"):
         Profile(max_speed_mps=0.0)
 
 
 def test_an_unknown_name_gets_a_suggestion() -> None:
-    """Misspelt names are recognised."""
+    """The error of a misspelt name suggests the right one."""
     with pytest.raises(
         UnknownNameError, match=r"did you mean 'ideal'\?.*known: harsh, harsh-instant, "
     ):

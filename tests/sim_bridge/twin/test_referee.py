@@ -1,4 +1,4 @@
-"""The referee tells the truth about contacts, clearance and places."""
+"""Truth of the referee: contacts, clearance and positions."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def referee_of(drone: TwinDrone) -> TwinReferee:
 
 
 def test_clearance_is_the_gap_between_hull_and_box(make_twin: MakeTwin, wall_scene: str) -> None:
-    """Standing on the pad 1.8 m before a wall, the hull's nose is 1.68 m away from it."""
+    """On the pad 1.8 m before a wall, the front of the hull is 1.68 m from the wall."""
     drone = make_twin(scene=wall_scene)
     assert referee_of(drone).truth().clearance_m == pytest.approx(1.68, abs=1e-3)
 
 
 def test_flying_into_a_box_is_a_contact_with_its_name(make_twin: MakeTwin, wall_scene: str) -> None:
-    """The contact names the box, with no clearance left, and is remembered for a tick."""
+    """The contact names the box, the clearance is 0, and the contact stays for one tick."""
     drone = make_twin(scene=wall_scene, airborne=True)
     assert referee_of(drone).truth().contacts == ()
     fly(drone, Velocity(forward_mps=0.5), 5.0)
@@ -57,7 +57,7 @@ def test_flying_into_a_box_is_a_contact_with_its_name(make_twin: MakeTwin, wall_
 
 
 def test_a_touch_between_two_looks_is_not_missed(make_twin: MakeTwin, wall_scene: str) -> None:
-    """A touch and go within a tick still shows at the next tick."""
+    """A short contact within a tick is reported at the next tick."""
     drone = make_twin(scene=wall_scene, airborne=True)
     seen: set[str] = set()
     touched: set[str] = set()
@@ -71,7 +71,7 @@ def test_a_touch_between_two_looks_is_not_missed(make_twin: MakeTwin, wall_scene
 
 
 def test_standing_with_turning_motors_is_a_contact_with_the_surface(make_twin: MakeTwin) -> None:
-    """With the motors off nothing is reported; spinning up on the pad, the pad is."""
+    """The pad is a contact while the motors spin up, but not with motors off."""
     drone = make_twin()
     drone.clock.sleep_until(0.2)
     assert referee_of(drone).truth().contacts == ()
@@ -80,7 +80,7 @@ def test_standing_with_turning_motors_is_a_contact_with_the_surface(make_twin: M
 
 
 def test_landing_beside_the_pad_is_measured(make_twin: MakeTwin, wall_scene: str) -> None:
-    """One metre off, on the carpet: not on the pad, error 1 m, still inside the carpet."""
+    """At 1 m from the pad: not on the pad, error 1 m, inside the carpet."""
     drone = make_twin(scene=wall_scene, airborne=True)
     fly(drone, MoveBy(id=1, forward_m=1.0), 3.0)
     fly(drone, Land(), 6.0)
@@ -93,14 +93,14 @@ def test_landing_beside_the_pad_is_measured(make_twin: MakeTwin, wall_scene: str
 
 
 def test_leaving_the_carpet_is_seen(make_twin: MakeTwin, wall_scene: str) -> None:
-    """The body's centre counts."""
+    """The position of the body's centre counts."""
     drone = make_twin(scene=wall_scene, airborne=True)
     fly(drone, MoveBy(id=1, forward_m=-1.3), 4.0)
     assert not referee_of(drone).truth().inside_carpet
 
 
 def test_the_carpet_of_a_larger_place_ends_later(make_twin: MakeTwin, tmp_path: Path) -> None:
-    """3.2 m from the middle: outside the paper's carpet, inside one of 8 m."""
+    """A point 3.2 m from the middle is outside the paper's carpet, but inside one of 8 m."""
     path = tmp_path / "wide.yaml"
     path.write_text("ground: {size_m: [8, 4]}\nhelipad: {position_m: [3.2, 0]}\n", encoding="utf-8")
     referee = referee_of(make_twin(scene=str(path)))
@@ -109,7 +109,7 @@ def test_the_carpet_of_a_larger_place_ends_later(make_twin: MakeTwin, tmp_path: 
 
 
 def test_boxes_of_one_pattern_are_told_apart(make_twin: MakeTwin, tmp_path: Path) -> None:
-    """The second of a pattern has a name of its own, and counts for the clearance."""
+    """The second box of a pattern has a different name, and counts for the clearance."""
     path = tmp_path / "twice.yaml"
     second = "  - {pattern: 1, position_m: [2.0, 1.5], size_m: [0.4, 0.4, 1]}\n"
     path.write_text(WALL.replace("boxes:\n", "boxes:\n" + second), encoding="utf-8")
@@ -121,14 +121,14 @@ def test_boxes_of_one_pattern_are_told_apart(make_twin: MakeTwin, tmp_path: Path
 
 
 def test_without_boxes_the_clearance_is_infinite(make_twin: MakeTwin, tmp_path: Path) -> None:
-    """Nothing to be near to."""
+    """Without obstacles the distance is infinite."""
     path = tmp_path / "bare.yaml"
     path.write_text("helipad: {position_m: [0, 0]}\n", encoding="utf-8")
     assert referee_of(make_twin(scene=str(path))).truth().clearance_m == math.inf
 
 
 def test_masks_and_depth_show_the_frame_s_own_view(make_twin: MakeTwin) -> None:
-    """An old frame's ids and depth are those of its capture, not of now."""
+    """Ids and depth of an old frame are those of its capture."""
     drone = make_twin(profile="lab", airborne=True)
     frame = drone.observe().frame
     assert frame is not None
@@ -144,7 +144,7 @@ def test_masks_and_depth_show_the_frame_s_own_view(make_twin: MakeTwin) -> None:
 
 
 def test_a_forgotten_or_foreign_frame_is_refused(make_twin: MakeTwin) -> None:
-    """After half a minute, or from another flight, the referee says which frames it has."""
+    """After 30 s, or for another flight, the error lists the available frames."""
     drone = make_twin()
     drone.clock.sleep_until(0.2)
     frame = drone.observe().frame

@@ -1,4 +1,4 @@
-"""The twin's pictures are exact: checked against geometry that shares no code with them."""
+"""Exactness of the twin's images, checked by independent geometry."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_ids_and_depth_agree_with_ray_casting(name: str) -> None:
 
 @pytest.mark.parametrize("size", [(640, 360), (320, 180), (224, 112), (320, 256)])
 def test_carpet_corners_appear_where_the_camera_model_projects_them(size: tuple[int, int]) -> None:
-    """The carpet's corners lie within a pixel of their projection, at resized sizes too."""
+    """The corners are within a pixel of their projections, at resized sizes, too."""
     scene = Scene(name="bare", helipad=Helipad(position_m=(0.0, 0.0), size_m=(0.1, 0.1, 0.05)))
     camera = anafi_camera(640, 360).resized(*size)
     place = pose(0.0, 0.0, 4.0, 0.0, -90.0)
@@ -67,7 +67,7 @@ def test_carpet_corners_appear_where_the_camera_model_projects_them(size: tuple[
 
 
 def test_a_larger_carpet_is_the_same_weave_at_the_same_scale() -> None:
-    """As coarse and as many motifs a metre: neighbouring pixels resemble each other as much."""
+    """The number of motifs per metre and the similarity of neighbouring pixels are the same."""
     paper, hall = (textures.carpet(size) for size in ((5.0, 4.0), (10.0, 10.0)))
     assert (paper.shape, hall.shape) == ((1024, 1280, 3), (2560, 2560, 3))
     for shift in (1, 8, 64):
@@ -79,7 +79,7 @@ def test_a_larger_carpet_is_the_same_weave_at_the_same_scale() -> None:
 
 
 def test_a_known_carpet_point_has_the_depth_of_its_projection() -> None:
-    """A point 2 m ahead on the ground projects to the pixel whose depth and ray lead back to it."""
+    """A point on the ground 2 m ahead equals the back-projection of its pixel and depth."""
     scene = Scene(name="bare", helipad=Helipad(position_m=(-2.0, -1.5)))
     camera, place = anafi_camera(*SIZE), pose(-1.0, 0.0, 1.5, 0.0, -27.0)
     axis, up = (np.array(v) for v in place.axes())
@@ -100,7 +100,7 @@ def test_a_known_carpet_point_has_the_depth_of_its_projection() -> None:
 
 
 def test_the_letter_on_the_pad_is_upright_and_not_mirrored() -> None:
-    """From above, facing the pad's +x, the H's legs run up and down the image."""
+    """From above, facing the pad's +x, the legs of the H are vertical in the image."""
     scene = Scene(name="bare", helipad=Helipad(position_m=(0.0, 0.0), yaw_deg=90.0))
     with Renderer(build_model(scene)) as renderer:
         image = renderer.rgb(pose(0.0, 0.0, 1.4, 180.0, -90.0), *SIZE)
@@ -116,7 +116,7 @@ def test_the_letter_on_the_pad_is_upright_and_not_mirrored() -> None:
 
 
 def test_pictures_of_one_view_are_the_same_whatever_was_drawn_between() -> None:
-    """Drawing other sizes and kinds in between changes nothing."""
+    """Rendering other sizes and kinds in between has no effect."""
     scene = load_scene("train-a")
     place = pose(-1.0, 0.5, 1.5, -30.0, -27.0)
     with Renderer(build_model(scene)) as renderer:
@@ -126,7 +126,7 @@ def test_pictures_of_one_view_are_the_same_whatever_was_drawn_between() -> None:
 
 
 def test_anti_aliasing_changes_colours_but_not_ids() -> None:
-    """Samples smooth the edges of colours and leave class ids exact."""
+    """Samples smooth the edges of colours; class ids stay exact."""
     scene = load_scene("train-a")
     place = pose(-1.0, 0.5, 1.5, -30.0, -27.0)
     with Renderer(build_model(scene)) as plain, Renderer(build_model(scene), samples=4) as smooth:
@@ -136,7 +136,7 @@ def test_anti_aliasing_changes_colours_but_not_ids() -> None:
 
 
 def test_a_closed_renderer_says_so() -> None:
-    """Drawing after close is refused; closing twice is not."""
+    """Rendering after close is an error; closing twice is not."""
     renderer = Renderer(build_model(load_scene("train-a")))
     renderer.close()
     renderer.close()
@@ -145,7 +145,7 @@ def test_a_closed_renderer_says_so() -> None:
 
 
 def test_sizes_must_be_positive() -> None:
-    """A picture of no size is refused with the size."""
+    """The error of an empty image contains its size."""
     with (
         Renderer(build_model(load_scene("train-a"))) as renderer,
         pytest.raises(ValueRangeError, match="0x36"),
@@ -155,12 +155,12 @@ def test_sizes_must_be_positive() -> None:
 
 @pytest.mark.parametrize(("width", "height"), [(640, 480), (100, 100), (8, 4)])
 def test_the_video_is_sixteen_to_nine(width: int, height: int) -> None:
-    """Another aspect than the ANAFI's video is refused with examples of what fits."""
+    """The error of a wrong aspect lists valid sizes."""
     with pytest.raises(ValueRangeError, match="640x360"):
         anafi_camera(width, height)
 
 
 def test_the_view_is_sixty_nine_degrees_wide() -> None:
-    """The horizontal field of view is the ANAFI's."""
+    """The horizontal field of view is that of the ANAFI."""
     camera = anafi_camera(1280, 720)
     assert 2 * math.degrees(math.atan(640 / camera.fx_px)) == pytest.approx(69.0, abs=0.1)

@@ -21,7 +21,7 @@ FOOTPRINTS = st.builds(
 
 
 def test_known_distances() -> None:
-    """A square turned by 45 degrees reaches half its diagonal."""
+    """A square rotated by 45 degrees extends by half its diagonal."""
     turned = Footprint(x_m=0.0, y_m=0.0, half_x_m=0.5, half_y_m=0.5, yaw_rad=math.pi / 4)
     assert turned.distance_m(1.0, 0.0) == pytest.approx(1.0 - math.sqrt(0.5))
     assert turned.contains(0.7, 0.0)
@@ -29,7 +29,7 @@ def test_known_distances() -> None:
 
 
 def test_touching_is_no_overlap() -> None:
-    """Two boxes may stand face to face."""
+    """Two boxes may touch with their faces."""
     left = Footprint(x_m=0.0, y_m=0.0, half_x_m=0.5, half_y_m=0.5)
     right = Footprint(x_m=1.0, y_m=0.2, half_x_m=0.5, half_y_m=0.5)
     assert not left.overlaps(right)
@@ -44,7 +44,7 @@ def _outline(footprint: Footprint) -> np.ndarray:
 @settings(max_examples=60, deadline=None)
 @given(a=FOOTPRINTS, b=FOOTPRINTS)
 def test_rectangles_overlap_where_their_outlines_meet(a: Footprint, b: Footprint) -> None:
-    """Brute force over the outlines agrees, to the distance of its points; overlap is symmetric."""
+    """Brute force over points of the outlines agrees; overlap is symmetric."""
     assert a.overlaps(b) == b.overlaps(a)
     pairs = ((a, b), (b, a))
     nearest_m = min(one.distance_m(x, y) for one, other in pairs for x, y in _outline(other))

@@ -1,4 +1,4 @@
-"""Scene files: what ships is flyable, and every mistake is told with file, line and remedy."""
+"""Scene files: shipped scenes are flyable; each mistake is reported with file, line and remedy."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def written(tmp_path: Path, text: str) -> Path:
 
 
 def gap_m(a: Footprint, b: Footprint) -> float:
-    """Return the distance of two rectangles apart: they are nearest at a corner of one of them."""
+    """Return the distance of two rectangles, which is at a corner of one of them."""
     return min(
         one.distance_m(*place) for one, other in ((a, b), (b, a)) for place in other.corners()
     )
 
 
 def test_eight_scenes_ship() -> None:
-    """Four to train on, two to choose on, two to test on."""
+    """Four for training, two for validation, two for testing."""
     assert set(scene_names()) == {
         *("train-a", "train-b", "train-c", "train-d", "val-a", "val-b", "test-a", "test-b")
     }
@@ -47,7 +47,7 @@ def test_eight_scenes_ship() -> None:
 
 @pytest.mark.parametrize("name", scene_names())
 def test_a_shipped_scene_is_a_lab_to_fly_in(name: str) -> None:
-    """Eight boxes, four tall ones with room to pass between, free air around the pad."""
+    """Eight boxes, four of them tall with gaps to pass, and free space around the pad."""
     scene = load_scene(name)
     assert scene.name == name
     assert sorted(box.pattern for box in scene.boxes) == list(range(1, 9))
@@ -64,7 +64,7 @@ def test_a_shipped_scene_is_a_lab_to_fly_in(name: str) -> None:
 
 
 def test_a_file_of_one_s_own_is_read(tmp_path: Path) -> None:
-    """Every field arrives where it belongs."""
+    """Each field has the value of the file."""
     scene = load_scene(written(tmp_path, GOOD))
     assert scene.name == "mine"
     assert scene.boxes[0].position_m == (0.4, 0.9)
@@ -86,7 +86,7 @@ def test_take_off_is_from_the_helipad_unless_it_says_otherwise(tmp_path: Path) -
 
 
 def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
-    """Both other forms of `from` are understood."""
+    """Both other forms of `from` are valid."""
     random = load_scene(written(tmp_path, GOOD.replace("helipad, yaw_deg: 30", "random")))
     assert random.take_off.random
     placed = load_scene(written(tmp_path, GOOD.replace("from: helipad", "from: [0.0, -0.5]")))
@@ -143,7 +143,7 @@ def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
 def test_a_mistake_is_told_with_its_line(
     tmp_path: Path, old: str, new: str, line: int, message: str
 ) -> None:
-    """One message: the file, the line, what is wrong."""
+    """One message with file, line and mistake."""
     assert old in GOOD
     path = written(tmp_path, GOOD.replace(old, new))
     with pytest.raises(SceneError) as caught:
@@ -162,7 +162,7 @@ def _row(count: int) -> str:
 
 
 def test_a_pattern_may_be_used_more_than_once(tmp_path: Path) -> None:
-    """Boxes are told apart by a number after the pattern's."""
+    """A number after that of the pattern distinguishes boxes."""
     text = f"ground: {{size_m: [12, 4]}}\nhelipad: {{position_m: [0, -1]}}\nboxes:\n{_row(17)}"
     names = box_names(load_scene(written(tmp_path, text)).boxes)
     assert names[:9] == (*(f"box-{k}" for k in range(1, 9)), "box-1-2")
@@ -171,14 +171,14 @@ def test_a_pattern_may_be_used_more_than_once(tmp_path: Path) -> None:
 
 
 def test_too_many_boxes_are_refused_at_the_first_of_them(tmp_path: Path) -> None:
-    """The class masks tell no more things apart."""
+    """The class masks cannot distinguish more objects."""
     text = f"ground: {{size_m: [12, 4]}}\nhelipad: {{position_m: [0, -1]}}\nboxes:\n{_row(65)}"
     with pytest.raises(SceneError, match=r":68: boxes\[64\]: at most 64 boxes, got 65"):
         load_scene(written(tmp_path, text))
 
 
 def test_a_ground_of_another_size_has_room_around_it(tmp_path: Path) -> None:
-    """At least 2.5 m on every side; the paper's carpet lies in a room of 10 m."""
+    """At least 2.5 m on each side; the room of the paper's carpet has 10 m."""
     paper = load_scene(written(tmp_path, GOOD))
     assert paper.ground.size_m == (5.0, 4.0)
     assert paper.room_size_m == (10.0, 10.0, 5.0)
@@ -201,7 +201,7 @@ def test_the_place_with_movers_loads() -> None:
 
 
 def test_absent_empty_and_binary_files_are_refused(tmp_path: Path) -> None:
-    """No traceback for what is not a scene at all."""
+    """Files that are not scenes cause an error message, not a traceback."""
     with pytest.raises(SceneError, match="no such scene file"):
         load_scene(tmp_path / "nowhere.yaml")
     with pytest.raises(UnknownNameError, match="did you mean 'val-a'"):

@@ -1,4 +1,4 @@
-"""The printed papers: fixed, seamless, and told apart by their colours."""
+"""Textures: reproducible, seamless, and distinguishable by colour."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim_bridge.twin import textures
 
 
 def histogram(image: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Return the hue and saturation shares of a picture."""
+    """Return the hue-saturation histogram of an image."""
     hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV)
     bins = np.histogram2d(
         hsv[..., 0].ravel(), hsv[..., 1].ravel(), bins=(18, 5), range=((0, 180), (0, 256))
@@ -33,14 +33,14 @@ def papers() -> dict[str, NDArray[np.uint8]]:
 
 
 def test_all_seventeen_looks_differ_in_colour() -> None:
-    """No two share more than half of their hue and saturation, shading aside."""
+    """Two textures share at most half of their hue and saturation, without shading."""
     shares = {name: histogram(image) for name, image in papers().items()}
     for (a, x), (b, y) in itertools.combinations(shares.items(), 2):
         assert np.minimum(x, y).sum() < 0.5, (a, b)
 
 
 def test_a_small_window_shows_a_pattern_s_colours() -> None:
-    """A window of 10 cm looks like the whole sheet, wherever it is cut."""
+    """Each window of 10 cm has the colours of the whole sheet."""
     window = round(0.10 / textures.TILE_M * 256)
     for k in range(1, 9):
         sheet = textures.side(k)
@@ -54,7 +54,7 @@ def test_a_small_window_shows_a_pattern_s_colours() -> None:
     "name", [name for name in papers() if name[:4] in ("side", "roof", "stri")]
 )
 def test_tiles_repeat_without_a_seam(name: str) -> None:
-    """Across the edge neighbouring pixels differ as little as inside."""
+    """Neighbouring pixels differ across the edge as little as inside."""
     image = papers()[name].astype(np.float64)
     inside = np.abs(np.diff(image, axis=0)).mean(axis=(1, 2))
     across = np.abs(image[0] - image[-1]).mean()
@@ -65,7 +65,7 @@ def test_tiles_repeat_without_a_seam(name: str) -> None:
 
 
 def test_sheets_are_bytes_in_three_channels() -> None:
-    """What MuJoCo takes."""
+    """MuJoCo requires this format."""
     for image in papers().values():
         assert image.dtype == np.uint8
         assert image.ndim == 3

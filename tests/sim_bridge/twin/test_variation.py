@@ -1,4 +1,4 @@
-"""Scenes drawn from a scene, and where a flight begins."""
+"""Random variations of a scene, and take-off poses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def drawn(seed: int = 0, *, layout: bool = True) -> object:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_a_drawn_layout_can_be_flown_in(seed: int) -> None:
-    """Boxes stand apart from each other and from the pad, on the carpet, as high as others do."""
+    """Boxes are on the carpet, apart from each other and the pad, with the usual heights."""
     scene = varied_scene(SCENE, np.random.default_rng(seed), name="drawn", layout=True)
     assert layout_problem(scene.helipad, scene.boxes, scene.ground) is None
     assert [box.pattern for box in scene.boxes] == [box.pattern for box in SCENE.boxes]
@@ -35,7 +35,7 @@ def test_a_drawn_layout_can_be_flown_in(seed: int) -> None:
 
 
 def test_a_drawn_layout_uses_the_whole_ground() -> None:
-    """Boxes of a hall do not crowd on the paper's carpet, nor do random starts."""
+    """In a large hall, boxes and random starts use more than the area of the paper's carpet."""
     drawn_hall = varied_scene(HALL, np.random.default_rng(1), name="drawn", layout=True)
     assert len(drawn_hall.boxes) == 12
     assert max(max(map(abs, box.position_m)) for box in drawn_hall.boxes) > 3.0
@@ -62,7 +62,7 @@ def test_the_same_draw_gives_the_same_scene() -> None:
 
 
 def test_on_the_helipad_the_body_stands_on_its_top() -> None:
-    """The hull's lower side at 0.4 m, its centre 5 cm above."""
+    """The bottom of the hull is at 0.4 m, its centre 5 cm higher."""
     scene = load_scene("train-a")
     pose = start_pose(scene, 0)
     assert (pose.x_m, pose.y_m) == scene.helipad.position_m
@@ -71,7 +71,7 @@ def test_on_the_helipad_the_body_stands_on_its_top() -> None:
 
 
 def test_random_starts_are_on_free_carpet_and_follow_the_seed() -> None:
-    """Away from boxes, pad and edge; the same seed gives the same place."""
+    """Starts are away from boxes, pad and edge; the same seed gives the same start."""
     scene = replace(load_scene("train-a"), take_off=TakeOffSpec(random=True))
     places = [start_pose(scene, seed) for seed in range(30)]
     assert start_pose(scene, 7) == places[7]
@@ -84,7 +84,7 @@ def test_random_starts_are_on_free_carpet_and_follow_the_seed() -> None:
 
 
 def test_a_given_place_is_taken_as_it_is() -> None:
-    """With its yaw, on the carpet."""
+    """It keeps its yaw and is on the carpet."""
     spec = TakeOffSpec(position_m=(0.3, -0.4), yaw_deg=90.0)
     pose = start_pose(Scene(name="x", helipad=Helipad(position_m=(-1, 1)), take_off=spec), 0)
     assert (pose.x_m, pose.y_m, pose.z_m) == pytest.approx((0.3, -0.4, 0.05))
@@ -92,7 +92,7 @@ def test_a_given_place_is_taken_as_it_is() -> None:
 
 
 def test_a_full_carpet_has_no_random_start() -> None:
-    """The error names the scene and what to do."""
+    """The error names the scene and a remedy."""
     boxes = tuple(
         BoxSpec(pattern=k + 1, position_m=(-1.8 + 1.2 * k, 0.0), size_m=(0.8, 3.6, 1.0))
         for k in (0, 1, 3)

@@ -1,4 +1,4 @@
-"""Pictures without flying: poses like a flight's, repeatable pictures, exact truth."""
+"""Images without a flight: poses as in flight, reproducible images, exact truth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SIZE = (160, 90)
 
 
 def test_sampled_poses_are_where_a_drone_could_be() -> None:
-    """Over the carpet, clear of boxes, at flight height, looking as in flight."""
+    """Poses are above the carpet, clear of boxes, at flight height, with pitches as in flight."""
     scene = load_scene("test-a")
     poses = sample_flight_poses(scene, np.random.default_rng(0), 210)
     for pose in poses:
@@ -51,7 +51,7 @@ def test_a_share_of_the_cameras_is_lowered_and_nothing_else_changes() -> None:
 
 
 def test_views_repeat_and_vary_with_the_seed() -> None:
-    """The same seed gives the same bytes; light and noise follow it; truth does not change."""
+    """The same seed gives the same bytes; it sets light and noise, but not the truth."""
     scene = load_scene("train-a")
     poses = sample_flight_poses(scene, np.random.default_rng(1), 5)
     lab = Profile.named("lab")
@@ -68,7 +68,7 @@ def test_views_repeat_and_vary_with_the_seed() -> None:
 
 
 def test_clean_views_have_no_noise_and_truth_of_its_own_size() -> None:
-    """Without a profile the picture is clean; ids and depth come at the size asked for."""
+    """Without a profile the image is clean; ids and depth have the requested size."""
     scene = load_scene("train-a")
     poses = sample_flight_poses(scene, np.random.default_rng(2), 1)
     (clean,) = render_views(scene, poses, size_px=SIZE, truth_size_px=(112, 56))
@@ -81,7 +81,7 @@ def test_clean_views_have_no_noise_and_truth_of_its_own_size() -> None:
 
 
 def test_a_full_lab_leaves_no_room_and_says_so() -> None:
-    """Poses cannot be drawn where nothing can fly."""
+    """Without free space there are no poses."""
     boxes = tuple(
         BoxSpec(
             pattern=k + 1,

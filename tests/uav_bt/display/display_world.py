@@ -1,4 +1,4 @@
-"""Ticks, boards and reports for the tests of what people watch."""
+"""Ticks, boards and reports for the tests of the displays."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ LAB = LabMap(
 
 
 class World:
-    """A board with its clock, and ticks that go with it."""
+    """A board with its clock and matching ticks."""
 
     def __init__(self) -> None:
         self.clock = ManualClock()
@@ -86,7 +86,7 @@ class World:
         frame: bool = True,
         after_s: float = 0.1,
     ) -> TickRecord:
-        """Return the next tick; with a pose there is a referee."""
+        """Return the next tick; a pose adds the truth of a referee."""
         time_s = self.clock.now()
         state = DroneState(
             captured_s=time_s,
@@ -132,7 +132,7 @@ def _truth(time_s: float, pose: Pose) -> Truth:
 
 
 def flight_report(outcome: str = "success", reason: str = "landed") -> FlightReport:
-    """Return the report of a good flight, or of another."""
+    """Return the report of a flight, by default a successful one."""
     return FlightReport(
         scene="train-a",
         seed=3,

@@ -1,4 +1,4 @@
-"""The map: world metres to pixels, and what is drawn where."""
+"""The map: conversion of world metres to pixels, and drawing."""
 
 import math
 
@@ -103,8 +103,8 @@ def test_without_one_the_telemetry_is_added_up_from_where_it_looked_first() -> N
     world, flown = World(), FlownPath()
     flown.add(world.tick(yaw_rad=1.0, forward_mps=2.0))
     flown.add(world.tick(yaw_rad=1.0, forward_mps=2.0))
-    # Between two ticks it flies at their mean speed on their mean heading. The drone's yaw is
-    # clockwise: an eighth to the right is an eighth towards the world's -y.
+    # Between two ticks it flies at their mean speed and mean heading. The drone's yaw is
+    # clockwise: an eighth of a turn to the right is towards the world's -y.
     pose = flown.add(world.tick(yaw_rad=1.0 + math.pi / 2, forward_mps=0.0))
     eighth_m = 0.1 * math.sqrt(0.5)
     assert (pose.x_m, pose.y_m) == (pytest.approx(0.2 + eighth_m), pytest.approx(-eighth_m))

@@ -1,4 +1,4 @@
-"""The map that follows a flight."""
+"""The live map of a flight."""
 
 import math
 from dataclasses import replace
@@ -65,7 +65,7 @@ def test_what_moves_is_drawn_where_it_is() -> None:
 
 
 def test_the_camera_view_lies_where_the_drone_looks() -> None:
-    """Counter-clockwise is left: a drone that looks along +y lights up what is above it."""
+    """Yaw is counter-clockwise: the view of a drone with heading +y is above it on the map."""
     world, flown, live = World(), FlownPath(), LiveMap(LAB, CAMERA, SIZE_PX)
     empty = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
     flown.add(world.tick(pose=Pose(x_m=0.0, y_m=-0.5, z_m=1.5, yaw_rad=math.pi / 2)))
@@ -103,7 +103,7 @@ def test_a_flight_in_an_unknown_lab_is_drawn_too() -> None:
 
 
 def believed(x_m: float = 0.0, *objects: MapObject) -> SiteMap:
-    """Return a map whose ground lies ahead of the start and to its right, and ends there."""
+    """Return a map with ground ahead of the start and to its right only."""
     rows, columns = np.indices((21, 21))
     ahead, right = rows - 10 > 0, columns - 10 > 0
     return SiteMap(
@@ -127,7 +127,7 @@ def test_cells_are_shown_by_what_is_known_of_them() -> None:
 
 
 def test_the_missions_map_lies_where_the_drone_saw_it() -> None:
-    """The drone begins at (0.5, 0) and heads along y: right of it is x, and ahead is y."""
+    """The drone starts at (0.5, 0) with heading y: x is to its right, and y is ahead."""
     box_2 = MapObject(class_id=5, x_m=0.5, y_m=0.5, size_m=0.3, width_m=0.3, std_m=0.1, seen_s=1.0)
     flown, world, live = FlownPath(), World(), LiveMap(LAB, CAMERA, SIZE_PX)
     pose = Pose(x_m=0.5, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)

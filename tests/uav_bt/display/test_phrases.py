@@ -1,4 +1,4 @@
-"""Commands and fixes in words."""
+"""Descriptions of flights, commands and fixes."""
 
 import math
 from dataclasses import replace
@@ -49,7 +49,7 @@ def test_a_landing_is_held_against_the_helipad_where_the_mission_is_about_it(
 
 
 def test_a_larger_mark_is_landed_on_further_from_its_middle() -> None:
-    """Half of the diagonal of 1.2 x 1.6 m is 1 m."""
+    """Half the diagonal of 1.2 x 1.6 m is 1 m."""
     report = replace(flight_report(), time_to_find_helipad_s=None, landing_error_m=0.9)
     assert lands_on_helipad(report, LandingMark(length_m=1.2, width_m=1.6))
     assert not lands_on_helipad(report, LandingMark())

@@ -23,7 +23,7 @@ from uav_bt.types import CutMotors, FlyingState, LandingMark, Pose
 
 
 class Wall:
-    """Real seconds, moved by hand."""
+    """A wall clock that the test sets."""
 
     def __init__(self) -> None:
         self.now_s = 100.0
@@ -109,7 +109,7 @@ CUT_SHORT = """
 @pytest.mark.parametrize("says", [FlyingState.LANDED, FlyingState.EMERGENCY])
 def test_cut_motors_end_the_mission_at_once_and_are_shown(says: FlyingState) -> None:
     scripted = ScriptedDrone()
-    # The scripted drone says that it has landed, an ANAFI that its motors were cut.
+    # The scripted drone reports that it has landed, an ANAFI that its motors were cut.
     drone: Drone = scripted
     if says is FlyingState.EMERGENCY:
         drone = FaultyDrone(scripted, Fault.parse("emergency-state@hover+1.1"))
@@ -172,7 +172,7 @@ def test_on_a_terminal_the_landing_takes_the_place_of_the_line() -> None:
 
 
 class Gone(io.StringIO):
-    """A pipe that nobody reads any more."""
+    """A pipe without a reader."""
 
     def write(self, text: str) -> int:
         raise BrokenPipeError(text)
@@ -215,7 +215,7 @@ def test_the_summary_tells_how_it_went() -> None:
     assert rows["mission"] == "explore_and_land in train-a, seed 3"
     assert rows["landing error"] == "0.024 m from the helipad's centre"
     assert rows["first 90 s"] == "9.59 m"
-    assert rows["ground"] == "61 % of the free ground passed, 84 % seen"
+    assert rows["ground"] == "61 % of the free ground covered, 84 % seen"
     assert "objects" not in rows, "without a map"
     assert "landing" not in rows, "what was not reached"
     assert rows["segmentation"].startswith("0.8 ms median")

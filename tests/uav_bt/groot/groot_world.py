@@ -1,6 +1,6 @@
-"""What the tests of live watching share: a leaf with a script, trees of it, a Groot2 client.
+"""Helpers of the Groot tests: a scripted leaf, trees of it, and a Groot2 client.
 
-The client is written from the protocol's facts, not with the publisher's own code.
+The client is written from the protocol's specification and shares no code with the publisher.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ HEIGHT = Key("height_m", float, "a height")
 
 
 class Scripted(Leaf):
-    """Answers a letter of its script at each tick, the last one for ever."""
+    """Returns one letter of its script per tick, and repeats the last one."""
 
     ports = (Port("script", str, doc="S success, F failure, R running, K skipped"),)
     _ticks = 0
@@ -46,7 +46,7 @@ def leaf(name: str, script: str, more: str = "") -> str:
 
 
 def make_tree(body: str, *more: str) -> MissionTree:
-    """Return a tree, not set up, from the XML of its root node; `more` are further trees."""
+    """Return a tree from the XML of its root node, not set up; `more` are further trees."""
     main = f'<BehaviorTree ID="Main">{body}</BehaviorTree>{"".join(more)}'
     root = f'<root BTCPP_format="4" main_tree_to_execute="Main">{main}</root>'
     return parse_tree(root, REGISTRY)
@@ -65,7 +65,7 @@ def make_context(clock: ManualClock | None = None) -> MissionContext:
 
 @dataclass(frozen=True)
 class Reply:
-    """An answer, taken apart."""
+    """A parsed answer."""
 
     protocol: int
     type: str
@@ -75,7 +75,7 @@ class Reply:
 
 
 class GrootClient:
-    """Asks as Groot2 does; waits at most five seconds for an answer."""
+    """Sends requests like Groot2, with a timeout of 5 s."""
 
     def __init__(self, port: int) -> None:
         self._context = zmq.Context()
@@ -111,7 +111,7 @@ class GrootClient:
 
     def tree(self) -> ET.Element:
         (xml,) = self.ask("T").body
-        return ET.fromstring(xml)  # noqa: S314  # our own publisher's
+        return ET.fromstring(xml)  # noqa: S314  # written by the publisher
 
     def statuses(self) -> dict[int, int]:
         (table,) = self.ask("S").body

@@ -1,4 +1,4 @@
-"""`.btlog` files: byte for byte as FileLogger2 has them, whole or cut short, or refused."""
+"""`.btlog` files: the bytes of FileLogger2; partial and damaged files."""
 
 from __future__ import annotations
 
@@ -105,8 +105,8 @@ def test_any_bytes_are_read_or_refused(folder: Path, noise: bytes) -> None:
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"", "byte 0: no log of FileLogger2"),
-        (b"PK\x03\x04 something else entirely", "byte 0: no log of FileLogger2"),
+        (b"", "byte 0: not a FileLogger2 log"),
+        (b"PK\x03\x04 something else entirely", "byte 0: not a FileLogger2 log"),
         (b"BTCPP4-FileLogger2\x02", "byte 18: protocol 2, only 1 can be read"),
         (b"BTCPP4-FileLogger2\x01" + struct.pack("<i", -5), "byte 19: the XML's length"),
         (b"BTCPP4-FileLogger2\x01" + struct.pack("<i", 2**31 - 1), "got 2147483647"),
@@ -155,7 +155,7 @@ def test_an_older_log_stays_until_the_new_one_begins(tmp_path: Path) -> None:
 
 
 def test_every_write_is_in_the_file_at_once(tmp_path: Path) -> None:
-    """So that a mission that is cut short leaves its log."""
+    """An interrupted mission leaves a log."""
     path = tmp_path / "flight.btlog"
     with BtlogWriter(path) as log:
         log.begin(XML, 0)
@@ -186,9 +186,9 @@ def test_a_log_that_grows_too_large_ends_and_is_told_at_the_end(tmp_path: Path) 
     log.begin(XML, 0)
     for time_us in range(3):
         log.write([Transition(time_us, 1, Status.SUCCESS)])
-    with pytest.raises(FileError, match="ends early: it has grown too large"):
+    with pytest.raises(FileError, match="ends early: it is too large"):
         log.close()
-    log.close()  # told once
+    log.close()  # the error is raised only once
     assert len(read(path)[2]) == 1
 
 

@@ -1,4 +1,4 @@
-"""The Groot2 publisher, asked by a client over a real loopback connection."""
+"""The Groot2 publisher, tested by a client over a real loopback connection."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BODY = f"""
 
 
 class Mission:
-    """A tree that flies, watched by a publisher."""
+    """A running tree with a publisher."""
 
     def __init__(self, publisher: GrootPublisher, body: str = BODY, *more: str) -> None:
         self.clock = ManualClock()
@@ -67,7 +67,7 @@ def header(type_: bytes, protocol: int = 2) -> bytes:
     return bytes([protocol]) + type_ + b"\x01\0\0\0"
 
 
-# --- what can be asked ----------------------------------------------------------------------------
+# --- supported requests ---------------------------------------------------------------------------
 
 
 def test_the_tree_is_told_with_numbers_and_paths(mission: Mission, client: GrootClient) -> None:
@@ -97,7 +97,7 @@ def test_the_tree_keeps_its_id_and_another_tree_has_another(
 
 
 def test_statuses_tell_what_an_idle_node_was(mission: Mission, client: GrootClient) -> None:
-    """Running is 1, success 2, failure 3; newly idle is 10 more than what the node was."""
+    """Running is 1, success 2, failure 3; newly idle is 10 more than the former status."""
     assert client.statuses() == dict.fromkeys(range(1, 6), 0)
     mission.tick()
     assert client.statuses() == {1: 1, 2: 2, 3: 1, 4: 1, 5: 0}
@@ -111,7 +111,7 @@ def test_statuses_tell_what_an_idle_node_was(mission: Mission, client: GrootClie
 
 
 def test_blackboards_come_by_the_names_of_the_trees(mission: Mission, client: GrootClient) -> None:
-    """The main tree's shows the mission's board, too; unknown names are left out."""
+    """That of the main tree includes the mission's board; unknown names are omitted."""
     mission.tree.variables["count"] = 7
     mission.context.board.write(HEIGHT, 1.5)
     mission.tick()
@@ -133,7 +133,7 @@ def test_a_board_is_shown_as_it_was_at_the_end_of_a_tick(
 def test_transitions_are_recorded_between_start_and_stop(
     mission: Mission, client: GrootClient
 ) -> None:
-    mission.tick()  # before anybody asked
+    mission.tick()  # before the first request
     assert client.ask("r", b"start").body == [b"0"]  # the time of the last tick, microseconds
     assert client.transitions() == []
     mission.tick()
@@ -157,12 +157,12 @@ def test_a_recording_that_nobody_fetches_stays_bounded(
     assert len(client.transitions()) == MAX_RECORDED
 
 
-# --- what cannot ----------------------------------------------------------------------------------
+# --- refused requests -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("type_", "IRDAXUN")
 def test_nobody_can_change_the_tree(mission: Mission, client: GrootClient, type_: str) -> None:
-    """Hooks and breakpoints are refused; the tree ticks on as if nobody had asked."""
+    """Hooks and breakpoints are refused; the tree continues unchanged."""
     hook = b'{"enabled":true,"uid":2,"mode":1,"once":false,"desired_status":"FAILURE","position":0}'
     reason = client.refusal(header(type_.encode()), hook)
     assert reason == (f"not supported: this tree can be watched, not changed (request '{type_}')")
@@ -176,7 +176,7 @@ def test_nobody_can_change_the_tree(mission: Mission, client: GrootClient, type_
         ([b""], "expected 6 bytes, got 0"),
         ([b"\x02T"], "expected 6 bytes, got 2"),
         ([header(b"T") + b"!"], "expected 6 bytes, got 7"),
-        ([header(b"T", protocol=1)], "protocol 2 is spoken here, got 1"),
+        ([header(b"T", protocol=1)], "expected protocol 2, got 1"),
         ([header(b"Z")], "request not recognized: type 90"),
         ([header(b"\xff")], "request not recognized: type 255"),
         ([header(b"T"), b"", b""], "1 or 2 parts, got 3"),
@@ -207,7 +207,7 @@ def test_a_request_too_large_ends_the_connection_not_the_server(
     "noise",
     [
         b"GET / HTTP/1.1\r\n\r\n" + bytes(range(256)) * 10,
-        b"\xff\0\0\0\0\0\0\0\x01\x7f",  # how a ZeroMQ greeting begins
+        b"\xff\0\0\0\0\0\0\0\x01\x7f",  # start of a ZeroMQ greeting
         b"\x01\0\x02\0x" * 50,  # frames of the oldest ZeroMQ
     ],
 )
@@ -223,14 +223,14 @@ def test_noise_on_the_port_is_survived(
 def test_a_client_of_another_kind_gets_no_answer_and_does_no_harm(
     publisher: GrootPublisher, mission: Mission, client: GrootClient
 ) -> None:
-    """Requests come from REQ sockets, which put an empty frame first."""
+    """Requests come from REQ sockets, which send an empty frame first."""
     with zmq.Context() as context, context.socket(zmq.DEALER) as dealer:
         dealer.setsockopt(zmq.LINGER, 0)
         dealer.setsockopt(zmq.RCVTIMEO, 5000)
         dealer.connect(f"tcp://127.0.0.1:{publisher.port}")
         dealer.send_multipart([header(b"S")])
         dealer.send_multipart([header(b"S"), b""])
-        dealer.send_multipart([b"", header(b"S")])  # as a REQ socket would
+        dealer.send_multipart([b"", header(b"S")])  # as a REQ socket
         assert dealer.recv_multipart()[1][:2] == b"\x02S"
     assert len(client.statuses()) == 5
 
@@ -282,7 +282,7 @@ def test_two_publishers_serve_two_trees_at_once(publisher: GrootPublisher) -> No
 def test_a_port_that_is_taken_is_told_with_both_ports(
     publisher: GrootPublisher, below: int
 ) -> None:
-    """Also when only the port of the notifications is taken."""
+    """Also if only the port of the notifications is taken."""
     wanted = publisher.port - below
     with pytest.raises(InputError, match=rf"Groot2 needs ports {wanted} and {wanted + 1}"):
         GrootPublisher(GrootConfig(port=wanted)).open()
@@ -309,7 +309,7 @@ def test_notifications_have_the_next_port(publisher: GrootPublisher) -> None:
 
 
 def test_only_this_machine_is_served(publisher: GrootPublisher) -> None:
-    """Bound to the loopback interface: another address of this machine finds nobody."""
+    """It is bound to the loopback interface: another address of this machine does not answer."""
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.2", publisher.port))
 
@@ -324,7 +324,7 @@ def test_other_machines_are_served_only_when_asked(host: str) -> None:
 def test_an_interface_that_is_none_is_refused() -> None:
     with pytest.raises(InputError, match="got 'lab-pc'"):
         GrootConfig(host="lab-pc")
-    # Reserved for documentation, so no machine has it.
+    # The address is reserved for documentation, so no machine has it.
     nowhere = GrootPublisher(GrootConfig(port=0, host="192.0.2.1", allow_remote=True))
     with pytest.raises(InputError, match=r"cannot be served on 192\.0\.2\.1"):
         nowhere.open()
@@ -346,7 +346,7 @@ def test_a_missing_package_names_the_extra(absent: str, monkeypatch: pytest.Monk
 def test_ticking_and_answering_do_not_disturb_each_other(
     publisher: GrootPublisher, mission: Mission, client: GrootClient
 ) -> None:
-    """While the tree ticks on one thread, every answer on the other is whole."""
+    """While the tree ticks on one thread, all answers on the other are complete."""
     failures: list[BaseException] = []
     done = threading.Event()
 
@@ -357,7 +357,7 @@ def test_ticking_and_answering_do_not_disturb_each_other(
                 client.ask("r", b"start")
                 client.boards("Main", "inside")
                 client.transitions()
-        except BaseException as error:  # noqa: BLE001  # told by the test's own thread
+        except BaseException as error:  # noqa: BLE001  # reported by the thread of the test
             failures.append(error)
 
     asking = threading.Thread(target=ask)
@@ -373,7 +373,7 @@ def test_ticking_and_answering_do_not_disturb_each_other(
 
 
 def test_answers_that_a_client_never_reads_are_few(publisher: GrootPublisher) -> None:
-    """ZeroMQ keeps a thousand for each by itself."""
+    """ZeroMQ's default is a thousand per client."""
     with zmq.Context() as context, publisher._socket(context, zmq.ROUTER) as replies:
         assert 0 < replies.getsockopt(zmq.SNDHWM) <= 8
         assert 0 < replies.getsockopt(zmq.RCVHWM) <= 8

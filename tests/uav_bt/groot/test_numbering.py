@@ -25,7 +25,7 @@ OUTER = (
 
 def numbered(body: str, *more: str) -> tuple[TreeNumbering, ET.Element]:
     numbering = TreeNumbering(make_tree(body, *more))
-    return numbering, ET.fromstring(tree_xml(numbering))  # noqa: S314  # our own
+    return numbering, ET.fromstring(tree_xml(numbering))  # noqa: S314  # written by this test
 
 
 def test_nodes_are_numbered_from_one_parents_first() -> None:
@@ -41,7 +41,7 @@ def test_nodes_are_numbered_from_one_parents_first() -> None:
 
 
 def test_instances_are_named_by_the_instances_around_them() -> None:
-    """As the engine does: by name, or by id and number where nobody gave a name."""
+    """As in BehaviorTree.CPP: by name, or by id and number without a name."""
     body = '<Sequence><SubTree ID="Outer" name="x"/><SubTree ID="Outer"/></Sequence>'
     numbering, root = numbered(body, OUTER, INNER)
     paths = [instance.full_path for instance in numbering.instances]
@@ -63,7 +63,7 @@ def test_instances_are_named_by_the_instances_around_them() -> None:
 
 
 def test_attributes_are_told_as_a_tree_file_has_them() -> None:
-    """Defaults are filled in; references, conditions and a subtree's entries are kept."""
+    """Defaults are added; references, conditions and entries of a subtree are kept."""
     body = (
         '<Repeat num_cycles="{n}" _skipIf="a &lt; 1" _onSuccess="b:=&apos;x&apos;">'
         '<Sequence><Sleep msec="20"/>'

@@ -1,4 +1,4 @@
-"""The recorder: the engine's transitions in the engine's order, and no trace left behind."""
+"""The recorder: transitions in the order of BehaviorTree.CPP, and a clean detachment."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def watched(body: str, *more: str) -> tuple[MissionTree, TransitionRecorder, Man
 
 
 def taken(recorder: TransitionRecorder) -> str:
-    """Return what was noted as `1R 2S`: uid and status."""
+    """Return the recorded transitions as `1R 2S`: uid and status."""
     return " ".join(f"{uid}{status.letter}" for _, uid, status in recorder.take())
 
 
 def test_a_leaf_that_ends_in_its_first_tick_leaves_its_result_and_idle() -> None:
-    """The engine resets finished children at the end of the tick; the result is noted before."""
+    """Finished children are reset at the end of the tick; the result is recorded before."""
     tree, recorder, _ = watched(f"<Sequence>{leaf('a', 'S')}{leaf('b', 'RS')}</Sequence>")
     tree.tick()
     assert taken(recorder) == "1R 2S 3R"
@@ -42,7 +42,7 @@ def test_a_leaf_that_ends_in_its_first_tick_leaves_its_result_and_idle() -> None
 
 
 def test_a_finished_root_is_idle_at_the_end_of_its_tick_once() -> None:
-    """Our trees reset a finished root with the next tick; the engine does it at once."""
+    """Trees here reset a finished root at the next tick; BehaviorTree.CPP does it at once."""
     tree, recorder, _ = watched(leaf("a", "S"))
     for _ in range(3):
         tree.tick()
@@ -52,7 +52,7 @@ def test_a_finished_root_is_idle_at_the_end_of_its_tick_once() -> None:
 
 
 def test_a_skipped_node_leaves_nothing() -> None:
-    """SKIPPED is an answer; the node stands idle, and its parent had only begun."""
+    """SKIPPED is an answer; the node stays idle, and its parent had only started."""
     skipped = leaf("a", "S", '_skipIf="true"')
     tree, recorder, _ = watched(f"<Fallback>{skipped}{leaf('b', 'F')}</Fallback>")
     tree.tick()
@@ -94,7 +94,7 @@ def test_transitions_are_dated_by_the_mission_clock() -> None:
 
 
 def test_a_tree_is_left_as_it_was() -> None:
-    """Detached, the recorder is in no node's slot and notes nothing more."""
+    """After the detachment the recorder observes no node and records nothing."""
     tree = make_tree(f"<Inverter>{leaf('a', 'S')}</Inverter>")
     tree.setup(make_context())
     tree.tick()
@@ -103,14 +103,14 @@ def test_a_tree_is_left_as_it_was() -> None:
     assert all(node.observer is not None for node in tree.nodes())
     tree.tick()
     recorder.detach()
-    recorder.detach()  # once more does no harm
+    recorder.detach()  # a second call has no effect
     assert all(node.observer is None for node in tree.nodes())
     tree.tick()
-    assert taken(recorder) == "1I 1R 2S 1F 2I 1I"  # of the one tick in between
+    assert taken(recorder) == "1I 1R 2S 1F 2I 1I"  # the one tick in between
 
 
 def test_several_can_watch_one_tree() -> None:
-    """Each has all transitions; one that is detached leaves the others in place."""
+    """Each gets all transitions; detaching one does not affect the others."""
     tree, first, clock = watched(leaf("a", "S"))
     second = TransitionRecorder(TreeNumbering(tree), clock)
     second.attach()
@@ -122,10 +122,10 @@ def test_several_can_watch_one_tree() -> None:
 
 
 def test_watching_changes_nothing_and_misses_nothing() -> None:
-    """Over the recorded traces, answers are those of an unwatched tree.
+    """For the recorded traces, the answers are those of an unwatched tree.
 
-    And replaying the transitions gives what every node stands at after every tick, without a
-    transition from a status to itself.
+    A replay of the transitions gives the status of each node after each tick, without
+    transitions from a status to itself.
     """
     for line in SAMPLE.read_text(encoding="utf-8").splitlines():
         trace = json.loads(line)

@@ -1,4 +1,4 @@
-"""A whole flight watched: its log and what Groot2 sees agree with the flight."""
+"""A whole watched flight: its log and Groot2's view agree with the flight."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HOP = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="0.5"/><Land/></Sequ
 
 @pytest.fixture
 def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A short mission's file; the drone `scripted` flies it."""
+    """Return the file of a short mission; the drone `scripted` flies it."""
     found = plugins.load
 
     def load(group: str, name: str) -> object:
@@ -52,7 +52,7 @@ def test_a_flight_is_logged_from_its_first_tick_to_its_end(mission: Path, tmp_pa
     with watched_live(btlog=path) as listeners:
         report = app.fly(mission, SCRIPTED, listeners=[following(listeners)])
     with BtlogReader(path) as log:
-        root = ET.fromstring(log.xml)  # noqa: S314  # our own
+        root = ET.fromstring(log.xml)  # noqa: S314  # written by this test
         transitions = list(log)
     assert log.partial_bytes == 0
     names = {int(node.attrib["_uid"]): node.attrib["name"] for node in root.iterfind(".//*[@_uid]")}
@@ -67,7 +67,7 @@ def test_a_flight_is_logged_from_its_first_tick_to_its_end(mission: Path, tmp_pa
 
 
 def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
-    """A client that asks between ticks finds one running branch, and the board in the air."""
+    """A client between ticks gets one running branch, and the board of a drone in the air."""
     seen: list[dict[int, int]] = []
     heights: list[float] = []
 
@@ -93,7 +93,7 @@ def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
 
 
 def test_an_aborted_mission_is_logged_up_to_its_halt(tmp_path: Path) -> None:
-    """What is halted after the last tick is still noted."""
+    """Nodes that are halted after the last tick are still recorded."""
     path = tmp_path / "flight.btlog"
     tree, clock = make_tree(f"<Sequence>{leaf('a', 'R')}</Sequence>"), ManualClock(5.0)
     context = make_context(clock)

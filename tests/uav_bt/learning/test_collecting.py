@@ -1,4 +1,4 @@
-"""Flights to learn from: which scenes they are flown in, and what is refused."""
+"""Collection of training flights: scenes of the flights, and invalid plans."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ADVISED = "explore_and_land_advised"
 
 
 class Pretends:
-    """Flies nothing: every flight succeeds and leaves an empty record, but for the broken ones."""
+    """Backend without flights: each one succeeds with an empty record, except the broken ones."""
 
     def __init__(self, broken: Sequence[str] = ()) -> None:
         self.tasks: list[FlightTask] = []
@@ -111,7 +111,7 @@ def test_a_tree_in_which_nobody_advises_is_refused(tmp_path: Path) -> None:
 
 
 def test_all_leaves_that_fly_by_a_policy_are_found_whatever_they_are_called(tmp_path: Path) -> None:
-    """The one that advises keeps its rule. `ReturnToBase` is made of two that fly by a policy."""
+    """The adviser keeps its rule. `ReturnToBase` contains two leaves with a policy."""
     tree = tree_file(
         tmp_path,
         """<ReactiveSequence><Segment/><Advise policy="corridor"/>
@@ -126,7 +126,7 @@ def test_no_flights_are_refused() -> None:
 
 
 def test_a_students_file_is_among_what_the_plan_depends_on(tmp_path: Path) -> None:
-    """Other weights under the same name are another campaign."""
+    """Other weights with the same name make another campaign."""
     weights = tmp_path / "student.onnx"
     weights.write_bytes(b"one")
     chosen = {"Explore": f"student:{weights}"}

@@ -1,4 +1,4 @@
-"""Records as what networks learn from: which files, which frames, footage in memory."""
+"""Training data from records: files, frames, and footage in memory."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_what_is_held_out_is_not_learnt_from(tmp_path: Path) -> None:
     record.touch()
     other.touch()
     assert split_records([tmp_path], [record]) == ([other], [record])
-    with pytest.raises(InputError, match=r"are held out to measure on \(1 records\): name others"):
+    with pytest.raises(InputError, match=r"are held out for evaluation \(1 records\): name others"):
         split_records([record], [record.parent])
 
 

@@ -1,4 +1,4 @@
-"""What a training run keeps: a line for each validation, and curves."""
+"""Diary of a training run: a line for each validation, and curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Networks made ready to fly, and the shipped ones on pictures of the twin."""
+"""Export of networks, and the shipped networks on images of the twin."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from uav_bt.learning.views import TRAINING_SCENES, VALIDATION_SCENES, ViewPlan, 
 
 @pytest.fixture(scope="module")
 def pictures() -> list[np.ndarray]:
-    """Pictures that no network was trained or calibrated on."""
+    """Return images that were not used for training or calibration."""
     plan = ViewPlan(scenes=VALIDATION_SCENES, views=8, size_px=(640, 360), truth_size_px=(32, 18))
     return [rgb for _, rgb, _ in twin_views(plan)]
 
 
-# --- what ships -----------------------------------------------------------------------------------
+# --- shipped networks -----------------------------------------------------------------------------
 
 
 def test_the_unet_that_flies_sees_what_the_one_in_floats_sees(pictures: list[np.ndarray]) -> None:
@@ -72,7 +72,7 @@ def test_the_shipped_pair_was_made_from_the_same_weights(name: str) -> None:
     assert notes[0] == notes[1]
 
 
-# --- making them ----------------------------------------------------------------------------------
+# --- export ---------------------------------------------------------------------------------------
 
 
 def test_calibration_keeps_to_the_training_scenes() -> None:
@@ -82,7 +82,7 @@ def test_calibration_keeps_to_the_training_scenes() -> None:
 def test_a_unet_is_calibrated_on_the_pictures_of_the_plan(
     tmp_path: Path, pictures: list[np.ndarray]
 ) -> None:
-    """A few pictures of one scene do, and the same ones always give the same file."""
+    """A few images of one scene suffice, and the same images always give the same file."""
     plan = replace(CALIBRATION_VIEWS, scenes=("train-a",), views=4)
     told: list[tuple[str, int, int]] = []
     for name in ("one.onnx", "two.onnx"):

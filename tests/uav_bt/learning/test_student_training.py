@@ -1,4 +1,4 @@
-"""The control student's training, composed: records in, weights and curves out."""
+"""Whole training of the control student, from records to weights and curves."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NET = ControlNetConfig(
 )
 QUICK = ControlTrainingConfig(steps=4, batch=8, warm_up_steps=2, checkpoint_every=2)
 
-# A class map of nothing but noise is no free way: the rule of the first level says something of it.
+# In a class map of noise the way is not free, so the rule of the first level gives advice.
 MISSION = """
 <ReactiveSequence>
   <Segment/>
@@ -50,7 +50,7 @@ class Grey:
     """A segmenter that sees carpet everywhere."""
 
     def segment(self, frame: object) -> object:
-        from uav_bt.types import ClassMap  # noqa: PLC0415 - a test's stand-in
+        from uav_bt.types import ClassMap  # noqa: PLC0415 - only for this test double
 
         ids = np.ones((18, 32), dtype=np.uint8)
         return ClassMap(ids=ids, captured_s=frame.captured_s)  # type: ignore[attr-defined]
@@ -69,7 +69,7 @@ def flown(folder: Path, *, adviser: str = ADVISER, drone: ScriptedDrone | None =
         patch.setattr("uav_bt.app.assembly.make_drone", lambda _: drone or ScriptedDrone())
         patch.setattr(
             "behaviours.perceive.class_map.Segment._load", lambda *_: Grey()
-        )  # no network: only its place in the tree matters here
+        )  # no network: only its place in the tree matters
         app.fly(tree, app.FlightOptions(record=folder / "flight.mcap", record_quality="small"))
     return folder / "flight.mcap"
 
@@ -93,8 +93,8 @@ def test_every_advised_view_is_read(record: Path, tmp_path: Path) -> None:
     (flight,) = read_advised_flights([record], NET, tmp_path)
     assert len(flight) > 20
     assert flight.image(0).shape == (16, 32, 3)
-    assert (flight.labels[:, 0, 0] > 0.0).all()  # nothing but carpet: the rule goes on
-    assert np.isnan(flight.labels[:, :, 3]).all()  # and does not say how far
+    assert (flight.labels[:, 0, 0] > 0.0).all()  # only carpet: the rule advances
+    assert np.isnan(flight.labels[:, :, 3]).all()  # without a distance
     assert (np.diff(flight.poses[:, 0]) > 0.0).all()
 
 
@@ -102,7 +102,7 @@ def test_what_was_read_is_kept(
     record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (first,) = read_advised_flights([record], NET, tmp_path)
-    monkeypatch.setattr("uav_bt.learning.dataset._read", None)  # nobody reads it a second time
+    monkeypatch.setattr("uav_bt.learning.dataset._read", None)  # it must not be read again
     (again,) = read_advised_flights([record], NET, tmp_path)
     assert (again.labels[:, 0] == first.labels[:, 0]).all() or np.isnan(first.labels).any()
     assert (again.images == first.images).all()
@@ -110,7 +110,7 @@ def test_what_was_read_is_kept(
 
 def test_a_flight_without_advice_is_refused(tmp_path: Path) -> None:
     alone = flown(tmp_path, adviser="")
-    with pytest.raises(FileError, match=r"nobody advised in this flight.*put <Advise/>"):
+    with pytest.raises(FileError, match=r"this flight contains no advice.*put <Advise/>"):
         read_advised_flights([alone], NET, tmp_path)
 
 
@@ -152,7 +152,7 @@ def test_training_leaves_weights_that_fly_and_a_diary(record: Path, tmp_path: Pa
     assert (notes["flights"], notes["training"]["steps"]) == (1, 4)
     lines = Diary(tmp_path / "run", STUDENT_CURVES).lines()
     assert [line["step"] for line in lines] == [2, 4]
-    assert lines[0]["wrong_side"] is None  # there is no turn in this flight
+    assert lines[0]["wrong_side"] is None  # the flight has no turn
     assert (tmp_path / "run" / "curves.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -1,4 +1,4 @@
-"""Recorded flights labelled by the teacher."""
+"""Labels of recorded flights by the teacher."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EVERY_S = 3.0
 
 @pytest.fixture
 def record(tmp_path: Path) -> Path:
-    """Return a record of seven seconds of noise."""
+    """Return a record with 7 s of noise."""
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (15, 36, 64, 3), dtype=np.uint8)
     frames = [frame(image, place, 0.5 * place) for place, image in enumerate(images)]
@@ -27,10 +27,10 @@ def record(tmp_path: Path) -> Path:
 
 
 def test_images_and_masks_are_of_the_networks_size(record: Path, tmp_path: Path) -> None:
-    """And as far apart as was asked for."""
+    """The frames have the requested spacing."""
     rgb, ids = label_flights(SHIPPED_TEACHER, [record], PLAN, tmp_path / "labels", every_s=EVERY_S)
 
-    assert len(rgb) == 3  # of seven seconds
+    assert len(rgb) == 3  # from 7 s
     assert rgb.shape[1:] == (112, 224, 3)
     assert ids.shape == rgb.shape[:3]
     assert ids.max() <= 16

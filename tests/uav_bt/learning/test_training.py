@@ -1,4 +1,4 @@
-"""Training and evaluation on pictures of the twin, in small."""
+"""Training and evaluation on a few images of the twin."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -141,7 +141,7 @@ def test_the_network_gets_frames_of_each_profile_in_turn_and_the_teachers_ids(
 
 
 def test_the_teacher_learns_from_photographs_of_any_size(picks: list[Pick], tmp_path: Path) -> None:
-    """Pictures twice as large, with picks in their own pixels."""
+    """Images of twice the size, with picks in their pixels."""
     large: list[Pick] = []
     for name, rgb, _ in twin_views(PLAN):
         mine = [pick for pick in picks if pick.image == name]
@@ -159,7 +159,7 @@ def test_the_teacher_learns_from_photographs_of_any_size(picks: list[Pick], tmp_
 
 def test_a_picture_that_is_not_there_is_named(tmp_path: Path) -> None:
     write_picks(tmp_path / "picks.csv", [Pick(image="none.png", x=1, y=1, class_id=1)])
-    with pytest.raises(FileError, match=r"none\.png: is no readable image"):
+    with pytest.raises(FileError, match=r"none\.png: is not a readable image"):
         learning.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
 
 

@@ -1,4 +1,4 @@
-"""From a record to a network that flies, in small: labels kept, scores and images written."""
+"""Short training of the depth network from a record: labels, scores and images."""
 
 import json
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ def _one_thread() -> Iterator[None]:
 
 @pytest.fixture
 def film(tmp_path: Path) -> Path:
-    """Return a record that shows nothing but stripes: quick to make, and enough to run on."""
+    """Return a record of stripes, which is quick to make."""
     frames = []
     for place in range(COUNT):
         image = np.zeros((180, 320, 3), np.uint8)
@@ -45,7 +45,7 @@ def film(tmp_path: Path) -> Path:
 
 
 class _Carpet:
-    """A segmenter that sees carpet everywhere below, and counts."""
+    """A segmenter that returns carpet below the top rows, and counts its calls."""
 
     def __init__(self) -> None:
         self.asked = 0

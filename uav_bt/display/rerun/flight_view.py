@@ -1,4 +1,4 @@
-"""A flight in Rerun: a tick listener that draws every tick, in a thread of its own when live."""
+"""View of a flight in Rerun: a tick listener, and a background thread for live flights."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from uav_bt.tree import Status
 
 
 class FlightView:
-    """Draws a flight into a Rerun recording, live or from a record.
+    """Draws a flight into a Rerun recording, from a live flight or a record.
 
     Args:
-        stream: an open recording; its own timelines are switched off.
-        setting: what does not change while the flight lasts.
-        board: of the mission, as it is after each tick.
-        statuses: returns the nodes' statuses by path, as they are after each tick.
-        start_s: where the timeline has its zero, of the mission clock; None: at the first tick.
+        stream: an open recording; Rerun's default timelines are switched off.
+        setting: the constants of the flight.
+        board: board of the mission, after each tick.
+        statuses: returns the statuses of the nodes by path, after each tick.
+        start_s: mission time of the timeline's zero; None: the first tick.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class FlightView:
         *,
         start_s: float | None = None,
     ) -> None:
-        # The mission's time alone: a record must be drawn the same at any time.
+        # Only mission time: a record must give the same drawing at any date.
         stream.set_log_time_enabled(False)
         stream.set_log_tick_enabled(False)
         self._stream = stream
@@ -87,7 +87,7 @@ class FlightView:
         self._log_words(record)
 
     def _log_words(self, record: TickRecord) -> None:
-        """Log what the mission does and what the drone is commanded, when it changes."""
+        """Log phase, active leaf and command when they change."""
         leaf = record.active[-1] if record.active else "idle"
         command = describe_movement(record.command.movement)
         why = f" ({record.feedback})" if record.feedback else ""
@@ -101,7 +101,7 @@ class FlightView:
 
 
 _LOG = logging.getLogger(__name__)
-_WAITING_TICKS: Final = 32  # their frames are in memory: 22 MB at 640x360
+_WAITING_TICKS: Final = 32  # size of the queue; its frames need 22 MB at 640x360
 
 Statuses = Callable[[], Mapping[str, Status]]
 
@@ -114,15 +114,15 @@ class _Moment:
 
 
 class BackgroundFollower:
-    """Hands ticks to a follower in another thread; what it has no time for is left out.
+    """Passes ticks to a follower in another thread; ticks that it cannot keep up with are dropped.
 
-    A view must not bring a drone down: a follower that raises gets no more ticks.
+    A view must not affect the flight: a follower that raises an error gets no more ticks.
 
     Args:
-        make: makes the follower from a board and statuses that do not change during a tick.
-        board: of the mission.
-        statuses: returns the nodes' statuses by path.
-        waiting_ticks: how many may wait.
+        make: makes the follower from a board and statuses that are constant during a tick.
+        board: board of the mission.
+        statuses: returns the statuses of the nodes by path.
+        waiting_ticks: size of the queue.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class BackgroundFollower:
         *,
         waiting_ticks: int = _WAITING_TICKS,
     ) -> None:
-        self.left_out = 0  # ticks
+        self.left_out = 0  # number of dropped ticks
         self.failure: Exception | None = None
         self._board = board
         self._statuses = statuses
@@ -146,7 +146,7 @@ class BackgroundFollower:
         self._thread.start()
 
     def on_tick(self, record: TickRecord) -> None:
-        """Hand a tick on."""
+        """Queue a tick."""
         if self.failure is not None:
             return
         moment = _Moment(
@@ -158,12 +158,12 @@ class BackgroundFollower:
             self.left_out += 1
 
     def close(self) -> None:
-        """Return when all that waits has been followed; safe to call twice."""
+        """Process the queued ticks and stop; safe to call twice."""
         if self._thread.is_alive():
             self._waiting.put(None)
             self._thread.join()
         if self.left_out:
-            _LOG.warning("the view left out %d ticks: this machine is too busy", self.left_out)
+            _LOG.warning("the view dropped %d ticks: this machine is too busy", self.left_out)
             self.left_out = 0
 
     def _follow(self) -> None:
@@ -175,7 +175,7 @@ class BackgroundFollower:
         try:
             self._reflect(moment)
             self._follower.on_tick(moment.record)
-        except Exception as error:  # noqa: BLE001 - whatever it is, the flight goes on
+        except Exception as error:  # noqa: BLE001 - the flight continues after any error
             self.failure = error
             _LOG.warning("the view ended: %s: %s", type(error).__name__, error)
 

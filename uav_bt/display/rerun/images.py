@@ -1,4 +1,4 @@
-"""Images and what lies over them: camera, mask edges, helipad, intrusions, mask, metric depth."""
+"""Images in Rerun with overlays: camera, mask edges, helipad, intrusions, mask, metric depth."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ from uav_bt.display.video.panes import pad_circle
 from uav_bt.record.images import encode_image
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
-_EDGE_PX: Final = 1.2  # half the width of drawn lines, in pixels of the image
-_SHOWN_M: Final = 0.35  # from the lens to its image in the lab
-_NO_IMAGE_M: Final = 1e-3  # the depth's lens draws no frustum of its own
+_EDGE_PX: Final = 1.2  # half the width of drawn lines, pixels of the image
+_SHOWN_M: Final = 0.35  # distance of the image from the lens in the 3D view
+_NO_IMAGE_M: Final = 1e-3  # the same for depth: so small that its frustum is invisible
 _BACKGROUND_ID: Final = 0
 
 Strip = NDArray[np.float32]
 
 
 def outlines(mask: NDArray[np.uint8], size_px: tuple[int, int]) -> list[Strip]:
-    """Return the closed outlines of what is not 0 in a mask, in pixels of an image.
+    """Return the closed outlines of the non-zero parts of a mask, in pixels of an image.
 
     Args:
-        mask: (h, w), of any size.
-        size_px: width and height of the image; its pixel centres are at integer coordinates.
+        mask: (h, w) uint8, of any size.
+        size_px: width and height of the image; pixel centres have integer coordinates.
     """
     found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     scale = np.array([size_px[0] / mask.shape[1], size_px[1] / mask.shape[0]], dtype=np.float32)
     strips = []
     for contour in found:
         points = contour.reshape(-1, 2).astype(np.float32)
-        if len(points) > 2:  # a line of single pixels is noise
+        if len(points) > 2:  # lines of single pixels are noise
             closed = np.vstack([points, points[:1]]).astype(np.float32)
             strips.append(np.asarray((closed + 0.5) * scale - 0.5, dtype=np.float32))
     return strips
 
 
 class ImageView:
-    """Draws images and overlays; what has not changed since the last tick is not drawn again.
+    """Draws images and overlays when they change.
 
     Args:
-        stream: where to.
-        setting: camera and classes.
+        stream: the recording.
+        setting: source of camera and classes.
     """
 
     def __init__(self, stream: rr.RecordingStream, setting: ViewSetting) -> None:
@@ -76,12 +76,12 @@ class ImageView:
         )
 
     def show_frame(self, frame: Frame | None, fix: HelipadFix | None) -> None:
-        """Draw the camera's image, when it is a new one, and the helipad's mark on it."""
+        """Draw the camera's image if it is new, and the mark of the helipad on it."""
         if frame is None:
             return
         if frame.index != self._frame_index:
             self._frame_index = frame.index
-            # A tenth of the raw image; the record keeps the lossless one.
+            # A tenth of the raw size; the flight record keeps the lossless image.
             jpeg, _ = encode_image(frame.image, "high")
             image = rr.EncodedImage(contents=jpeg, media_type="image/jpeg")
             self._stream.log(f"{LENS}/image", image)
@@ -94,7 +94,7 @@ class ImageView:
         self._draw(f"{LENS}/helipad", [strip], colour, [f"helipad {fix.range_m:.2f} m"])
 
     def show_mask(self, class_map: ClassMap | None) -> None:
-        """Draw the mask, and its edges over the camera's image."""
+        """Draw the mask, and its edges on the camera's image."""
         if class_map is None:
             self._entities.clear(f"{MASK}/ids", f"{LENS}/mask_edges")
             self._mask_s = None
@@ -128,11 +128,11 @@ class ImageView:
         frame: Frame | None,
         class_map: ClassMap | None,
     ) -> None:
-        """Draw metric depth, and over the camera's image what is inside the corridor.
+        """Draw metric depth, and mark the inside of the corridor on the camera's image.
 
         Args:
-            depth: metric; None without one that is fresh.
-            corridor: None without one that is fresh.
+            depth: fresh metric depth, or None.
+            corridor: fresh corridor, or None.
             frame: the newest frame.
             class_map: the newest class map.
         """
@@ -148,7 +148,7 @@ class ImageView:
             self._depth_size_px = (width_px, height_px)
             lens = _pinhole(self._setting.camera.resized(width_px, height_px), _NO_IMAGE_M)
             self._stream.log(DEPTH_LENS, lens)
-        # Half precision is 2 mm fine at 4 m, and half as large.
+        # Half precision resolves 2 mm at 4 m and halves the size.
         metres = np.where(np.isfinite(depth.depth), depth.depth, np.nan).astype(np.float16)
         image = rr.DepthImage(metres, meter=1.0, colormap="turbo", depth_range=[0.0, FARTHEST_M])
         self._entities.draw(f"{DEPTH_LENS}/metres", image)
@@ -178,7 +178,7 @@ class ImageView:
 def _pinhole(camera: CameraModel, image_m: float) -> rr.Pinhole:
     return rr.Pinhole(
         focal_length=[camera.fx_px, camera.fy_px],
-        # Rerun counts from a pixel's corner, OpenCV from its centre.
+        # Rerun measures from the corner of a pixel, OpenCV from its centre.
         principal_point=[camera.cx_px + 0.5, camera.cy_px + 0.5],
         resolution=[camera.width_px, camera.height_px],
         camera_xyz=rr.ViewCoordinates.RDF,

@@ -1,8 +1,8 @@
-"""Ends a program when the process that started it ends, however that ends.
+"""Runs a program and ends it when the parent process ends for any reason.
 
     python -m uav_bt.display.rerun.keeper PROGRAM [ARGUMENT]...
 
-What started it holds the other end of its standard input, and the system closes that.
+The parent holds the other end of the standard input; the system closes it when the parent ends.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections.abc import Sequence
 from typing import Final
 
 KEPT: Final = (sys.executable, "-m", "uav_bt.display.rerun.keeper")
-"""What stands before a command that is to end with this process."""
+"""Prefix of a command that must end together with this process."""
 
 
 def main(command: Sequence[str]) -> int:
-    """Run a program until it ends, or the standard input does; return its exit code."""
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL)  # noqa: S603 - ours, see above
+    """Run a program until it or the standard input ends; return its exit code."""
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL)  # noqa: S603 - given by the caller
 
     def end() -> None:
         sys.stdin.buffer.read()

@@ -1,4 +1,4 @@
-"""How the viewer arranges a flight, and what is drawn and taken away again."""
+"""Layout of the Rerun viewer, and the entities that are drawn and cleared."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FLOOR: Final[Colour] = (60, 64, 72)
 
 
 def layout(setting: ViewSetting) -> rrb.Blueprint:
-    """Return the layout of a flight; panes that would stay empty are left out."""
+    """Return the layout of a flight without panes that would stay empty."""
     eyes: list[rrb.View] = [rrb.Spatial2DView(origin=MASK, name="Mask")]
     if setting.makes_depth:
         eyes.append(rrb.Spatial2DView(origin=DEPTH_LENS, name="Metric depth"))
@@ -59,7 +59,7 @@ def layout(setting: ViewSetting) -> rrb.Blueprint:
 
 
 def _world(title: str) -> rrb.Spatial3DView:
-    # The path is one piece a tick, so that a long flight does not repeat it every tick.
+    # Each tick adds one piece of the path, so that the path is not stored at every tick.
     so_far = rrb.VisibleTimeRanges(
         timeline=TIMELINE,
         start=rrb.TimeRangeBoundary.infinite(),
@@ -93,10 +93,10 @@ def _plots() -> list[rrb.View]:
 
 
 class Entities:
-    """What is drawn and may be taken away again.
+    """Entities that are drawn and may be cleared again.
 
     Args:
-        stream: where to.
+        stream: the recording.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
@@ -104,17 +104,17 @@ class Entities:
         self._drawn: set[str] = set()
 
     def draw(self, entity: str, *things: Any) -> None:
-        """Draw an entity, in place of what it was.
+        """Draw an entity; it replaces the earlier one.
 
         Args:
-            entity: its path.
-            things: Rerun's archetypes.
+            entity: path of the entity.
+            things: archetypes of Rerun.
         """
         self._stream.log(entity, *things)
         self._drawn.add(entity)
 
     def clear(self, *entities: str) -> None:
-        """Take entities away that are drawn."""
+        """Clear those of the entities that are drawn."""
         for entity in self._drawn.intersection(entities):
             self._drawn.remove(entity)
             self._stream.log(entity, rr.Clear(recursive=False))

@@ -1,6 +1,6 @@
-"""The tree as a graph, and the plots: heading error, height, free distance, tick time.
+"""Tree graph and plots in Rerun: heading error, height, free distance, tick time.
 
-What is not known leaves a gap.
+Unknown values leave a gap.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ _SERIES: Final = {
 
 
 class TurnLeft:
-    """How much of the turn of a `MoveBy` is left: its heading error."""
+    """Heading error of a `MoveBy`: the remaining turn."""
 
     def __init__(self) -> None:
         self._id: int | None = None
         self._target_rad = 0.0
 
     def after(self, record: TickRecord) -> float | None:
-        """Return the heading still to turn, clockwise positive; None when no turn goes on."""
+        """Return the remaining turn, clockwise positive; None without a turn."""
         movement, yaw_rad = record.command.movement, record.observation.state.attitude.yaw_rad
         if not isinstance(movement, MoveBy) or movement.yaw_rad == 0.0:
             self._id = None
@@ -60,10 +60,10 @@ class TurnLeft:
 
 
 class FlightPlots:
-    """Draws a point of every series in every tick.
+    """Draws a point of each series at each tick.
 
     Args:
-        stream: where to.
+        stream: the recording.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
@@ -111,16 +111,16 @@ STATUS_COLOURS: Final[Mapping[Status, Colour]] = {
 }
 _ROW_PX: Final = 30.0
 _INDENT_PX: Final = 30.0
-_LETTER_PX: Final = 7.0  # of Rerun's type, roughly
+_LETTER_PX: Final = 7.0  # approximate width of a letter in Rerun
 
 
 def places(nodes: Sequence[TreeNode]) -> list[tuple[float, float]]:
-    """Return where the nodes' middles lie, px: a row each, indented by level, as in the tree file.
+    """Return the centres of the nodes, px: one row each, indented by level, as in the tree file.
 
-    A tree drawn level by level is several times wider than a pane: its labels could not be read.
+    A tree drawn level by level is several times wider than a pane, with unreadable labels.
 
     Args:
-        nodes: in the order of the file, parents first.
+        nodes: nodes in the order of the file, parents first.
     """
     levels: dict[str, int] = {}
     found: list[tuple[float, float]] = []
@@ -133,11 +133,11 @@ def places(nodes: Sequence[TreeNode]) -> list[tuple[float, float]]:
 
 
 class TreeGraph:
-    """Draws a tree's nodes when their statuses change.
+    """Draws the nodes of a tree when their statuses change.
 
     Args:
-        stream: where to.
-        nodes: of the tree, parents first.
+        stream: the recording.
+        nodes: nodes of the tree, parents first.
     """
 
     def __init__(self, stream: rr.RecordingStream, nodes: Sequence[TreeNode]) -> None:
@@ -151,7 +151,7 @@ class TreeGraph:
             stream.log(TREE, rr.GraphEdges(edges, graph_type="directed"), static=True)
 
     def show(self, statuses: Mapping[str, Status]) -> None:
-        """Draw the tree with its nodes' statuses by path; a node that is not named stands idle."""
+        """Draw the tree with the statuses of its nodes by path; missing nodes are idle."""
         now = [statuses.get(path, IDLE) for path in self._paths]
         if now == self._shown or not now:
             return

@@ -1,6 +1,6 @@
-"""What does not change while a view lasts: entity paths and the flight's setting.
+"""Constants of a view: entity paths and the setting of the flight.
 
-Nothing here needs Rerun: `fly` and records know settings without that extra.
+This module does not need Rerun: `fly` and records use settings without that extra.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from uav_bt.types import Airframe, CameraModel
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorSize:
-    """How far the corridor's planes lie from the body's centre, metres."""
+    """Distances of the corridor's planes from the body's centre, metres."""
 
     side_m: float  # to the left and to the right
     front_m: float
@@ -31,11 +31,11 @@ class CorridorSize:
 
 @dataclass(frozen=True, kw_only=True)
 class TreeNode:
-    """A node of the tree as the graph draws it."""
+    """A node of the tree graph."""
 
-    path: str  # unique in its tree
+    path: str  # unique in the tree
     label: str
-    parent: str | None  # the path of the node above; None for the root
+    parent: str | None  # path of the parent node; None for the root
 
 
 def tree_nodes(tree: MissionTree) -> tuple[TreeNode, ...]:
@@ -51,31 +51,31 @@ def tree_nodes(tree: MissionTree) -> tuple[TreeNode, ...]:
 class ViewSetting:
     """Camera, lab, tree and classes of one flight."""
 
-    camera: CameraModel  # at the frames' size
+    camera: CameraModel  # intrinsics at the size of the frames
     palette: ClassPalette
     airframe: Airframe = field(default_factory=Airframe)
-    title: str = ""  # the mission, the scene, the seed
-    lab_map: LabMap | None = None  # None where it is unknown
+    title: str = ""  # mission, scene and seed
+    lab_map: LabMap | None = None  # None: unknown
     tree: tuple[TreeNode, ...] = ()
-    makes_depth: bool = False  # whether the mission makes metric depth: it gets a pane
-    makes_map: bool = False  # whether the mission keeps a site map: it gets a pane
-    corridor: CorridorSize | None = None  # None: the mission builds none
-    intruding: Intruding | None = None  # None marks no pixel
+    makes_depth: bool = False  # whether the mission makes metric depth, which then has a pane
+    makes_map: bool = False  # whether the mission keeps a site map, which then has a pane
+    corridor: CorridorSize | None = None  # None: the mission has no corridor
+    intruding: Intruding | None = None  # None: no pixel is marked
 
 
 TIMELINE: Final = "flight"  # seconds since the first tick
 
-WORLD: Final = "world"  # z up, the origin in the carpet's middle, metres
+WORLD: Final = "world"  # metres, z up, the origin in the middle of the carpet
 LAB: Final = f"{WORLD}/lab"
 PATH: Final = f"{WORLD}/path"
 BODY: Final = f"{WORLD}/drone"
 CORRIDOR: Final = f"{WORLD}/corridor"  # in the heading-aligned frame: x forward, y left, z up
 OBSTACLES: Final = f"{WORLD}/obstacles"
 FIX: Final = f"{WORLD}/helipad_fix"
-LENS: Final = f"{WORLD}/camera"  # image and overlays, in the image's pixels
-DEPTH_LENS: Final = f"{WORLD}/depth"  # the same lens at the depth map's size
+LENS: Final = f"{WORLD}/camera"  # image and overlays, in pixels of the image
+DEPTH_LENS: Final = f"{WORLD}/depth"  # the same lens at the size of the depth map
 MASK: Final = "mask"
-SITE_MAP: Final = "site_map"  # the mission's own map, an image
+SITE_MAP: Final = "site_map"  # image of the mission's map
 TREE: Final = "tree"
 WORDS: Final = "words"
 HEADING: Final = "plots/heading"

@@ -1,6 +1,6 @@
-"""Where a view goes: into a file, into Rerun's own window, or into a browser. Loopback only.
+"""Outputs of a Rerun view: a file, Rerun's window, or a browser.
 
-The viewer is a process of its own, which listens on loopback: Rerun's default is every interface.
+The viewer is a separate process that listens on loopback only; Rerun's default is all interfaces.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
 _APPLICATION: Final = "uav_bt"
 _LOOPBACK: Final = "127.0.0.1"
-_FOOTER: Final = b"RRF2FOOT"  # near the end of a whole file
+_FOOTER: Final = b"RRF2FOOT"  # marker near the end of a complete file
 _END_BYTES: Final = 32
-_FILE_S: Final = 120.0  # for what is still on its way to the disk
-_FLUSH_S: Final = 20.0  # for what is still on its way to a viewer that may be gone
+_FILE_S: Final = 120.0  # timeout of the last data to the disk, s
+_FLUSH_S: Final = 20.0  # timeout of the last data to a viewer, which may be gone, s
 
 
 def need_display(instead: str, environment: Mapping[str, str] | None = None) -> None:
-    """Make sure that a window can open here.
+    """Check that a window can be opened.
 
     Args:
-        instead: what to do without a display.
-        environment: the process's, if it is another one than ours.
+        instead: advice for a machine without a display.
+        environment: environment variables; None: those of this process.
 
     Raises:
-        InputError: it cannot.
+        InputError: there is no display.
     """
     given = os.environ if environment is None else environment
     if not (sys.platform == "darwin" or given.get("DISPLAY") or given.get("WAYLAND_DISPLAY")):
@@ -51,23 +51,23 @@ def need_display(instead: str, environment: Mapping[str, str] | None = None) -> 
 
 @contextmanager
 def saved(path: Path) -> Iterator[rr.RecordingStream]:
-    """Write what is drawn inside into an rrd file; it appears whole or not at all.
+    """Write the drawings of the context into an rrd file, which appears complete or not at all.
 
     Args:
-        path: ends in .rrd; an existing file is replaced when the new one is whole.
+        path: path that ends in .rrd; an existing file is replaced by the complete new one.
 
     Raises:
         FileError: the file cannot be written.
         MissingDependencyError: Rerun is not installed.
     """
     need("view", "rerun", what="a view")
-    import rerun as rr  # noqa: PLC0415 - only views need it
+    import rerun as rr  # noqa: PLC0415 - an extra
     from rerun_bindings import flush_and_cleanup_orphaned_recordings  # noqa: PLC0415
 
     if path.suffix.lower() != ".rrd":
         raise FileError(path, "a view's name must end in .rrd")
-    # The threads of a stream that nobody has any more end when Rerun is asked to look, as `rr.init`
-    # does it: here those of the file before.
+    # Rerun ends the threads of unreferenced streams only in this call, which `rr.init` makes, too.
+    # Here they are the threads of an earlier file.
     flush_and_cleanup_orphaned_recordings()
     with whole_file(path) as partial:
         partial.touch()  # the system's error for a bad folder is clearer than Rerun's
@@ -81,28 +81,28 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
 def _finish(path: Path, stream: rr.RecordingStream) -> None:
     try:
         stream.flush(timeout_sec=_FILE_S)
-    except RuntimeError as error:  # what Rerun raises when its writer gave up
-        raise FileError(path, f"cannot be written to the end: {error}") from error
+    except RuntimeError as error:  # Rerun's writer has failed
+        raise FileError(path, f"cannot be written completely: {error}") from error
     finally:
         stream.disconnect()
 
 
 def _check_whole(path: Path, partial: Path) -> None:
-    """Refuse a file that a full disk cut short: Rerun writes in a thread and only logs that."""
+    """Refuse a file that a full disk has truncated: Rerun's thread only logs that error."""
     with partial.open("rb") as file:
         file.seek(-min(_END_BYTES, partial.stat().st_size), os.SEEK_END)
         end = file.read()
     if _FOOTER not in end:
-        raise FileError(path, "could not be written to the end; is the disk full?")
+        raise FileError(path, "could not be written completely; is the disk full?")
 
 
 class Viewer:
-    """A viewer's process, and the recording that it shows.
+    """The process of a viewer, and the recording that it shows.
 
     Args:
         web: serve a browser instead of opening a window.
-        port: where the viewer receives; 0 for any that is free.
-        web_port: where the browser finds it; 0 for any that is free.
+        port: port on which the viewer receives data; 0 selects a free one.
+        web_port: port for the browser; 0 selects a free one.
 
     Raises:
         InputError: a port is taken.
@@ -112,19 +112,19 @@ class Viewer:
 
     def __init__(self, *, web: bool, port: int = 0, web_port: int = 0) -> None:
         need("view", "rerun", what="a view")
-        import rerun as rr  # noqa: PLC0415 - only views need it
+        import rerun as rr  # noqa: PLC0415 - an extra
 
         self.port = _free_port(port)
         self._web_port = _free_port(web_port) if web else None
         try:
             self._process = subprocess.Popen(  # noqa: S603 - Rerun's own program
-                # A server without a window would be forgotten if this process were killed.
+                # A server without a window would keep running if this process were killed.
                 [*(KEPT if web else ()), *viewer_command(self.port, self._web_port)],
                 stdin=subprocess.PIPE if web else subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
-                env={**os.environ, "CI": "true"},  # where Rerun's viewer does not report its use
-                start_new_session=True,  # Ctrl-C lands the drone; it must not close the window
+                env={**os.environ, "CI": "true"},  # disables the usage reports of Rerun's viewer
+                start_new_session=True,  # Ctrl-C lands the drone and must not close the window
             )
         except OSError as error:
             raise UavBtError(f"Rerun's viewer cannot be started: {error}") from error
@@ -137,28 +137,28 @@ class Viewer:
 
     @property
     def url(self) -> str | None:
-        """Where a browser on this machine finds the view; None for a window."""
+        """The URL of the view on this machine; None for a window."""
         if self._web_port is None:
             return None
         return f"http://{_LOOPBACK}:{self._web_port}/?url={self._address.replace('+', '%2B')}"
 
     @property
     def closed(self) -> bool:
-        """Whether the viewer was closed."""
+        """Whether the viewer has been closed."""
         return self._process.poll() is not None
 
     def wait(self) -> None:
-        """Return when the viewer was closed."""
+        """Wait until the viewer is closed."""
         self._process.wait()
 
     def close(self, *, end: bool) -> None:
-        """Hand over what is still on its way; safe to call twice.
+        """Send the remaining data; safe to call twice.
 
         Args:
-            end: end the viewer, too.
+            end: whether to end the viewer, too.
         """
         if self._process.poll() is None:
-            with suppress(RuntimeError):  # the window was closed
+            with suppress(RuntimeError):  # the window has been closed
                 self.stream.flush(timeout_sec=_FLUSH_S)
         self.stream.disconnect()
         if end and self._process.poll() is None:
@@ -173,7 +173,7 @@ def viewer_command(port: int, web_port: int | None) -> list[str]:
     """Return the command that starts a viewer on loopback.
 
     Raises:
-        MissingDependencyError: Rerun's program is not where its wheel puts it.
+        MissingDependencyError: the program is not at its place in Rerun's wheel.
     """
     found = importlib.util.find_spec("rerun_cli")
     homes = found.submodule_search_locations if found is not None else None
@@ -189,16 +189,16 @@ def viewer_command(port: int, web_port: int | None) -> list[str]:
 
 
 def _free_port(port: int) -> int:
-    """Return a port that is free; 0 asks for any.
+    """Return a port if it is free; 0 selects any free one.
 
     Raises:
-        InputError: it is taken.
+        InputError: the port is taken.
     """
     with socket.socket() as probe:
         try:
             probe.bind((_LOOPBACK, port))
         except OSError as error:
             raise InputError(
-                f"port {port} cannot be used ({error.strerror}); name another"
+                f"port {port} cannot be used ({error.strerror}); choose another one"
             ) from error
         return int(probe.getsockname()[1])

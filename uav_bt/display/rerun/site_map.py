@@ -1,4 +1,4 @@
-"""The mission's own map in Rerun: an image, with the outlines of what is there on top."""
+"""Site map in Rerun: an image, with the outlines of the real objects on top."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from uav_bt.record.images import encode_image
 from uav_bt.types.site_map import SiteMap
 
 _SIZE_PX: Final = (640, 520)
-_NO_LAB_M: Final = (6.0, 6.0)  # shown around the start where the lab is unknown
-_EVERY_S: Final = 0.5  # between images: a map changes with every view
+_NO_LAB_M: Final = (6.0, 6.0)  # extent around the start if the lab is unknown
+_EVERY_S: Final = 0.5  # time between images; the map changes with every view
 
 
 class SiteMapView:
-    """Draws the mission's map, where it keeps one.
+    """Draws the site map of the mission.
 
     Args:
-        stream: where to.
-        lab_map: what stands in the lab; None where it is not known.
+        stream: the recording.
+        lab_map: content of the lab; None if unknown.
     """
 
     def __init__(self, stream: rr.RecordingStream, lab_map: LabMap | None) -> None:
@@ -38,12 +38,12 @@ class SiteMapView:
         self._drawn_s = -math.inf
 
     def show(self, record: TickRecord, flown: FlownPath, site_map: SiteMap | None) -> None:
-        """Draw the map of a tick, if it is due.
+        """Draw the map at a tick, if due.
 
         Args:
-            record: of the tick.
-            flown: the path so far.
-            site_map: as the mission knows it; None where it has none now.
+            record: record of the tick.
+            flown: the path until now.
+            site_map: the mission's map; None without one.
         """
         if flown.pose is None:
             return

@@ -1,6 +1,6 @@
-"""The lab in 3D: what stands there, the drone, its lens, its path, the corridor, what it remembers.
+"""The lab in 3D in Rerun: objects, drone, lens, path, corridor and remembered obstacles.
 
-The world is z up, its yaw counter-clockwise; the body's telemetry is z down, its yaw clockwise.
+The world has z up and yaw counter-clockwise. The body's telemetry has z down and yaw clockwise.
 """
 
 from __future__ import annotations
@@ -45,19 +45,19 @@ from uav_bt.types.dead_reckoning import PoseHistory
 _PLANE: Final = (120, 170, 255, 26)
 _INTRUDED: Final = (*ALARM, 110)
 _THIN_M: Final = 0.004
-_KEPT_S: Final = 2.0  # of poses: no frame is older that is worth drawing
+_KEPT_S: Final = 2.0  # history of poses; older frames are not drawn
 _OBSTACLE_M: Final = 0.03
 
 
 def camera_axes(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
-    """Return the rotation from the camera's frame (x right, y down, z forward) to the world's.
+    """Return the rotation from the camera frame (x right, y down, z forward) to the world frame.
 
     Args:
-        yaw_rad: of the body, counter-clockwise from the world's x.
-        pitch_rad: of the gimbal, 0 level, negative down.
+        yaw_rad: heading of the body, counter-clockwise from world x.
+        pitch_rad: pitch of the gimbal, 0 level, negative down.
 
     Returns:
-        (3, 3); its columns are the camera's axes in the world.
+        (3, 3) matrix; its columns are the camera's axes in the world.
     """
     forward, right = rotate(1.0, 0.0, yaw_rad), rotate(0.0, -1.0, yaw_rad)
     level = np.array([[*forward, 0.0], [*right, 0.0], [0.0, 0.0, -1.0]]).T
@@ -67,7 +67,7 @@ def camera_axes(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
 def corridor_planes(
     size: CorridorSize,
 ) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Return centre and half sizes of the five planes, forward, left and up from the body."""
+    """Return centre and half sizes of the five planes: forward, left and up from the body."""
     a, b, c = size.front_m / 2.0, size.side_m, size.up_down_m
     return {
         "left": ((a, b, 0.0), (a, _THIN_M, c)),
@@ -79,11 +79,11 @@ def corridor_planes(
 
 
 class WorldView:
-    """Draws the lab once, and what moves in it tick by tick.
+    """Draws the lab once, and its moving parts at each tick.
 
     Args:
-        stream: where to.
-        setting: of the flight.
+        stream: the recording.
+        setting: the constants of the flight.
     """
 
     def __init__(self, stream: rr.RecordingStream, setting: ViewSetting) -> None:
@@ -122,7 +122,7 @@ class WorldView:
         self._before = pose
 
     def show_movers(self, states: Sequence[MoverState]) -> None:
-        """Draw what moves in the lab."""
+        """Draw the movers."""
         for mover, state in zip(self._movers, states, strict=False):
             size_m, colour = mover.item.size_m, mover.item.colour
             shape: rr.AsComponents = (
@@ -133,7 +133,7 @@ class WorldView:
             self._entities.draw(f"{LAB}/{state.name}", _placed(state.pose), shape)
 
     def show_lens(self, frame: Frame | None) -> None:
-        """Draw the lens where it was when the newest frame was taken."""
+        """Draw the lens at its pose when the newest frame was captured."""
         if frame is None or frame.index == self._frame_index:
             return
         self._frame_index = frame.index
@@ -143,7 +143,7 @@ class WorldView:
                 self._stream.log(entity, _lens(pose, frame.gimbal_pitch_rad, self._camera))
 
     def show_corridor(self, corridor: Corridor | None) -> None:
-        """Draw the five planes where they were when the corridor's frame was taken."""
+        """Draw the five planes at their pose when the corridor's frame was captured."""
         if self._corridor is None or corridor is None:
             self._entities.clear(CORRIDOR)
             self._corridor_s = None
@@ -166,7 +166,7 @@ class WorldView:
         self._entities.draw(CORRIDOR, _placed(pose), boxes)
 
     def show_near(self, near: NearObstacles | None, fix: HelipadFix | None) -> None:
-        """Draw obstacles and edges near the drone, and the helipad where the mission has it."""
+        """Draw obstacles and edges near the drone, and the helipad at its estimated position."""
         pose = self._before
         if pose is None:
             return
@@ -205,12 +205,12 @@ def _lens(pose: Pose, pitch_rad: float, camera: CameraModel) -> rr.Transform3D:
 
 
 def _on_carpet(pose: Pose, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points given forward and right of the body as (N, 3) of the world, on the carpet."""
+    """Return points on the carpet, given forward and right of the body, as world points (N, 3)."""
     return np.column_stack([pose.points_to_world(points_m * (1.0, -1.0)), np.zeros(len(points_m))])
 
 
 def draw_lab(stream: rr.RecordingStream, lab: LabMap) -> None:
-    """Draw what stands in the lab, once: carpet, boxes and helipad."""
+    """Draw the constant content of the lab: carpet, boxes and helipad."""
     wide, deep = lab.carpet_size_m
     carpet = rr.Boxes3D(
         centers=[[0.0, 0.0, -0.005]],

@@ -1,4 +1,4 @@
-"""The class map's pane: each pixel in the colour of its class, and a legend of those in view."""
+"""Pane of the class map: pixels in the colours of their classes, with a legend."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from uav_bt.display.video.depth_panes import empty_pane
 from uav_bt.errors import ShapeError
 from uav_bt.types import ClassMap
 
-_IDS: Final = 256  # of an uint8
-_LEAST_SHARE: Final = 0.001  # of the pixels: single ones would make the legend flicker
+_IDS: Final = 256  # number of values of an uint8
+_LEAST_SHARE: Final = 0.001  # least share of pixels in the legend, so that it does not flicker
 _SCALE: Final = 0.4
 _SWATCH_PX: Final = 10
 _ROW_PX: Final = 20
-_EDGE_PX: Final = 10  # of the pane that stays free around title and legend
+_EDGE_PX: Final = 10  # free margin around title and legend
 _TITLE_SCALE: Final = 0.45
-_ROOMY_PX: Final = 400  # panes from this width on have room for the size of the map
+_ROOMY_PX: Final = 400  # panes from this width on show the size of the map
 _UNKNOWN: Final = "unknown"
 
 
@@ -32,7 +32,7 @@ class ClassPalette:
     """Names and colours of the classes.
 
     Raises:
-        ShapeError: there is not one colour for each name.
+        ShapeError: the numbers of names and colours differ.
     """
 
     names: tuple[str, ...]  # by class id
@@ -45,13 +45,13 @@ class ClassPalette:
 
     @cached_property
     def table(self) -> NDArray[np.uint8]:
-        """(256, 3) RGB: the colours of all ids; those without a class have the alarm colour."""
+        """(256, 3) RGB: the colours of all ids; ids without a class have the alarm colour."""
         table = np.full((_IDS, 3), ALARM, dtype=np.uint8)
         table[: len(self.colours)] = self.colours
         return table
 
     def entries(self, ids: NDArray[np.uint8]) -> list[tuple[str, Colour]]:
-        """Return name and colour of the classes that are in view, in the order of their ids.
+        """Return name and colour of the visible classes, in the order of their ids.
 
         Args:
             ids: (H, W) uint8 class ids.
@@ -70,11 +70,11 @@ class ClassPalette:
 def draw_class_map(
     class_map: ClassMap | None, palette: ClassPalette, size_px: tuple[int, int]
 ) -> Image:
-    """Return the class map in its colours with a legend, as large as the camera's image.
+    """Return the class map in colours, with a legend.
 
     Args:
-        class_map: None draws an empty pane.
-        palette: of its classes.
+        class_map: the class map; None draws an empty pane.
+        palette: names and colours of its classes.
         size_px: width and height of the pane.
     """
     if class_map is None:
@@ -93,7 +93,7 @@ def draw_class_map(
 
 
 def _draw_legend(image: Image, entries: Sequence[tuple[str, Colour]], title_px: int) -> None:
-    """Draw the legend beside the title and, if need be, below it."""
+    """Draw the legend beside the title and, if necessary, below it."""
     room_px = image.shape[1] - 2 * _EDGE_PX
     for row, cells in enumerate(_rows(entries, (room_px - title_px, room_px))):
         top = _EDGE_PX + row * _ROW_PX
@@ -116,7 +116,7 @@ def _cell_px(name: str) -> int:
 def _rows(
     entries: Sequence[tuple[str, Colour]], widths_px: Sequence[int]
 ) -> Iterator[list[tuple[str, Colour]]]:
-    """Yield a legend's rows, one for each width; what does not fit into the last is left out."""
+    """Yield the rows of a legend, one for each width; entries that do not fit are omitted."""
     left = list(entries)
     for width_px in widths_px:
         row: list[tuple[str, Colour]] = []

@@ -1,4 +1,4 @@
-"""The panes of the second level: depth in metres as colours, and what is inside the corridor."""
+"""Panes of metric depth and of the corridor."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from uav_bt.types import ClassMap, Corridor, DepthMap, Frame
 Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
 """Returns which pixels of a depth map are inside the corridor, (H, W)."""
 
-FARTHEST_M: Final = 5.0  # of the scale: the carpet's length
-_UNKNOWN: Final[Colour] = (70, 74, 84)  # grey: no colour of the scale
+FARTHEST_M: Final = 5.0  # end of the scale: the length of the carpet
+_UNKNOWN: Final[Colour] = (70, 74, 84)  # grey, which is not in the scale
 _BAR_WIDTH_PX: Final = 10
-_OPACITY: Final = 0.6  # of the mark over what intrudes
+_OPACITY: Final = 0.6  # opacity of the mark on intruding pixels
 
 
 @functools.cache
@@ -34,12 +34,12 @@ def _scale_colours() -> NDArray[np.uint8]:
 
 @functools.cache
 def _panel(size_px: tuple[int, int]) -> Image:
-    """Return the empty pane; filling with a colour takes ten times as long as copying."""
+    """Return the empty pane, cached because filling takes ten times as long as copying."""
     return np.full((size_px[1], size_px[0], 3), PANEL, dtype=np.uint8)
 
 
 def empty_pane(words: str, size_px: tuple[int, int]) -> Image:
-    """Return a pane with a line of text only."""
+    """Return a pane with only a line of text."""
     image = _panel(size_px).copy()
     scale = 0.5
     while wide_px(words, scale) > size_px[0] - 16 and scale > 0.3:
@@ -55,13 +55,13 @@ def draw_depth(
     why_none: str = "",
     farthest_m: float = FARTHEST_M,
 ) -> Image:
-    """Return metric depth as colours, near red and far blue, with a bar of metres.
+    """Return metric depth as colours from near (red) to far (blue), with a scale in metres.
 
     Args:
-        depth: in metres; None draws an empty pane.
+        depth: metric depth; None draws an empty pane.
         size_px: width and height of the pane.
-        why_none: why there is none, or less than asked for.
-        farthest_m: end of the scale; what is farther has its colour.
+        why_none: reason why depth is missing or reduced.
+        farthest_m: end of the scale; farther pixels have its colour.
     """
     if depth is None:
         return empty_pane(f"no depth: {why_none}" if why_none else "no depth", size_px)
@@ -110,13 +110,13 @@ def intruding_pixels(
     """Return which pixels of a depth map are inside the corridor, (H, W).
 
     Args:
-        intruding: finds them.
-        frame: the newest.
-        class_map: the newest.
-        depth: the newest metric one.
+        intruding: finds the pixels.
+        frame: newest frame.
+        class_map: newest class map.
+        depth: newest metric depth.
 
     Returns:
-        None where something is missing, or the three are not of one capture.
+        None if an input is missing, or the three have different capture times.
     """
     if intruding is None or frame is None or class_map is None or depth is None:
         return None
@@ -130,17 +130,17 @@ def draw_corridor(
     intruding: NDArray[np.bool_] | None,
     size_px: tuple[int, int],
 ) -> Image:
-    """Return the image, darkened, with what is inside the corridor marked, and words.
+    """Return the darkened image with the pixels inside the corridor marked, and text.
 
     Args:
-        shown: (H, W, 3) RGB, of any size.
-        corridor: of that image; None draws an empty pane.
-        intruding: (h, w) pixels inside the corridor, of any size; None marks none.
+        shown: image (H, W, 3) RGB, of any size.
+        corridor: corridor of that image; None draws an empty pane.
+        intruding: (h, w) pixels inside the corridor, of any size; None marks no pixels.
         size_px: width and height of the pane.
     """
     if shown is None or corridor is None:
         return empty_pane("no corridor", size_px)
-    # Nearest: on a darkened image the difference is invisible, and it costs a tenth.
+    # Nearest neighbour takes a tenth of the time, and a darkened image looks the same.
     image: Image = np.asarray(
         cv2.resize(shown, size_px, interpolation=cv2.INTER_NEAREST) // 2, dtype=np.uint8
     )
@@ -168,12 +168,12 @@ def _draw_sides(image: Image, corridor: Corridor) -> None:
 def corridor_rows(
     depth: DepthMap | None, corridor: Corridor | None, age_s: float
 ) -> Sequence[tuple[str, str, Colour]]:
-    """Return depth, and what is inside the corridor, as rows of a name, a value and its colour.
+    """Return depth and corridor as rows of name, value and colour.
 
     Args:
-        depth: metric, None without one that is fresh.
-        corridor: None without one that is fresh.
-        age_s: of the last metric depth, inf before the first.
+        depth: fresh metric depth, or None.
+        corridor: fresh corridor, or None.
+        age_s: age of the last metric depth; inf before the first.
     """
     if depth is None:
         words = "none yet" if math.isinf(age_s) else f"none for {age_s:.1f} s"
@@ -191,7 +191,7 @@ def corridor_rows(
         ("ahead", _metres(corridor.free_distance_m), INK),
         ("left", _metres(corridor.nearest_left_m), INK),
         ("right", _metres(corridor.nearest_right_m), INK),
-        ("unknown", f"{corridor.unknown_px} pixels of things", INK),
+        ("unknown", f"{corridor.unknown_px} pixels of objects", INK),
     ]
 
 

@@ -1,4 +1,4 @@
-"""The panes beside the map: what the camera sees, what perception makes of it, and the readings."""
+"""Panes of the camera image and of the readings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix
 from uav_bt.types.projection import camera_axes
 
 _PAD_RADIUS_M: Final = 0.3
-_NEAR_M: Final = 0.3  # closer to the pad than this, a mark is of no use
+_NEAR_M: Final = 0.3  # distance from the pad below which it is not marked
 _BRANCH_ROW_PX: Final = 22
 _BRANCH_INDENT_PX: Final = 14
 _BRANCH_WIDTH_PX: Final = 300
@@ -42,25 +42,25 @@ _MARGIN_PX: Final = 18
 
 @dataclass(frozen=True, kw_only=True)
 class Readings:
-    """What the panes show of one tick."""
+    """Data of one tick for the panes."""
 
     record: TickRecord
     fix: Reading[HelipadFix]
     class_map: Reading[ClassMap]
-    elapsed_s: float  # since the take-off command
-    distance_m: float  # travelled
+    elapsed_s: float  # time since the take-off command
+    distance_m: float  # travelled distance
 
 
 def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[float, float, float]:
-    """Return where a fix lies from the lens, in the camera's frame.
+    """Return the position of a fix in the camera frame.
 
     Args:
-        fix: where the helipad lies.
+        fix: position of the helipad.
         frame: the image with its telemetry.
-        camera: how far ahead of the body's centre the lens sits.
+        camera: source of the lens's offset from the body's centre.
 
     Returns:
-        Metres right, down and forward along the optical axis; the gimbal keeps the horizon level.
+        Metres right, down and along the optical axis; the gimbal keeps the horizon level.
     """
     forward_m = fix.forward_m - camera.forward_offset_m
     below_m = frame.height_above_carpet_m - fix.height_m
@@ -72,12 +72,12 @@ def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[flo
 def pad_circle(
     fix: HelipadFix, frame: Frame, camera: CameraModel
 ) -> tuple[float, float, float] | None:
-    """Return the circle around the helipad in an image; None when it is not in view.
+    """Return the circle around the helipad in an image; None if it is not in view.
 
     Args:
-        fix: where the helipad lies.
-        frame: the telemetry of the image.
-        camera: intrinsics at the image's size.
+        fix: position of the helipad.
+        frame: the image with its telemetry.
+        camera: intrinsics at the size of the image.
 
     Returns:
         Column, row and radius, pixels.
@@ -92,7 +92,7 @@ def pad_circle(
 
 
 def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int]) -> Image:
-    """Return the camera's image with the helipad's mark and the policy's reason."""
+    """Return the camera's image with the mark of the helipad and the policy's reason."""
     record = readings.record
     frame = record.observation.frame
     if frame is None:
@@ -109,17 +109,17 @@ def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int
 
 
 def resize_image(image: Image, size_px: tuple[int, int]) -> Image:
-    """Return an image as large as its pane."""
-    # Shrinking by much needs averaging, which costs four times as much.
+    """Return an image at the size of its pane."""
+    # Strong shrinking needs averaging, which takes four times as long.
     shrinks = image.shape[1] > 1.5 * size_px[0]
     interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(image, size_px, interpolation=interpolation), dtype=np.uint8)
 
 
 def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
-    """Ring the helipad on a frame's image, or point to where it is beyond the border."""
+    """Mark the helipad on a frame's image, or point to it beyond the border."""
     if frame.height_above_carpet_m < fix.height_m + _NEAR_M:
-        return  # on the pad or about to be: it fills the view
+        return  # on or just above the pad, which fills the view
     height_px, width_px = image.shape[:2]
     colour = ACCENT if fix.detected else INK
     words = f"helipad {fix.range_m:.2f} m"
@@ -136,7 +136,7 @@ def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -
 
 
 def _arrow(image: Image, angle_rad: float, words: str, colour: Colour) -> None:
-    """Point from the image's middle to something outside; the angle is clockwise from right."""
+    """Draw an arrow at the border; the angle is clockwise from right."""
     height_px, width_px = image.shape[:2]
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     half_x, half_y = width_px / 2 - 16, height_px / 2 - 16
@@ -220,7 +220,7 @@ def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
 def draw_rows(
     image: Image, rows: Sequence[tuple[str, str, Colour]], at_px: tuple[int, int]
 ) -> None:
-    """Write names and values, each in its colour, one row below the other, inside the image."""
+    """Write rows of name and value in their colours, inside the image."""
     left = at_px[0] + 84
     for index, (name, value, colour) in enumerate(rows):
         base = at_px[1] + index * _BRANCH_ROW_PX

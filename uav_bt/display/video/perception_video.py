@@ -1,4 +1,4 @@
-"""The video of perception at work: image and helipad, class map, metric depth, corridor."""
+"""Video of the perception: image with helipad, class map, metric depth, corridor."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, Helip
 
 _WIDTH_PX: Final = 1280
 _GAP_PX: Final = 2
-_FLATTEST: Final = 4.0  # panes are at most this many times as wide as high, or as high as wide
+_FLATTEST: Final = 4.0  # largest aspect ratio of panes, wide or high
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
-    """What one image of the video shows."""
+    """Data of one image of the video."""
 
     frame: Frame
     class_map: ClassMap
-    depth: DepthMap | None  # metric
-    refusal: str  # why there is no depth, or less than asked for
+    depth: DepthMap | None  # metric depth
+    refusal: str  # reason why depth is missing or reduced
     corridor: Corridor | None
-    intruding: NDArray[np.bool_] | None  # (H, W), pixels inside the corridor
+    intruding: NDArray[np.bool_] | None  # (H, W) pixels inside the corridor
     helipad: HelipadFix | None
 
 
@@ -37,8 +37,7 @@ class PerceptionPanes:
     """Composes the four panes.
 
     Args:
-        camera: intrinsics at the frames' size. They give the images' true aspect, which a
-            resized image has lost.
+        camera: intrinsics at the size of the frames; they give the true aspect of resized images.
         palette: names and colours of the classes.
     """
 

@@ -1,7 +1,7 @@
-"""The timeline of a film: the mission's phases in their colours, up to now, under a time scale.
+"""Timeline of a film: the mission's phases in their colours, with a time scale.
 
-How long a flight will take is not known while it is filmed. The scale begins with half a minute,
-doubles whenever the flight outlasts it, and ends at the time limit of the flight.
+The duration of a flight is unknown while it is filmed. So the scale starts with 30 s, doubles
+when the flight exceeds it, and ends at the time limit of the flight.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from uav_bt.display.canvas import ACCENT, DIM, INK, PANEL, Colour, Image, line, 
 from uav_bt.display.lab_map import draw_legend, phase_colours
 
 _FIRST_SPAN_S: Final = 30.0
-_STEPS_S: Final = (5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)  # between marks of the scale
-_MARKS: Final = 8  # at most
+_STEPS_S: Final = (5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)  # steps of the scale
+_MARKS: Final = 8  # largest number of marks
 _SCALE: Final = 0.36
 _MARGIN_PX: Final = 18
 _BAR_PX: Final = 10
@@ -24,23 +24,23 @@ _TRACK: Final[Colour] = (52, 56, 66)
 
 
 class Timeline:
-    """Follows the phases of a flight and draws them.
+    """Tracks the phases of a flight and draws them.
 
     Args:
-        limit_s: when the flight is ended at the latest, from the take-off command; None: never.
+        limit_s: time limit of the flight from the take-off command; None: no limit.
     """
 
     def __init__(self, limit_s: float | None = None) -> None:
         self._limit_s = limit_s
-        self._starts: list[tuple[float, str]] = []  # when each phase began
+        self._starts: list[tuple[float, str]] = []  # start time and name of each phase
         self._now_s = 0.0
 
     def add(self, elapsed_s: float, phase: str) -> None:
-        """Note the phase of a moment.
+        """Add the phase at a time.
 
         Args:
-            elapsed_s: since the take-off command.
-            phase: what the mission is doing; empty where it has not said so.
+            elapsed_s: time since the take-off command.
+            phase: phase of the mission; empty if unnamed.
         """
         self._now_s = elapsed_s
         if not self._starts or self._starts[-1][1] != phase:
@@ -48,17 +48,17 @@ class Timeline:
 
     @property
     def span_s(self) -> float:
-        """What the whole width of the scale stands for, seconds."""
+        """The time span of the scale, s."""
         doubled = max(0, math.ceil(math.log2(max(self._now_s, 1e-9) / _FIRST_SPAN_S)))
         span_s = _FIRST_SPAN_S * 2.0**doubled
-        # A flight is judged a tick late: it may outlast its limit by that.
+        # A flight is judged one tick late, so it may exceed its limit by a tick.
         return span_s if self._limit_s is None else max(min(span_s, self._limit_s), self._now_s)
 
     def draw(self, size_px: tuple[int, int]) -> Image:
-        """Return the timeline of this moment, (H, W, 3) uint8 RGB.
+        """Return the present timeline, (H, W, 3) uint8 RGB.
 
         Args:
-            size_px: width and height; the bar is as wide as fits, 60 pixels are high enough.
+            size_px: width and height; a height of 60 pixels is sufficient.
         """
         width_px, height_px = size_px
         image: Image = np.full((height_px, width_px, 3), PANEL, dtype=np.uint8)

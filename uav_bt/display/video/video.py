@@ -1,6 +1,6 @@
-"""The video of a flight: camera, class map, map from above, and readings, tick by tick.
+"""Video of a flight: camera, class map, map from above, and readings.
 
-Where the mission makes metric depth, the class map shares its quarter with depth and corridor.
+If the mission makes metric depth, the class map shares its quarter with depth and corridor.
 """
 
 from __future__ import annotations
@@ -56,16 +56,16 @@ _HEIGHT: Final = 720
 _HALF: Final = _WIDTH // 2
 _READINGS_HEIGHT: Final = 258
 _TIMELINE_HEIGHT: Final = 56
-_GAP: Final = 2  # between the panes
+_GAP: Final = 2  # pixels between the panes
 
 
 @dataclass(frozen=True, kw_only=True)
 class FlightVideoConfig:
-    """How a flight becomes a video."""
+    """Rate and speed of a video."""
 
-    images_per_s: int = 10  # of mission time: one a tick in simulation
-    speed: float = 1.0  # the video runs so many times faster than the mission
-    hold_s: float = 2.0  # of the video's time: how long the outcome stays at the end
+    images_per_s: int = 10  # images per second of mission time: one per tick in simulation
+    speed: float = 1.0  # mission time / video time
+    hold_s: float = 2.0  # video time of the outcome at the end
 
     def __post_init__(self) -> None:
         if not 1 <= self.images_per_s <= 60:
@@ -75,22 +75,22 @@ class FlightVideoConfig:
 
     @property
     def frames_per_s(self) -> Fraction:
-        """The rate of the file."""
+        """The frame rate of the file."""
         return self.images_per_s * Fraction(self.speed).limit_denominator(100)
 
 
 class Panes:
     """Composes the panes into one image of 1280x720.
 
-    The panes of depth and corridor appear with the first metric depth, or when asked for.
+    The panes of depth and corridor appear with the first metric depth, or after `show_depth`.
 
     Args:
-        board: of the mission; class map, fix and time are read from it.
-        camera: intrinsics at the frames' size.
+        board: board of the mission, source of class map, fix and time.
+        camera: intrinsics at the size of the frames.
         palette: names and colours of the classes.
-        lab_map: what stands in the lab; None where it is unknown.
-        title: a line above the map: the mission, the scene, the seed.
-        limit_s: when the flight is ended at the latest, from the take-off command; None: never.
+        lab_map: content of the lab; None if unknown.
+        title: line above the map: mission, scene and seed.
+        limit_s: time limit of the flight from the take-off command; None: no limit.
     """
 
     def __init__(
@@ -114,16 +114,16 @@ class Panes:
         self._image: Image = np.full((_HEIGHT, _WIDTH, 3), BACKDROP, dtype=np.uint8)
 
     def show_depth(self, intruding: Intruding | None = None) -> None:
-        """Make room for depth and corridor from now on.
+        """Show the panes of depth and corridor from now on.
 
         Args:
-            intruding: returns what to mark in the corridor's pane; None marks nothing.
+            intruding: returns the pixels to mark in the corridor's pane; None marks no pixels.
         """
         self._shows_depth = True
         self._intruding = intruding
 
     def draw(self, record: TickRecord, flown: FlownPath) -> Image:
-        """Return the image of a tick; it is drawn over by the next call."""
+        """Return the image of a tick; the next call overwrites it."""
         readings = Readings(
             record=record,
             fix=self._board.read(HELIPAD),
@@ -181,13 +181,13 @@ class Panes:
 class FlightVideo:
     """A tick listener that writes a video. Use it as a context manager, or close it.
 
-    A video must not bring a drone down: when the file cannot be written any further (a full disk),
-    the flight goes on without it, and closing raises.
+    A video must not affect the flight: after a write error (a full disk) the flight continues
+    without it, and closing raises the error.
 
     Args:
-        path: the mp4 file; it appears when the video is closed.
-        panes: draws the images; may be given later, with `begin`.
-        config: rate, speed and title.
+        path: the mp4 file, which appears when the video is closed.
+        panes: draws the images; may be set later by `begin`.
+        config: rate and speed.
 
     Raises:
         FileError: the file cannot be written.
@@ -212,15 +212,15 @@ class FlightVideo:
 
     @property
     def path(self) -> Path:
-        """The file that is being written."""
+        """The path of the file."""
         return self._file.path
 
     def begin(self, panes: Panes) -> None:
-        """Set what draws the images, once the drone is connected."""
+        """Set the panes after the drone is connected."""
         self._panes = panes
 
     def on_tick(self, record: TickRecord) -> None:
-        """Draw and write a tick; ticks that come faster than images only lengthen the path."""
+        """Draw and write a tick; ticks between two images only extend the path."""
         self._flown.add(record)
         if self._panes is None or self._failure is not None:
             return
@@ -233,7 +233,7 @@ class FlightVideo:
             self._write(self._last, slot)
 
     def conclude(self, headline: str, lines: Sequence[str] = (), *, good: bool = True) -> None:
-        """Lay the outcome over the last image and hold it for a moment."""
+        """Draw the outcome on the last image and hold it for `hold_s`."""
         if self._last is None or self._failure is not None:
             return
         image = _with_outcome(self._last, headline, lines, ACCENT if good else ALARM)
@@ -250,14 +250,14 @@ class FlightVideo:
                 self._failure = error
 
     def discard(self) -> None:
-        """Give the video up: closing leaves what was there before."""
+        """Discard the video; an earlier file is kept."""
         self._file.discard()
 
     def close(self) -> None:
         """Finish the file; safe to call twice.
 
         Raises:
-            FileError: it could not be written to the end; nothing is left behind.
+            FileError: the file could not be written completely; it is removed.
         """
         self._file.close()
         if self._failure is not None:
@@ -275,14 +275,14 @@ class FlightVideo:
         except FileError as failure:
             if error is None:
                 raise
-            error.add_note(f"and the video: {failure}")  # what ended the flight matters more
+            error.add_note(f"and the video: {failure}")  # the error of the flight has priority
 
 
 def _with_outcome(last: Image, headline: str, lines: Sequence[str], colour: Colour) -> Image:
     image = last.copy()
     high = 68 + 26 * len(lines)
     top = (_HEIGHT - high) // 2
-    # Over the camera and the class map: the map shows the path, the text how it ended.
+    # On the camera and the class map, so that the map stays visible.
     image[top : top + high, : _HALF - _GAP // 2] //= 6
     left = (_HALF - text_width_px(headline, 1.0, bold=True)) // 2
     put(image, headline, (left, top + 42), scale=1.0, bold=True, colour=colour)

@@ -1,4 +1,4 @@
-"""An mp4 file that is written image by image and appears whole or not at all."""
+"""Writer of an mp4 file that appears complete or not at all."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from uav_bt.display.canvas import Image
 from uav_bt.errors import FileError, MissingDependencyError, ShapeError, ValueRangeError
 from uav_bt.files import writing
 
-# H.264 plays everywhere; MPEG-4 part 2 is in every build of FFmpeg. The options trade size for
-# time: the images are encoded between the ticks of a flight.
+# H.264 plays everywhere; MPEG-4 part 2 is in every build of FFmpeg. The options favour speed over
+# size, because images are encoded between the ticks of a flight.
 _CODECS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("libx264", {"preset": "ultrafast", "crf": "28"}),
     ("mpeg4", {"qscale": "4"}),
 )
 FILM: Final = "a film of uav-bt, and no camera's video"
-"""The comment of films, in their metadata: nobody should perceive on panes and text."""
+"""Comment in the metadata of films, so that perception does not use them as camera video."""
 
-_BT601: Final = 6  # FFmpeg's AVCOL_SPC_SMPTE170M, what OpenCV converts to
+_BT601: Final = 6  # FFmpeg's AVCOL_SPC_SMPTE170M, the result of OpenCV's conversion
 _LIMITED_RANGE: Final = 1  # FFmpeg's AVCOL_RANGE_MPEG
 
 
 @functools.cache
 def choose_codec(names: tuple[str, ...] = tuple(name for name, _ in _CODECS)) -> str:
-    """Return the first of some encoders that opens here.
+    """Return the first encoder that works.
 
     Raises:
-        MissingDependencyError: none does.
+        MissingDependencyError: no encoder works.
     """
     for name in names:
         try:
@@ -41,11 +41,11 @@ def choose_codec(names: tuple[str, ...] = tuple(name for name, _ in _CODECS)) ->
             probe.width, probe.height, probe.pix_fmt = 64, 64, "yuv420p"
             probe.time_base = Fraction(1, 25)
             probe.open()
-        except (av.FFmpegError, ValueError):  # not in this build, or it does not start
+        except (av.FFmpegError, ValueError):  # missing in this build, or unable to start
             continue
         return name
     raise MissingDependencyError(
-        f"no video encoder works here (tried {', '.join(names)}); PyAV's wheel carries them: "
+        f"no video encoder works here (tried {', '.join(names)}); PyAV's wheel contains them: "
         "pip install --force-reinstall av"
     )
 
@@ -53,18 +53,17 @@ def choose_codec(names: tuple[str, ...] = tuple(name for name, _ in _CODECS)) ->
 class VideoFile:
     """Writes images of one size into an mp4 file.
 
-    The images go into `<name>.part`; closing gives the file its name. A file without an image is
-    not kept.
+    The images are written to `<name>.part`; closing renames it. A file without images is removed.
 
     Args:
-        path: ends in .mp4; an existing file is replaced when the new one is whole.
+        path: path that ends in .mp4; an existing file is replaced by the complete new one.
         size_px: width and height, even numbers.
-        frames_per_s: of the video's own time.
-        comment: in the file's metadata.
+        frames_per_s: frame rate of the file.
+        comment: comment in the metadata.
 
     Raises:
-        FileError: the file cannot be written; nothing is left behind.
-        MissingDependencyError: no encoder works here.
+        FileError: the file cannot be written; it is removed.
+        MissingDependencyError: no encoder works.
         ValueRangeError: the size is odd or the rate not positive.
     """
 
@@ -87,13 +86,13 @@ class VideoFile:
         codec = choose_codec()
         self.path = path
         self.codec = codec
-        self.images = 0  # written so far
+        self.images = 0  # number of written images
         self._partial = path.with_name(path.name + ".part")
         self._size_px = size_px
         self._time_base = 1 / frames_per_s
         self._last_slot = -1
         self._failed = False
-        with writing(path):  # FFmpeg's errors are OSErrors too
+        with writing(path):  # FFmpeg's errors are OSErrors, too
             self._partial.touch()  # the system's error for a bad folder is clearer than FFmpeg's
             try:
                 self._container: Any = av.open(
@@ -115,13 +114,13 @@ class VideoFile:
         """Append an image.
 
         Args:
-            image: (H, W, 3) uint8 RGB, of the video's size.
-            slot: when it is shown, in frames from the start; a gap holds the image before it.
-                Default: right after the last one.
+            image: (H, W, 3) uint8 RGB, at the size of the video.
+            slot: time of the image in frames from the start; the image before fills a gap. Default:
+                the next frame.
 
         Raises:
             ShapeError: the image has another size.
-            FileError: it cannot be written (a full disk); the file is then given up.
+            FileError: the file cannot be written (a full disk); it is then discarded.
             ValueRangeError: the slot is not later than the last one.
         """
         width_px, height_px = self._size_px
@@ -145,14 +144,14 @@ class VideoFile:
         self._failed = False
 
     def discard(self) -> None:
-        """Give the file up: closing leaves what was there before."""
+        """Discard the file; an earlier one is kept."""
         self._failed = True
 
     def close(self) -> None:
-        """Finish the file and give it its name; safe to call twice.
+        """Finish and rename the file; safe to call twice.
 
         Raises:
-            FileError: it could not be written to the end; nothing is left behind.
+            FileError: the file could not be written completely; it is removed.
         """
         if self._container is None:
             return

@@ -1,1 +1,1 @@
-"""How good metric depth is: the paper's tables, measured on images of the twin."""
+"""Accuracy of metric depth: the tables of the paper, measured on images of the twin."""

@@ -1,4 +1,4 @@
-"""The safety corridor in estimated depth, beside the one in exact depth."""
+"""Comparison of the safety corridors in estimated and in exact depth."""
 
 from __future__ import annotations
 
@@ -19,29 +19,28 @@ from uav_bt.types import Corridor, DepthMap
 
 FRONTS_M: Final = (0.3, 0.5, 1.0, 1.5, 2.0, 3.0)
 FOCAL_FACTORS: Final = (0.8, 0.9, 1.0, 1.1, 1.2)
-_CLEARLY_M: Final = 0.1  # by which walls move before an intrusion is beyond dispute
+_CLEARLY_M: Final = 0.1  # shift of the planes that must not change a clear result
 
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorRow:
-    """How often the corridor in a method's depth is wrong.
+    """Errors of the corridor in the depth of one method.
 
-    Images without any depth are not counted as wrong: a flight then has no corridor, knows it, and
-    stops.
+    Images without depth do not count as errors: a flight then has no corridor and stops.
     """
 
     method: str
-    front_m: float  # the front plane, from the drone's centre
-    focal_factor: float  # f of the estimated corridor; the true one has f = 1
+    front_m: float  # distance of the front plane from the drone's centre
+    focal_factor: float  # f of the estimated corridor; the true corridor has f = 1
     images: int
-    without_depth: int  # of these; the figures below are about the others
-    intruded: int  # with a true intrusion
-    false_alarms: int  # an intrusion that is none
-    misses: int  # a true intrusion that is not seen
-    # Likewise, where walls a hand's breadth further in or out would not have changed the truth.
+    without_depth: int  # images without depth; the fields below count only the others
+    intruded: int  # images with a true intrusion
+    false_alarms: int  # images with a false intrusion
+    misses: int  # images with a missed intrusion
+    # The same, only where a shift of the planes by `_CLEARLY_M` would not change the truth.
     clear_false_alarms: int
     clear_misses: int
-    nearest_error_m: float  # mean absolute, where both see an intrusion; NaN where none do
+    nearest_error_m: float  # mean absolute error of true positives; NaN without any
 
 
 def corridor_table(
@@ -50,9 +49,10 @@ def corridor_table(
     """Sweep the front plane and the focal factor.
 
     Args:
-        images: what is looked at.
-        masks: whose masks separate things from carpet and background, and give the ground contacts.
-        advance: called after every setting.
+        images: the images.
+        masks: source of the masks, which separate objects from carpet and background and give the
+            ground contacts.
+        advance: called after each setting.
     """
     settings = [CorridorConfig(front_m=front_m) for front_m in FRONTS_M]
     settings += [CorridorConfig(focal_factor=factor) for factor in FOCAL_FACTORS]
@@ -78,7 +78,7 @@ def corridor_table(
 
 @dataclass(frozen=True, kw_only=True)
 class _Truth:
-    """The true corridor, a narrower and a wider one."""
+    """The true corridor, and the same narrower and wider."""
 
     exact: Corridor
     narrow: Corridor
@@ -97,7 +97,7 @@ def _truths(image: SampleImage, config: CorridorConfig) -> _Truth:
             right_m=plain.right_m + by_m,
             up_m=plain.up_m + by_m,
             down_m=plain.down_m + by_m,
-            # The front plane stays ahead of the lens, or there is no corridor to look into.
+            # The front plane must stay ahead of the lens.
             front_m=max(plain.front_m + by_m, offset_m + 0.03),
         )
         planes = CorridorPlanes.of(image.truth, walls)

@@ -1,11 +1,10 @@
-"""Images of the twin with the telemetry of a flight, their truth, and what networks see in them.
+"""Images of the twin with telemetry, ground truth, and outputs of the networks.
 
-The places are drawn like those of a flight (`sim_bridge.twin.views.sample_flight_poses`), landings
-left out. The telemetry is what the profile's own sensors report there: one set of sensors is flown
-through all images of a scene, twenty seconds apart, so that the altimeter's slow error and the
-noise of height and attitude are those of a flight; the body is tilted as a flying one, which moves
-the lens. The twin's gimbal reports its pitch without error, so here it has none; what an error of
-it costs is one of the tables.
+The poses are sampled like those of a flight (`sim_bridge.twin.views.sample_flight_poses`), without
+landings. The telemetry comes from the sensors of the profile. One set of sensors passes through all
+images of a scene, 20 s apart, so that the altimeter's slow error and the noise of height and
+attitude are those of a flight. The body is tilted as in flight, which moves the lens. The twin's
+gimbal reports its pitch without error; one of the tables shows the effect of such an error.
 """
 
 from __future__ import annotations
@@ -35,21 +34,21 @@ from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 Masks = Literal["unet", "exact"]
 MASKS: Final[tuple[Masks, ...]] = ("unet", "exact")
-MAP_SIZE_PX: Final = (224, 112)  # of the class maps, and so of metric depth in flight
+MAP_SIZE_PX: Final = (224, 112)  # size of class maps, and so of metric depth in flight
 
-_APART_S = 20.0  # between images: the altimeter's correlation time, and no scale is remembered
-_TILT_STD_RAD = 0.035  # of a flying body: 0.34 m/s2 of acceleration, gusts and movements
+_APART_S = 20.0  # time between images: the altimeter's correlation time; no scale is kept
+_TILT_STD_RAD = 0.035  # tilt in flight: 0.34 m/s2 of acceleration, wind and movements
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImagePlan:
-    """Which images depth is measured on, and by whose masks."""
+    """Images and masks for the measurement of depth."""
 
-    # A third of all images looks past the boxes: this many show more than the paper's 661 edges.
+    # A third of the images look past the boxes; this number shows more than the paper's 661 edges.
     views: DepthViewPlan = field(
         default_factory=lambda: DepthViewPlan(scenes=TESTING_SCENES, views=170, seed=21)
     )
-    masks: Masks = "unet"  # what a flight has; "exact" shows the geometry alone
+    masks: Masks = "unet"  # as in flight; "exact" measures only the geometry
 
     def __post_init__(self) -> None:
         if self.masks not in MASKS:
@@ -63,16 +62,16 @@ class ImagePlan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampleImage:
-    """A frame as a flight delivers it, what perception made of it, and the truth at map size."""
+    """A frame of a flight, the outputs of perception, and the ground truth at map size."""
 
-    frame: Frame  # with every eighth pixel: enough to see that it is not black
-    video: CameraModel  # at the size of the video
-    camera: CameraModel  # the same at map size
+    frame: Frame  # with every eighth pixel, enough to check that it is not black
+    video: CameraModel  # intrinsics at the size of the video
+    camera: CameraModel  # intrinsics at map size
     masks: dict[Masks, ClassMap]
     relative: DepthMap | None  # None without a network
-    ids: NDArray[np.uint8]  # (112, 224) exact
-    depth_m: NDArray[np.float32]  # (112, 224) exact, along the optical axis
-    truth: CameraView  # where the lens really is
+    ids: NDArray[np.uint8]  # (112, 224) exact class ids
+    depth_m: NDArray[np.float32]  # (112, 224) exact depth along the optical axis
+    truth: CameraView  # true pose of the lens
 
 
 def take_images(
@@ -82,13 +81,13 @@ def take_images(
     *,
     advance: Advance = silent,
 ) -> Iterator[SampleImage]:
-    """Take the images of a plan; the same plan gives the same images.
+    """Render the images of a plan; the same plan gives the same images.
 
     Args:
-        plan: which.
-        segmenter: the masks of a flight.
-        network: relative depth; None for methods that need none.
-        advance: called after every image.
+        plan: the images.
+        segmenter: source of the masks in flight.
+        network: source of relative depth; None for methods without a network.
+        advance: called after each image.
 
     Raises:
         SceneError: a scene is missing or malformed.
@@ -141,7 +140,7 @@ def _perceived(
 def _telemetry(
     profile: Profile, seed: int, start_z_m: float
 ) -> Callable[[CameraPose, Image, int], Frame]:
-    """Return what makes frames: pose, image and number in, frame out, one flight's sensors."""
+    """Return a function from pose, image and number to a frame, with one flight's sensors."""
     sensors = Sensors(profile, seed, start_z_m=start_z_m)
     tilts = np.random.default_rng(child_seed(seed, 31))
 

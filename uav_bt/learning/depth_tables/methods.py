@@ -1,4 +1,4 @@
-"""The methods of metric depth that are compared, and their maps of a list of images."""
+"""Methods of metric depth to compare, and their depth maps of images."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from uav_bt.types import ClassMap, DepthMap, Frame
 
 
 class CollectedScale:
-    """The paper's two constant scales, over all frames so far; a frame counts by its medians.
+    """The two constant scales of the paper, from the medians of all frames until now.
 
     Args:
-        method: ``constant`` is the median ratio of known to predicted depth, ``least_squares``
+        method: ``constant`` uses the median ratio of known to predicted depth; ``least_squares``
             solves ``scale * predicted + shift = known`` (equation 1).
     """
 
@@ -36,7 +36,7 @@ class CollectedScale:
         self._predicted: list[float] = []
 
     def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
-        """Add a frame and return the scale of all frames; None before there is one."""
+        """Add a frame and return the scale of all frames; None before the first sample."""
         del captured_s  # a constant has no age
         if sample is not None:
             self._known.append(float(np.median(sample.known_m)))
@@ -44,7 +44,7 @@ class CollectedScale:
         if not self._known:
             return None
         known, predicted = np.array(self._known), np.array(self._predicted)
-        # Frames that are alike cannot separate scale from shift: then the plain ratio.
+        # Similar frames cannot separate scale from shift; the plain ratio is used instead.
         if self._method == "least_squares" and predicted.std() > 1e-3 * predicted.mean():
             factor, shift_m = (float(part) for part in np.polyfit(predicted, known, 1))
             return Scale(factor=factor, shift_m=shift_m) if factor > 0.0 else None
@@ -55,19 +55,19 @@ class CollectedScale:
 
 
 def lowest_pixel_depth(ids: NDArray[np.uint8], view: CameraView) -> NDArray[np.float32]:
-    """Give each connected thing the depth of the ground where its lowest pixel is.
+    """Give each connected object the depth of the ground at its lowest pixel.
 
-    A box and its roof are one thing. Nothing is known of the background.
+    A box and its roof are one object. The depth of the background is unknown.
 
     Args:
         ids: (H, W) class ids.
-        view: the camera, at the map's size.
+        view: the camera, at the size of the map.
 
     Returns:
         (H, W) float32 metres along the optical axis; NaN where unknown.
 
     Raises:
-        ShapeError: the map's size is not the view's.
+        ShapeError: the sizes of map and view differ.
         ValueRangeError: the lens is not above the carpet.
     """
     size = (view.camera.height_px, view.camera.width_px)
@@ -84,7 +84,7 @@ def lowest_pixel_depth(ids: NDArray[np.uint8], view: CameraView) -> NDArray[np.f
 
 
 def _things(ids: NDArray[np.uint8]) -> Iterator[NDArray[np.bool_]]:
-    """Give the connected parts of every box with its roof, and of the helipad."""
+    """Yield the connected parts of each box with its roof, and of the helipad."""
     wholes = [((box, ROOFS[number % len(ROOFS)]), box) for number, box in enumerate(BOXES)]
     wholes.append(((HELIPAD_BOX, HELIPAD_H), HELIPAD_BOX))
     for members, needed in wholes:
@@ -92,7 +92,7 @@ def _things(ids: NDArray[np.uint8]) -> Iterator[NDArray[np.bool_]]:
         count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
         for label in range(1, count):
             part = labels == label
-            # Two boxes may have the same roof: it belongs to the one with a side below it.
+            # Two boxes may have the same roof; it belongs to the box with a side below it.
             if np.any(ids[part] == needed):
                 yield part
 
@@ -105,14 +105,14 @@ class Method:
     """One method of metric depth."""
 
     name: str
-    source: str | None  # of `MetricDepthMaker`; None for the lowest-pixel baseline
-    # Its scale is that of all images, which are shown to it twice; None: the adaptive one.
+    source: str | None  # source of `MetricDepthMaker`; None: the lowest-pixel baseline
+    # Constant scale of all images, which are processed twice; None: the adaptive scale.
     collects: Literal["constant", "least_squares"] | None = None
-    flat: bool = False  # in the network's place, a depth of one everywhere
+    flat: bool = False  # True: a constant depth of one instead of the network
 
     @property
     def needs_network(self) -> bool:
-        """Whether it makes something of a network's relative depth."""
+        """Whether the method uses a network's relative depth."""
         return self.source in ("network", "fused") and not self.flat
 
 
@@ -123,14 +123,14 @@ METHODS: Final = (
     Method(name="fused", source="fused"),
     Method(name="contact", source="contact"),
     Method(name="lowest_pixel", source=None),
-    # What the questions give away: edges look as long as they are at about the right distance.
+    # Baseline: edges have about the right length at any depth near the right distance.
     Method(name="flat", source="network", flat=True),
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Error:
-    """What is wrong with the telemetry on top of the sensors' own error."""
+    """Error of the telemetry in addition to that of the sensors."""
 
     height_m: float = 0.0
     pitch_rad: float = 0.0
@@ -145,7 +145,7 @@ class Error:
 
 
 def methods_for(images: Sequence[SampleImage]) -> tuple[Method, ...]:
-    """Return the methods that have what they need."""
+    """Return the methods whose inputs are available."""
     network = all(image.relative is not None for image in images)
     return tuple(method for method in METHODS if network or not method.needs_network)
 
@@ -158,14 +158,14 @@ def metric_maps(
     error: Error | None = None,
     seed: int = 0,
 ) -> list[DepthMap]:
-    """Return a method's metric depth of every image, at map size; all NaN where it has none.
+    """Return a method's metric depth of each image, at map size; all NaN without depth.
 
     Args:
         method: one of `METHODS`.
-        images: in order of their capture.
-        masks: whose.
-        error: of the telemetry; None for none but the sensors'.
-        seed: of the carpet's sampling.
+        images: images in the order of their capture.
+        masks: source of the masks.
+        error: additional error of the telemetry; None: only that of the sensors.
+        seed: random seed of the carpet samples.
     """
     wrong = error or Error()
     frames = [wrong.on(image.frame) for image in images]

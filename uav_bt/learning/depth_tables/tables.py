@@ -1,6 +1,6 @@
 """The paper's tables of metric depth.
 
-The same pairs and points are measured for all methods, masks and errors: rows can be compared.
+All methods, masks and errors use the same pairs and points, so that rows are comparable.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthQuestions:
-    """Images, and the pairs and points that are measured in each."""
+    """Images with the point pairs and points to measure."""
 
     images: Sequence[SampleImage]
     pairs: Sequence[PointPairs]
@@ -54,7 +54,7 @@ class DepthQuestions:
         pairs: PairConfig | None = None,
         points: PointConfig | None = None,
     ) -> DepthQuestions:
-        """Pick pairs and points in every image."""
+        """Select pairs and points in each image."""
         chosen, drawn = [], []
         for number, image in enumerate(images):
             generator = np.random.default_rng((seed, number))
@@ -70,12 +70,12 @@ class DepthQuestions:
     def pair_errors(
         self, maps: Sequence[DepthMap], *, across: bool = False, patch_px: int = 1
     ) -> ErrorSummary:
-        """Summarise the distances between the points of pairs.
+        """Summarise the errors of the distances between the points of pairs.
 
         Args:
-            maps: metric depth of every image.
-            across: of pairs on two faces, else of edges.
-            patch_px: side of the median's square; the truth is that of the points themselves.
+            maps: metric depth of each image.
+            across: True: pairs on two faces; False: edges.
+            patch_px: side of the square for the median depth; the truth uses single points.
         """
         truth = self._lengths([image.depth_m for image in self.images], across=across)
         estimated = self._lengths([map_.depth for map_ in maps], across=across, patch_px=patch_px)
@@ -93,7 +93,7 @@ class DepthQuestions:
     def distance_errors(
         self, maps: Sequence[DepthMap], *, obstacle: bool | None = None
     ) -> ErrorSummary:
-        """Summarise distances from the camera: of obstacles, of the carpet, or of both (None)."""
+        """Summarise the errors of distances from the camera: obstacles, carpet, or both (None)."""
         estimated, truth = [], []
         for map_, points, image in zip(maps, self.points, self.images, strict=True):
             counts = np.full(len(points), True) if obstacle is None else points.obstacle == obstacle
@@ -107,18 +107,18 @@ class DepthQuestions:
 
 @dataclass(frozen=True, kw_only=True)
 class PairRow:
-    """One method's distances between two points, with one patch."""
+    """Errors of one method's distances between two points, for one patch size."""
 
     method: str
     patch_px: int
-    across: bool  # pairs on two faces; else edges, as in the paper
+    across: bool  # True: pairs on two faces; False: edges, as in the paper
     error: ErrorSummary
 
 
 def pair_table(
     questions: DepthQuestions, masks: Masks, *, advance: Advance = silent
 ) -> list[PairRow]:
-    """Make the paper's table of point pairs; pairs across faces without a patch only."""
+    """Make the paper's table of point pairs; pairs across faces have no patch."""
     rows: list[PairRow] = []
     for method, maps in _all_maps(questions, masks, "pairs", advance):
         rows.extend(
@@ -136,7 +136,7 @@ def pair_table(
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceRow:
-    """One method's distances of points from the camera."""
+    """Errors of one method's distances from the camera."""
 
     method: str
     what: str  # "obstacles", "carpet" or "both"
@@ -174,7 +174,7 @@ def _all_maps(
 
 @dataclass(frozen=True, kw_only=True)
 class SensitivityRow:
-    """What one thing that is wrong costs one method."""
+    """Effect of one error source on one method."""
 
     change: str
     method: str
@@ -189,7 +189,7 @@ _PITCHES_DEG: Final = (1.0, -1.0, 2.0, -2.0)
 def sensitivity_table(
     questions: DepthQuestions, masks: Masks, *, advance: Advance = silent
 ) -> list[SensitivityRow]:
-    """Measure what wrong height, wrong pitch and other masks cost the methods one would fly on."""
+    """Measure the effects of wrong height, wrong pitch and other masks on methods for flights."""
     changes: list[tuple[str, Masks, Error]] = [
         ("exact masks", "exact", Error()),
         ("U-Net masks", "unet", Error()),

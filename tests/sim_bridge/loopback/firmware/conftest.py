@@ -1,4 +1,4 @@
-"""What the tests of the firmware share."""
+"""Fixtures of the firmware's tests."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ from tests.sim_bridge.loopback.loopback_world import Bench
 
 @pytest.fixture
 def bench() -> Bench:
-    """Return a drone that stands on the ground."""
+    """Return a drone on the ground."""
     return Bench()

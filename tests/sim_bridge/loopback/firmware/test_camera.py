@@ -1,4 +1,4 @@
-"""The gimbal, photos and recordings."""
+"""Gimbal, photographs and recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Relative movements, and flights to a point on earth."""
+"""Relative movements, and flights to a geographic position."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_without_the_flag_roll_and_pitch_do_not_count(bench: Bench) -> None:
 
 
 def held(bench: Bench, duration_s: float, **sticks: int) -> Velocity:
-    """Hold the sticks for a while and return what the body is asked for then."""
+    """Hold the sticks for a time and return the commanded velocity at its end."""
     for _ in range(round(duration_s / 0.2)):
         pcmd(bench, **sticks)
         bench.run(0.2)
@@ -99,7 +99,7 @@ def test_a_tilt_accelerates_until_drag_ends_it(bench: Bench) -> None:
     bench.send("ardrone3.PilotingSettings.MaxTilt", current=5.0)
     after_a_second = held(bench, 1.0, pitch=100).forward_mps
     steady = held(bench, 20.0, pitch=100).forward_mps
-    # At first there is no drag: g tan(5 degrees) makes 0.86 m/s in a second.
+    # Without drag, g tan(5 degrees) gives 0.86 m/s in a second.
     assert 0.55 < after_a_second < 0.86
     assert steady == pytest.approx(1.56, abs=0.01)
 

@@ -1,4 +1,4 @@
-"""The return to home, on request and when the link is lost."""
+"""Return to home, on request and after a lost link."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The battery, its alerts, and periodic states."""
+"""Battery, alerts and periodic states."""
 
 from __future__ import annotations
 

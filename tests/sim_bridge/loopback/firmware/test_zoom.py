@@ -8,7 +8,7 @@ import pytest
 
 from tests.sim_bridge.loopback.loopback_world import Bench
 
-HALF_VIEW = 0.5 / 0.7275  # tangent of half the view that 69 degrees are
+HALF_VIEW = 0.5 / 0.7275  # tangent of half the field of view of 69 degrees
 
 
 def zoom_to(bench: Bench, target: float, mode: str = "level") -> None:

@@ -1,4 +1,4 @@
-"""What a client is answered, the description of the stream included."""
+"""Answers to a client, including the description of the stream."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UDP = "RTP/AVP;unicast;client_port=5000-5001"
 
 
 class Stage:
-    """Notes what is asked of it."""
+    """Session actions that record their calls."""
 
     def __init__(self) -> None:
         self.done: list[object] = []
@@ -46,7 +46,7 @@ class Stage:
 
 
 class Client:
-    """Asks one after the other."""
+    """Sends requests in turn."""
 
     def __init__(self) -> None:
         self.stage = Stage()
@@ -194,7 +194,7 @@ def lines(serial: str = "PI9") -> list[str]:
 
 
 def test_what_the_standard_asks_for_comes_in_its_order() -> None:
-    """v, o, s, i, c, t, attributes; then the medium's m, i, attributes (RFC 8866, section 5)."""
+    """v, o, s, i, c, t, attributes; then m, i, attributes of the medium (RFC 8866, section 5)."""
     order = "".join(line[0] for line in lines())
     session, medium = order.split("m")
     assert session.rstrip("a") == "vosict"

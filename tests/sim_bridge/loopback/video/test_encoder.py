@@ -1,4 +1,4 @@
-"""The H.264 encoder, looked at through PyAV's decoder."""
+"""The H.264 encoder, tested with PyAV's decoder."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def decoded(*streams: bytes) -> list[Any]:
 
 @pytest.mark.parametrize("size_px", [SIZE_PX, (128, 96), (32, 24)])
 def test_colours_come_back_at_the_videos_size(size_px: tuple[int, int]) -> None:
-    """A picture of another size is resized, not cropped; red stays red by either way of looking."""
+    """An image of another size is resized, not cropped; both ways of decoding show red as red."""
     encoded = Encoder(CONFIG).encode(quadrants(size_px), 1.0)
     (frame,) = decoded(decodable(encoded.nals))
     assert (frame.width, frame.height) == SIZE_PX
@@ -101,7 +101,7 @@ def test_settings_out_of_range_are_refused(values: dict[str, Any], message: str)
         EncoderConfig(**values)
 
 
-# An encoder never lets three bytes 0 0 0..3 stand in a unit, and ends none with 0.
+# An encoder never writes the bytes 0 0 0..3 within a unit, nor a final 0.
 units = st.lists(st.binary(min_size=1, max_size=40).filter(lambda unit: 0 not in unit), max_size=6)
 
 

@@ -1,4 +1,4 @@
-"""The frame that a source gives, and its telemetry as Parrot's metadata."""
+"""Frames of a source, and their telemetry as Parrot's metadata."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ FRAME = VideoFrame(
     flying=FlyingState.HOVERING,
     fov_rad=(1.25, 0.75),
 )
-# What Parrot's own library (libvideo-metadata-protobuf of parrot-olympe 8.5.0) packs for FRAME
-# (with 12 satellites; here the byte is 14).
+# Output of Parrot's library (libvideo-metadata-protobuf of parrot-olympe 8.5.0) for FRAME, with 12
+# satellites; here the byte is 14.
 PACKED_BY_PARROT = bytes.fromhex(
     "0a81010a140de145393f1564b6d53d1d75fb1fbd256a582e3f121d092a3a92cb7f70484011a9fb00a436f102401900"
     "00000000005940200e19000000000000f43f220f0d0000803f15000000401d000000bf28ae0138024a0f0d00004040"
@@ -71,13 +71,13 @@ angles = st.floats(-math.pi, math.pi)
 
 
 def test_the_message_has_the_bytes_that_parrots_library_packs() -> None:
-    # Its third field is the link: 20,000 kbit/s, quality 5, -35 dBm.
+    # The third field is the link: 20,000 kbit/s, quality 5, -35 dBm.
     wifi = b"\x1a\x0a\x0a\x08\x08\xa0\x9c\x01\x10\x05\x18\x45"
     assert timed_metadata(FRAME) == PACKED_BY_PARROT + wifi
 
 
 def test_a_frame_that_knows_little_says_little() -> None:
-    """Without a position or a date there is none, rather than one off Africa in 1970."""
+    """Unknown position and date are omitted, instead of 0 degrees and 1970."""
     message = fields(timed_metadata(VideoFrame(image=quadrants(), captured_s=1.0)))
     assert 2 not in fields(message[1])
     assert not {10, 11} & set(fields(message[2]))
@@ -94,7 +94,7 @@ def test_flying_states_have_parrots_numbers(state: FlyingState, number: int) -> 
 
 @given(angles, st.floats(-1.5, 1.5), angles)
 def test_quaternions_turn_as_the_angles_say(roll: float, pitch: float, yaw: float) -> None:
-    """The nose, turned by the quaternion, points where yaw and pitch say; the wing as roll says."""
+    """The quaternion rotates the forward axis by yaw and pitch, and the right axis by roll."""
     w, x, y, z = quaternion(Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw))
     nose = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
     ahead = (math.cos(pitch) * math.cos(yaw), math.cos(pitch) * math.sin(yaw), -math.sin(pitch))
@@ -113,7 +113,7 @@ def test_the_extension_gives_the_message_back(message: bytes) -> None:
 
 
 def test_any_frames_metadata_go_on_one_packet() -> None:
-    """Fields of fixed size have it always; varints are longest for times far in the future."""
+    """Fixed-size fields have constant size; varints are longest for times far in the future."""
     frame = VideoFrame(
         image=np.zeros((2, 2, 3), np.uint8),
         captured_s=1e9,

@@ -16,8 +16,8 @@ from uav_bt.errors import ValueRangeError
 @pytest.mark.parametrize(
     ("written", "expected"),
     [
-        (protobuf.unsigned(1, 150), "089601"),  # the example of the encoding guide
-        (protobuf.message(2, b"testing"), "120774657374696e67"),  # likewise
+        (protobuf.unsigned(1, 150), "089601"),  # example of the encoding guide
+        (protobuf.message(2, b"testing"), "120774657374696e67"),  # example of the encoding guide
         (protobuf.signed(1, -1), "0801"),  # zigzag: 0, -1, 1, -2 are 0, 1, 2, 3
         (protobuf.signed(1, 1), "0802"),
         (protobuf.signed(1, -2), "0803"),

@@ -1,4 +1,4 @@
-"""One client's packets and reports."""
+"""Packets and reports of one client."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_goodbye_is_a_report_with_a_last_word() -> None:
     assert parts[203] == stream.ssrc.to_bytes(4, "big")
 
 
-# Types 24 and above are the payload format's own and never come from an encoder.
+# Types from 24 on belong to the payload format; an encoder never uses them.
 nal = st.builds(
     lambda importance, kind, rest: bytes([importance << 5 | kind]) + rest,
     st.integers(0, 3),

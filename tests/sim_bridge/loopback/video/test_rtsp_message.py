@@ -1,4 +1,4 @@
-"""RTSP as bytes."""
+"""RTSP messages as bytes."""
 
 from __future__ import annotations
 
@@ -73,9 +73,9 @@ def test_any_bytes_are_read_or_refused(data: bytes) -> None:
         (b"OPTIONS * RTSP/1.0\r\nContent-Length: 99999\r\n\r\n", 413),
         (b"OPTIONS * RTSP/1.0\r\nContent-Length: 9999999999999\r\n\r\n", 400),
         (b"OPTIONS * RTSP/1.0\r\n" + b"A: b\r\n" * 65 + b"\r\n", 400),
-        (b"\x16\x03\x01\x02\x00\x01", 400),  # a TLS greeting: refused before its end
-        (b"options * RTSP/1.0", 400),  # likewise
-        (b"A" * 40, 400),  # likewise
+        (b"\x16\x03\x01\x02\x00\x01", 400),  # a TLS greeting, refused before its end
+        (b"options * RTSP/1.0", 400),  # refused before its end
+        (b"A" * 40, 400),  # refused before its end
     ],
 )
 def test_what_is_no_request_is_refused(data: bytes, status: int) -> None:

@@ -1,4 +1,4 @@
-"""The whole server, from outside."""
+"""The whole server, tested by clients."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ GOODBYE = 203
 
 @asynccontextmanager
 async def serving(source: FrameSource | None = None, **options: Any) -> AsyncIterator[VideoServer]:
-    """Serve on a free port; the pictures' clock stands still at 100 s."""
+    """Serve on a free port; the clock of the frames is constant at 100 s."""
     config = EncoderConfig(size_px=SIZE_PX, rate_hz=120.0)
     server = await serve_video(
         source or Pictures(),
@@ -77,7 +77,7 @@ def test_over_one_connection_the_picture_and_its_metadata_arrive() -> None:
             number, content = packets[0].extension or (0, b"")
             camera = fields(fields(unpack_metadata(content))[2])
             assert (number, camera[1]) == (0x5062, round(1e6 * (100.0 + 1 / 30.0)))
-            # A report says what the stamp is in the drone's time: the capture time above.
+            # A report gives the drone's time of the timestamp: the capture time above.
             _, seconds, fraction, stamp = struct.unpack_from(
                 "!4I", parse_rtcp(client.reports[0])[200]
             )
@@ -114,7 +114,7 @@ def test_by_datagrams_the_picture_arrives_and_a_goodbye_in_the_end() -> None:
 
 
 async def media_ports(server: VideoServer) -> list[int]:
-    """Return the UDP ports that a client which wants datagrams is sent."""
+    """Return the server's UDP ports for a client with datagrams."""
     client = await RtspClient.connect(server.url)
     header = (await client.set_up("RTP/AVP;unicast;client_port=5000-5001")).headers["transport"]
     await client.close()
@@ -170,7 +170,7 @@ def test_a_paused_client_gets_nothing_and_goes_on_where_it_was() -> None:
 
 
 def test_a_client_that_vanishes_is_forgotten() -> None:
-    """Its connection breaks off without a word; nothing is fetched for it any more."""
+    """After its connection is lost, no frames are fetched for it."""
 
     async def work() -> None:
         source = Pictures()
@@ -190,7 +190,7 @@ def test_a_client_that_vanishes_is_forgotten() -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_garbage_on_the_port_does_no_harm(seed: int, caplog: pytest.LogCaptureFixture) -> None:
-    """Whoever plays goes on playing, and the next client is served."""
+    """A playing client continues, and the next client is served."""
     random = seeded(seed)
 
     def garbage() -> bytes:
@@ -216,7 +216,7 @@ def test_garbage_on_the_port_does_no_harm(seed: int, caplog: pytest.LogCaptureFi
                 writer.write(garbage())
                 writer.write_eof()
                 said = b""
-                with contextlib.suppress(ConnectionResetError):  # hung up with bytes on the way
+                with contextlib.suppress(ConnectionResetError):  # disconnected with unread bytes
                     said = await reader.read()
                 assert said == b"" or said.startswith((b"RTSP/1.0 4", b"RTSP/1.0 5"))
                 writer.close()
@@ -229,11 +229,11 @@ def test_garbage_on_the_port_does_no_harm(seed: int, caplog: pytest.LogCaptureFi
             await watcher.close()
 
     run(work())
-    assert caplog.messages == []  # asyncio logs what its callbacks raise
+    assert caplog.messages == []  # asyncio logs errors of its callbacks
 
 
 def test_a_silent_client_is_disconnected_with_a_goodbye() -> None:
-    """A host that vanished without closing its connection is not sent to for ever."""
+    """Sending to a host that vanished without closing its connection ends."""
 
     async def work() -> None:
         async with serving(session_timeout_s=0.2) as server:
@@ -273,7 +273,7 @@ def test_reports_of_a_client_keep_its_session_alive(monkeypatch: pytest.MonkeyPa
 
 
 def test_clients_that_idle_make_room() -> None:
-    """The one that was silent for longest goes; who has a stream stays."""
+    """The longest silent connection is closed; one with a stream stays."""
 
     async def work() -> None:
         async with serving() as server:

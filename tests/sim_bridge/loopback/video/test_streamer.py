@@ -1,4 +1,4 @@
-"""The newest picture, encoded once, to everybody who plays."""
+"""The streamer sends the newest frame, encoded once, to all playing clients."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CONFIG = EncoderConfig(size_px=SIZE_PX, rate_hz=240.0, keyframe_interval_s=1000.
 
 
 class Sink:
-    """Keeps what is sent, and wakes who waits for it."""
+    """Stores sent packets and wakes a waiting test."""
 
     def __init__(self) -> None:
         self.congested = False
@@ -40,7 +40,7 @@ class Sink:
         self.control.append(packet)
 
     async def kinds(self) -> list[int]:
-        """Return the types of the NAL units of the next picture."""
+        """Return the types of the NAL units of the next frame."""
         packets = await self.pictures.get()
         return [nal_type(u) for u in reassemble(parse_rtp(p).payload for p in packets)]
 
@@ -71,7 +71,7 @@ def test_nothing_is_asked_of_the_source_while_no_client_plays() -> None:
         await sink.pictures.get()
         streamer.remove(only)
         assert streamer._task is not None
-        await streamer._task  # it ends by itself
+        await streamer._task  # the task ends
         assert source.asked == streamer.stats().frames_encoded >= 1
         await streamer.close()
 
@@ -79,7 +79,7 @@ def test_nothing_is_asked_of_the_source_while_no_client_plays() -> None:
 
 
 def test_the_first_picture_of_every_client_is_a_key_frame() -> None:
-    """Also of one that comes later, and of one that comes back from a pause."""
+    """Also for a later client, and for one that resumes after a pause."""
 
     async def work() -> None:
         streamer = make(Pictures())
@@ -118,7 +118,7 @@ def test_clients_share_one_encoder_and_have_numbers_of_their_own() -> None:
         assert stats.frames_sent == 3 * stats.frames_encoded
         assert stats.packets_sent >= stats.frames_sent
         assert 0.0 < stats.encode_ms[0] <= stats.encode_ms[1]
-        assert stats.age_ms[0] <= stats.age_ms[1] < 0.0  # captured after what the clock says
+        assert stats.age_ms[0] <= stats.age_ms[1] < 0.0  # the captures are later than the clock
 
     run(work())
 
@@ -147,7 +147,7 @@ def test_a_client_that_does_not_keep_up_misses_pictures_and_begins_again_with_a_
 
 
 def test_a_picture_is_shown_once_and_none_is_no_error() -> None:
-    """Old, repeated and absent pictures are passed over; the next new one is shown."""
+    """Old, repeated and missing frames are skipped; the next new one is sent."""
 
     class Sometimes:
         def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Ways to a client."""
+"""Transports to a client."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.sim_bridge.loopback.video.video_client import open_inbox, run
         ("RTP/AVP/TCP;unicast;interleaved=2-3", Transport(channels=(2, 3))),
         ("RTP/AVP/TCP;unicast", Transport(channels=(0, 1))),
         ('RTP/AVP;unicast;client_port=1-2;mode="PLAY"', Transport(ports=(1, 2))),
-        # The first that can be had of several.
+        # The first supported one of several.
         ("RTP/AVP;multicast,RTP/AVP/TCP;interleaved=0-1", Transport(channels=(0, 1))),
     ],
 )
@@ -56,7 +56,7 @@ def test_offers_that_cannot_be_had_are_refused(header: str) -> None:
 
 
 def test_a_clients_wish_for_another_destination_is_not_granted() -> None:
-    """Somebody who names another host must not make us flood it."""
+    """A client must not be able to direct the stream to another host."""
     header = "RTP/AVP;unicast;client_port=5000-5001;destination=192.0.2.1"
     assert choose_transport(header) == Transport(ports=(5000, 5001))
 

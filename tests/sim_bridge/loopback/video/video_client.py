@@ -1,4 +1,4 @@
-"""What the tests of the video know about its other end: pictures, RTP, RTSP, protobuf."""
+"""Test client of the video: images, RTP, RTSP, protobuf."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.loopback.video.frame import VideoFrame
 
-PATIENCE_S = 10.0  # a test that waits longer has failed
+PATIENCE_S = 10.0  # timeout of a test, s
 SIZE_PX = (64, 48)
 # Quadrants: top left, top right, bottom left, bottom right.
 COLOURS = ((200, 30, 60), (30, 60, 210), (20, 180, 90), (240, 220, 20))
@@ -24,31 +24,31 @@ T = TypeVar("T")
 
 
 def quadrants(size_px: tuple[int, int] = SIZE_PX) -> NDArray[np.uint8]:
-    """Return a picture of four colours, which tells mirrored, swapped and wrong apart."""
+    """Return an image of four colours, which shows mirroring and swapped channels."""
     width, height = size_px
     corners = np.array(COLOURS, np.uint8).reshape(2, 2, 3)
     return corners.repeat(height // 2, axis=0).repeat(width // 2, axis=1)
 
 
 def centres(image: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return the colours in the middle of the quadrants, (4, 3)."""
+    """Return the colours at the centres of the quadrants, (4, 3)."""
     height, width = image.shape[:2]
     rows, columns = (height // 4, 3 * height // 4), (width // 4, 3 * width // 4)
     return np.array([image[row, column] for row in rows for column in columns], np.int64)
 
 
 def run(work: Coroutine[Any, Any, T]) -> T:
-    """Run a test's coroutine; one that hangs fails."""
+    """Run the coroutine of a test, with a timeout."""
     return asyncio.run(asyncio.wait_for(work, PATIENCE_S))
 
 
 def seeded(seed: int) -> Random:
-    """Return randomness that is the same in every run."""
+    """Return a reproducible source of random numbers."""
     return Random(seed)  # noqa: S311  (nothing here is a secret)
 
 
 class Pictures:
-    """A source with a new picture whenever it is asked, a thirtieth of a second after the last."""
+    """A source with a new frame at each call, 1/30 s after the last one."""
 
     def __init__(self) -> None:
         self.asked = 0
@@ -63,7 +63,7 @@ class Pictures:
 
 @dataclass(frozen=True)
 class RtpPacket:
-    """A packet, taken apart."""
+    """A parsed packet."""
 
     marker: bool
     kind: int
@@ -75,7 +75,7 @@ class RtpPacket:
 
 
 def parse_rtp(data: bytes) -> RtpPacket:
-    """Take an RTP packet apart (RFC 3550, section 5.1)."""
+    """Parse an RTP packet (RFC 3550, section 5.1)."""
     flags, kind, sequence, stamp, ssrc = struct.unpack_from("!BBHII", data)
     assert flags & 0xEF == 0x80, "version 2, no padding, no contributing sources"
     extension, begin = None, 12
@@ -88,14 +88,14 @@ def parse_rtp(data: bytes) -> RtpPacket:
 
 
 def unpack_metadata(content: bytes) -> bytes:
-    """Return the message within Parrot's header extension, which must be in one part."""
+    """Return the message in Parrot's header extension, which must have one part."""
     word, offset = struct.unpack_from("!HH", content)
     assert (word >> 9, word >> 2 & 0x7F, offset) == (0, 0, 0)
     return content[4 : len(content) - (word & 3)]
 
 
 def reassemble(payloads: Iterable[bytes]) -> tuple[bytes, ...]:
-    """Return the NAL units of payloads (RFC 6184), as a receiver would."""
+    """Return the NAL units of payloads (RFC 6184), as a receiver does."""
     units: list[bytes] = []
     part: bytearray | None = None
     for payload in payloads:
@@ -144,7 +144,7 @@ def parse_rtcp(data: bytes) -> dict[int, bytes]:
 
 
 def fields(data: bytes) -> dict[int, Any]:
-    """Return a message's fields by number: ints, or bytes of what is not a varint."""
+    """Return the fields of a message by number: ints for varints, otherwise bytes."""
     found: dict[int, Any] = {}
     at = 0
     while at < len(data):
@@ -174,7 +174,7 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer, taken apart."""
+    """A parsed answer."""
 
     status: int
     headers: dict[str, str]
@@ -182,7 +182,7 @@ class Answer:
 
 
 def parse_answer(data: bytes) -> Answer:
-    """Take a whole answer apart."""
+    """Parse a complete answer."""
     head, _, body = data.partition(b"\r\n\r\n")
     first, *lines = head.decode().split("\r\n")
     version, status, _reason = first.split(" ", 2)
@@ -201,8 +201,8 @@ class RtspClient:
     url: str
     number: int = 0
     session: str = ""
-    waiting: list[tuple[int, bytes]] = field(default_factory=list)  # packets with their channels
-    reports: list[bytes] = field(default_factory=list)  # what came among a picture's packets
+    waiting: list[tuple[int, bytes]] = field(default_factory=list)  # channels and packets
+    reports: list[bytes] = field(default_factory=list)  # reports between the packets of a frame
 
     @classmethod
     async def connect(cls, url: str) -> RtspClient:
@@ -211,7 +211,7 @@ class RtspClient:
         return cls(reader, writer, url)
 
     async def ask(self, method: str, url: str = "", body: bytes = b"", **headers: str) -> Answer:
-        """Send a request and return its answer; packets that come before it are kept."""
+        """Send a request and return its answer; earlier packets are kept."""
         self.number += 1
         lines = [f"{method} {url or self.url} RTSP/1.0", f"CSeq: {self.number}"]
         if self.session:
@@ -226,7 +226,7 @@ class RtspClient:
         return found
 
     async def set_up(self, transport: str) -> Answer:
-        """Set the stream up and keep the session."""
+        """Set up the stream and store the session."""
         answer = await self.ask("SETUP", f"{self.url}/stream=0", Transport=transport)
         self.session = answer.headers.get("session", "").partition(";")[0]
         return answer
@@ -240,7 +240,7 @@ class RtspClient:
         return found
 
     async def last_packet(self) -> tuple[int, bytes]:
-        """Return the packet after which the server hangs up."""
+        """Return the last packet before the server disconnects."""
         last = await self.packet()
         with contextlib.suppress(asyncio.IncompleteReadError):
             while True:
@@ -248,7 +248,7 @@ class RtspClient:
         return last
 
     async def picture(self) -> list[RtpPacket]:
-        """Return the packets of one picture from the connection."""
+        """Return the packets of one frame from the connection."""
         return await collect(self._data)
 
     async def _data(self) -> bytes:
@@ -276,7 +276,7 @@ class RtspClient:
 
 
 async def collect(receive: Any) -> list[RtpPacket]:
-    """Return the packets of one picture."""
+    """Return the packets of one frame."""
     packets = [parse_rtp(await receive())]
     while not packets[-1].marker:
         packets.append(parse_rtp(await receive()))
@@ -284,7 +284,7 @@ async def collect(receive: Any) -> list[RtpPacket]:
 
 
 class Inbox(asyncio.DatagramProtocol):
-    """Datagrams in the order they came."""
+    """Datagrams in the order of their arrival."""
 
     def __init__(self) -> None:
         self.queue: asyncio.Queue[bytes] = asyncio.Queue()

@@ -1,4 +1,4 @@
-"""A stream that only notes what it is given, and the setting and ticks of a small flight."""
+"""A recording stream that stores its calls, and the setting and ticks of a small flight."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Noted:
 
 @dataclass
 class NotedStream:
-    """Stands in for a `rerun.RecordingStream`."""
+    """Replaces a `rerun.RecordingStream`."""
 
     notes: list[Noted] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
@@ -78,7 +78,7 @@ class NotedStream:
 
 
 def values(batch: Any) -> list[Any]:
-    """Return the plain values of a component of an archetype."""
+    """Return the values of a component of an archetype."""
     plain: list[Any] = batch.as_arrow_array().to_pylist()
     return plain
 
@@ -97,7 +97,7 @@ def setting(**changes: Any) -> ViewSetting:
 
 
 class World:
-    """A board with its clock, and ticks that go with it."""
+    """A board with its clock and matching ticks."""
 
     def __init__(self, start_s: float = 0.0) -> None:
         self.clock = ManualClock(start_s)
@@ -114,7 +114,7 @@ class World:
         frame: bool = True,
         **changes: Any,
     ) -> TickRecord:
-        """Return the next tick, a tenth of a second after the last one."""
+        """Return the next tick, 0.1 s after the last one."""
         time_s = self.clock.now()
         state = DroneState(
             captured_s=time_s,

@@ -1,4 +1,4 @@
-"""A flight view as a whole: one timeline, words said once, a layout without empty panes."""
+"""The whole view of a flight: one timeline, changed words, a layout without empty panes."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_panes_that_would_stay_empty_are_left_out() -> None:
 
 
 class Follower:
-    """Notes what the board and the statuses said when it was told of a tick."""
+    """Records the board and the statuses at each tick."""
 
     def __init__(self, board: Blackboard, statuses: Statuses) -> None:
         self._board, self._statuses = board, statuses
@@ -109,7 +109,7 @@ class Follower:
 
 
 class Bench:
-    """A mission whose ticks are followed in the background."""
+    """A mission with a background follower of its ticks."""
 
     def __init__(self, waiting_ticks: int = 32) -> None:
         self.world = World()
@@ -151,7 +151,7 @@ def test_what_there_is_no_time_for_is_left_out_and_told(
     bench = Bench(waiting_ticks=2)
     bench.follower.may_go_on.clear()
     bench.tick("one")
-    assert bench.follower.told.wait(30.0)  # the thread is busy with it
+    assert bench.follower.told.wait(30.0)  # the thread is busy with this tick
     for phase in ("two", "three", "four", "five"):
         bench.tick(phase)
     assert bench.background.left_out == 2
@@ -159,7 +159,7 @@ def test_what_there_is_no_time_for_is_left_out_and_told(
     with caplog.at_level(logging.WARNING):
         bench.background.close()
     assert [phase for _, phase, _ in bench.follower.seen] == ["one", "two", "three"]
-    assert "left out 2 ticks" in caplog.text
+    assert "dropped 2 ticks" in caplog.text
 
 
 def test_a_follower_that_raises_is_left_alone(caplog: pytest.LogCaptureFixture) -> None:
@@ -175,5 +175,5 @@ def test_a_follower_that_raises_is_left_alone(caplog: pytest.LogCaptureFixture) 
         bench.background.close()
     assert isinstance(bench.background.failure, ValueError)
     assert caplog.text.count("the window is gone") == 1
-    bench.tick("three")  # and says no more
+    bench.tick("three")  # logs nothing more
     bench.background.close()

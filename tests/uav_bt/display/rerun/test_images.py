@@ -1,4 +1,4 @@
-"""Images and overlays: where outlines lie, what is drawn anew, what is taken away."""
+"""Images and overlays: outlines, redrawing and clearing."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_outlines_are_closed_and_in_the_images_pixels() -> None:
     mask[2:5, 4:8] = 1
     (strip,) = outlines(mask, (40, 20))
     np.testing.assert_array_equal(strip[0], strip[-1])
-    # Pixel centres at 4 and 7 of 20 lie at 8.5 and 14.5 of 40.
+    # Pixel centres 4 and 7 of 20 correspond to 8.5 and 14.5 of 40.
     assert (strip[:, 0].min(), strip[:, 0].max()) == (8.5, 14.5)
     assert (strip[:, 1].min(), strip[:, 1].max()) == (4.5, 8.5)
 

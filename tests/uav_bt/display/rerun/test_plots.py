@@ -1,4 +1,4 @@
-"""The plots: heading error of a turn, gaps where nothing is known."""
+"""Plots: heading error of a turn, gaps for unknown values; and the tree graph."""
 
 from __future__ import annotations
 

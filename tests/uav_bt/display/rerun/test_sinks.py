@@ -1,4 +1,4 @@
-"""Where views go: files that are whole or absent, viewers on loopback only."""
+"""Outputs of views: files are complete or absent, viewers listen on loopback only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uav_bt.errors import FileError, InputError, MissingDependencyError
 
 
 def draw(stream: object) -> None:
-    import rerun as rr  # noqa: PLC0415 - only this draws for real
+    import rerun as rr  # noqa: PLC0415 - an extra
 
     stream.log("mask/ids", rr.SegmentationImage(np.zeros((4, 4), np.uint8)))  # type: ignore[attr-defined]
 
@@ -70,7 +70,7 @@ def threads() -> int:
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads in Linux's /proc")
 def test_files_leave_no_threads_behind(tmp_path: Path) -> None:
-    """Each stream has some; those of one file may wait for the next."""
+    """Each stream has threads; those of one file may end with the next file."""
     counts = []
     for number in range(6):
         with sinks.saved(tmp_path / f"{number}.rrd") as stream:
@@ -90,8 +90,8 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_server_ends_with_the_process_that_started_it() -> None:
-    """However that ends: nothing of it can run after SIGKILL."""
-    with subprocess.Popen(  # noqa: S603 - our own interpreter
+    """SIGKILL leaves the process no time to end the server."""
+    with subprocess.Popen(  # noqa: S603 - this interpreter
         [sys.executable, "-c", KILLED], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdin is not None
@@ -104,7 +104,7 @@ def test_a_server_ends_with_the_process_that_started_it() -> None:
 
 
 def answers(port: int, wanted: object) -> bool:
-    """Return whether a port is, within some time, listened to or not."""
+    """Return whether a port is open (or closed, as wanted) within a timeout."""
     until_s = time.monotonic() + 30.0
     while time.monotonic() < until_s:
         with socket.socket() as probe:
@@ -126,7 +126,7 @@ def test_a_port_that_is_taken_is_refused() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        with pytest.raises(InputError, match="name another"):
+        with pytest.raises(InputError, match="choose another one"):
             sinks.Viewer(web=False, port=taken.getsockname()[1])
 
 

@@ -1,4 +1,4 @@
-"""The mission's own map in a Rerun view."""
+"""The site map in a Rerun view."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The lab in 3D: frames of reference, the corridor's planes, poses of the past, what is drawn."""
+"""The lab in 3D: frames of reference, planes of the corridor, past poses, drawing."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_an_unknown_lab_is_left_empty() -> None:
 
 
 class Flight:
-    """A world view that is shown ticks."""
+    """A world view with a flight."""
 
     def __init__(self) -> None:
         self.stream, self.world, self.flown = NotedStream(), World(), FlownPath()
@@ -156,7 +156,7 @@ def test_a_corridor_that_is_gone_is_taken_away() -> None:
 
 def test_remembered_points_lie_where_the_drone_believes_them() -> None:
     flight = Flight()
-    flight.fly(pose(x_m=1.0, yaw_rad=math.pi / 2))  # looks along +y; right of it is +x
+    flight.fly(pose(x_m=1.0, yaw_rad=math.pi / 2))  # heading +y; +x is to the right
     points = NearObstacles(
         points_m=np.array([[2.0, 0.5]]), edges_m=np.array([[1.0, 0.0]]), captured_s=0.0
     )

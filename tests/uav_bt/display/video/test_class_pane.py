@@ -1,4 +1,4 @@
-"""The class map's pane and its legend."""
+"""The pane of the class map and its legend."""
 
 import numpy as np
 import pytest
@@ -13,13 +13,13 @@ PANE_PX = (638, 359)
 
 
 def class_map(*ids: int) -> ClassMap:
-    """Return a map with an upright stripe of each class."""
+    """Return a map with a vertical stripe of each class."""
     stripes = np.repeat(np.array(ids, dtype=np.uint8), 8)
     return ClassMap(ids=np.tile(stripes, (28, 1)), captured_s=0.0)
 
 
 def bright(image: np.ndarray, rows: slice) -> int:
-    """Return how many pixels in some rows are lighter than any class of the test's palette."""
+    """Return the number of pixels in some rows that are lighter than all classes of the palette."""
     return int((image[rows].min(axis=2) > 150).sum())
 
 

@@ -118,7 +118,7 @@ def test_depth_and_what_is_inside_the_corridor_as_rows() -> None:
         "ahead": "1.20 m",
         "left": "0.70 m",
         "right": "free",
-        "unknown": "0 pixels of things",
+        "unknown": "0 pixels of objects",
     }
 
 

@@ -1,4 +1,4 @@
-"""The panes beside the map."""
+"""The panes of the camera image and of the readings."""
 
 import math
 from dataclasses import replace

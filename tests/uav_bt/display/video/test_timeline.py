@@ -13,7 +13,7 @@ BAR_ROW = 29
 
 
 def flown(until_s: float, limit_s: float | None = None) -> Timeline:
-    """Return the timeline of a flight that searches from its sixth second on."""
+    """Return the timeline of a flight that searches from 6 s on."""
     timeline = Timeline(limit_s)
     for tenth in range(round(10 * until_s) + 1):
         timeline.add(tenth / 10, "search" if tenth >= 60 else "take-off")
@@ -49,7 +49,7 @@ def test_phases_lie_where_they_were_flown_and_the_cursor_is_now() -> None:
     image = flown(15.0).draw(SIZE_PX)
     colours = phase_colours(["take-off", "search"])
     first, second = columns(image, colours["take-off"]), columns(image, colours["search"])
-    # Half a minute is 600 pixels wide, 20 to the second, and begins at the margin of 18.
+    # 30 s are 600 pixels wide, 20 per second, and start at the margin of 18.
     assert (first.min(), first.max()) == (18, 18 + 6 * 20 - 1)
     assert second.min() == 18 + 6 * 20
     (cursor,) = {round(float(columns(image, ACCENT).mean()))}

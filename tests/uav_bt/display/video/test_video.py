@@ -182,7 +182,7 @@ def test_a_folder_that_is_not_there_is_refused_before_anything_flies(tmp_path: P
 
 
 class FullDisk:
-    """Stands for the encoder's stream."""
+    """Replaces the stream of the encoder."""
 
     def encode(self, image: object) -> None:
         del image

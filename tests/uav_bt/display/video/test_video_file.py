@@ -1,4 +1,4 @@
-"""The mp4 writer: what it writes can be read, and a file is there whole or not at all."""
+"""The mp4 writer: its files are readable, and complete or absent."""
 
 from fractions import Fraction
 from pathlib import Path

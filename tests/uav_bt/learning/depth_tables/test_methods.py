@@ -1,4 +1,4 @@
-"""The methods that depth is compared with: constant scales, and the lowest pixel."""
+"""Baseline methods of metric depth: constant scales, and the lowest pixel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Evaluation of metric depth on images of the twin, in small, with depth that is known."""
+"""Evaluation of metric depth on a few images of the twin with known depth."""
 
 import math
 from collections.abc import Iterator
@@ -25,11 +25,11 @@ from uav_bt.learning.views import DepthViewPlan
 from uav_bt.types import ClassMap, DepthMap, Frame
 
 PLAN = ImagePlan(views=DepthViewPlan(scenes=("train-a", "train-b"), views=5, seed=3))
-SECRET = 0.37  # metres for one unit of the relative depth below
+SECRET = 0.37  # metres per unit of the relative depth below
 
 
 class Grey:
-    """Stands in for a segmentation network: all carpet."""
+    """Replaces a segmentation network: all pixels are carpet."""
 
     def segment(self, frame: Frame) -> ClassMap:
         return ClassMap(
@@ -38,7 +38,7 @@ class Grey:
 
 
 class Flat:
-    """Stands in for a depth network: a depth of one everywhere, at a size of its own."""
+    """Replaces a depth network: a depth of one everywhere, at another size."""
 
     def estimate(self, frame: Frame) -> DepthMap:
         ones = np.ones((32, 40), dtype=np.float32)
@@ -51,7 +51,7 @@ def raw() -> list[SampleImage]:
 
 
 def _known(image: SampleImage, *, shift_m: float = 0.0) -> SampleImage:
-    """Give an image exact telemetry, exact masks, and exact depth in a secret unit."""
+    """Return an image with exact telemetry, exact masks, and exact depth in a secret unit."""
     relative = DepthMap(
         depth=((image.depth_m - shift_m) / np.float32(SECRET)).astype(np.float32),
         metric=False,
@@ -107,7 +107,7 @@ def test_an_ideal_profile_has_no_telemetry_error() -> None:
         assert view.height_m == pytest.approx(image.truth.height_m, abs=1e-6)
         carpet = image.ids == CARPET
         errors_m.append(np.abs(ground_depth(view) - image.depth_m)[carpet])
-    # The carpet's exact depth is then the ground plane's.
+    # The exact depth of the carpet is then that of the ground plane.
     assert np.percentile(np.concatenate(errors_m), 99) < 0.005
 
 
@@ -169,7 +169,7 @@ def test_only_least_squares_undoes_a_shift(raw: list[SampleImage]) -> None:
 
 
 def test_collected_scales_know_all_images_before_the_first(known: list[SampleImage]) -> None:
-    """The first image's unit differs: a constant scale must not follow it."""
+    """The first image has another unit, which a constant scale must not follow."""
     odd = replace(known[0].relative, depth=2.0 * known[0].relative.depth)
     images = [replace(known[0], relative=odd), *known[1:]]
     constant = next(method for method in METHODS if method.name == "constant")
@@ -232,7 +232,7 @@ def test_wrong_height_costs_in_proportion_and_masks_make_rows(questions: DepthQu
     right = rows["exact masks", "adaptive"].mean_m
     five, ten = (rows[f"height +0.{cm} m", "adaptive"].mean_m for cm in ("05", "10"))
     assert right < five < ten
-    # Ten centimetres of 1.5 m are a fifteenth of every distance.
+    # 10 cm of 1.5 m are a fifteenth of each distance.
     assert rows["height +0.10 m", "adaptive"].bias_m == pytest.approx(2.0 * five, rel=0.25)
     assert rows["pitch +2 deg", "contact"].mean_m > rows["pitch +1 deg", "contact"].mean_m
 
