@@ -6,6 +6,7 @@ from typing import Final
 
 from behaviours.fly.avoid import Avoid
 from behaviours.fly.corridor_clear import CorridorClear
+from behaviours.fly.coverage_grows import CoverageGrows
 from behaviours.fly.explore import Explore
 from behaviours.fly.give_way import GiveWay
 from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
@@ -29,6 +30,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     Avoid,
     BuildCorridor,
     CorridorClear,
+    CoverageGrows,
     Detour,
     EmergencyLand,
     EstimateDepth,

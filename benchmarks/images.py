@@ -2,12 +2,12 @@
 
     python benchmarks/images.py flight --scene val-b --seed 1 --at 6
     python benchmarks/images.py view flight.rrd --at 24.5 --out view.png
-    python benchmarks/images.py film out/mission.mp4 --at 100 --out docs/images/film.png
+    python benchmarks/images.py film out/mission.mp4 --out docs/images/mission.webp
 
 `flight` flies a mission and writes the lab, a frame, its class map and the flown path to
 docs/images. `view` takes a screenshot of a Rerun file without a display (`uav-bt view flight.mcap
 --save flight.rrd`); it needs Vulkan, in software too: Debian's `mesa-vulkan-drivers` and
-`libvulkan1`. `film` takes an image out of a film.
+`libvulkan1`. `film` makes a short animation of a film for a page.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ from uav_bt.protocols import Drone
 PORT = 9911
 TIMEOUT_S = 30.0
 SETTLE_S = 6.0  # reading the file and drawing in software
+_SHOWN_MS = 150  # of one image of an animation
 
 
 class Album:
@@ -132,11 +133,19 @@ def view(file: Path, at_s: float, size: str, out: Path) -> None:
     print(f"{out}: {out.stat().st_size} bytes")
 
 
-def film_image(file: Path, at_s: float, out: Path) -> None:
-    """Keep the image of a film that is shown at a time."""
+def animate(file: Path, every_s: float, width_px: int, out: Path) -> None:
+    """Make an animated WebP of a film: one image for each step of time, fast forward."""
+    images = []
     with av.open(str(file)) as container:
-        image = next(one for one in container.decode(video=0) if (one.time or 0.0) >= at_s)
-        save(out, image.to_ndarray(format="rgb24"))
+        for one in container.decode(video=0):
+            if (one.time or 0.0) >= every_s * len(images):
+                height_px = round(one.height * width_px / one.width)
+                images.append(one.to_ndarray(width=width_px, height=height_px, format="bgr24"))
+    animation = cv2.Animation()
+    animation.frames = images
+    animation.durations = [_SHOWN_MS] * len(images)
+    cv2.imwriteanimation(str(out), animation, [cv2.IMWRITE_WEBP_QUALITY, 40])
+    print(f"{out}: {len(images)} images, {out.stat().st_size} bytes")
 
 
 def main() -> None:
@@ -155,13 +164,14 @@ def main() -> None:
     shown.add_argument("--out", type=Path, default=Path("view.png"))
     cut = commands.add_parser("film")
     cut.add_argument("file", type=Path)
-    cut.add_argument("--at", type=float, default=0.0, help="seconds of the film")
-    cut.add_argument("--out", type=Path, default=Path("film.png"))
+    cut.add_argument("--every", type=float, default=2.0, help="seconds of the film between images")
+    cut.add_argument("--width", type=int, default=800, help="of the animation, pixels")
+    cut.add_argument("--out", type=Path, default=Path("mission.webp"))
     given = parser.parse_args()
     if given.what == "flight":
         flight(given.scene, given.seed, given.at, given.out)
     elif given.what == "film":
-        film_image(given.file, given.at, given.out)
+        animate(given.file, given.every, given.width, given.out)
     else:
         view(given.file, given.at, given.size, given.out)
 

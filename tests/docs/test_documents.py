@@ -76,7 +76,10 @@ MEASURED: Final = {"docs/results.md"}
 # Python that flies, or needs the files of a flight.
 LONG_PYTHON: Final = ("app.fly(", "campaign.run(", "BtlogReader(", "RecordedFlight(")
 # What a reader brings along.
-BROUGHT: Final = {"README.md": ("boards/1.jpg", "walk.mp4"), "docs/anafi.md": ("boards/1.jpg",)}
+BROUGHT: Final = {
+    "docs/camera.md": ("boards/1.jpg", "walk.mp4"),
+    "docs/anafi.md": ("boards/1.jpg",),
+}
 
 
 def _reason(page: str, command: str, *, slow: bool) -> str | None:

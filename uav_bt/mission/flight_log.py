@@ -20,6 +20,7 @@ class _Marks:
     """When the flight reached what; mission seconds."""
 
     take_off_s: float | None = None
+    exploring_s: float | None = None
     explored_s: float | None = None
     found_s: float | None = None
     landed_s: float | None = None
@@ -62,13 +63,7 @@ class FlightLog:
         if marks.take_off_s is None:
             return
         self._travel(record)
-        if marks.explored_s is None and record.phase in {
-            MissionPhase.SEARCH,
-            MissionPhase.APPROACH,
-        }:
-            marks.explored_s = record.time_s
-        if marks.found_s is None and record.phase == MissionPhase.APPROACH:
-            marks.found_s = record.time_s
+        self._mark_phase(record)
         truth = record.truth
         if truth is not None:
             self._last_truth = truth
@@ -77,6 +72,20 @@ class FlightLog:
                 self._coverage.add(record.time_s - marks.take_off_s, truth)
         if marks.landed_s is None and marks.found_s is not None and _motors_off(record):
             marks.landed_s = record.time_s
+
+    def _mark_phase(self, record: TickRecord) -> None:
+        """Note the start of exploring, its end, and when the landing mark was found."""
+        marks, phase = self._marks, record.phase
+        if marks.exploring_s is None and phase == MissionPhase.EXPLORE:
+            marks.exploring_s = record.time_s
+        # Exploring may end above the mark: then centring comes next, without search and approach.
+        found = phase == MissionPhase.APPROACH or (
+            phase == MissionPhase.CENTER and marks.exploring_s is not None
+        )
+        if marks.explored_s is None and (found or phase == MissionPhase.SEARCH):
+            marks.explored_s = record.time_s
+        if marks.found_s is None and found:
+            marks.found_s = record.time_s
 
     def _travel(self, record: TickRecord) -> None:
         truth, state = record.truth, record.observation.state

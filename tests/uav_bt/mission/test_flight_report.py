@@ -139,6 +139,30 @@ def whole_flight(*, referee: bool = True) -> Tale:
     return tale
 
 
+def test_a_flight_that_explores_up_to_the_mark_has_found_it_at_once() -> None:
+    """Without a search and an approach the way home takes no time to find the mark."""
+    tale = Tale()
+    tale.take_off()
+    for _ in range(6):
+        tale.tick("explore", dx_m=0.3)
+    tale.tick("center")  # 6.5 s
+    tale.tick("land", motors_on=False)  # 7 s
+    report = tale.report()
+    assert report.time_to_find_helipad_s == 0.0
+    assert report.search_distance_m == 0.0
+    assert report.time_to_land_s == 0.5
+
+
+def test_a_flight_that_never_explored_searched_for_nothing() -> None:
+    tale = Tale()
+    tale.take_off()
+    tale.tick("center")
+    tale.tick("land", motors_on=False)
+    report = tale.report()
+    assert report.time_to_find_helipad_s is None
+    assert report.time_to_land_s is None
+
+
 def test_a_whole_flight_is_measured_from_mark_to_mark() -> None:
     report = whole_flight().report()
     assert report.duration_s == 8.0  # 3 to 11 s: not from the start of the program
