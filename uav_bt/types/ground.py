@@ -32,7 +32,7 @@ class Footprint(Pose2D):
         return math.hypot(max(abs(u) - self.half_x_m, 0.0), max(abs(v) - self.half_y_m, 0.0))
 
     def overlaps(self, other: Footprint) -> bool:
-        """Return whether two rectangles share an area (separating axes; touching does not count)."""
+        """Return whether two rectangles overlap (separating axes; touching does not count)."""
         ours, theirs = self.corners(), other.corners()
         for yaw in (self.yaw_rad, other.yaw_rad):
             for axis in ((math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))):
