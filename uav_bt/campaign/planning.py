@@ -20,7 +20,7 @@ from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
 from uav_bt.tree import MissionTree
 from uav_bt.tree.loading.folders import TreeFolders
-from uav_bt.tree.loading.lookup import shipped_trees
+from uav_bt.tree.shipped import shipped_missions
 
 
 def make_plan(
@@ -94,7 +94,7 @@ def plan_of(folder: Path) -> CampaignPlan:
 def _planned_tree(mission: MissionTree) -> PlannedFile:
     # A shipped mission by its name is found on other machines and in other installations, too.
     path = mission.path
-    shipped = path.parent == shipped_trees().resolve()
+    shipped = path in {file.resolve() for file in shipped_missions().values()}
     return PlannedFile(
         name=path.name,
         path=path.stem if shipped else str(path),

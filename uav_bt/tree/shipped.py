@@ -20,17 +20,23 @@ def resolve_tree(tree: str | Path) -> Path:
     path = Path(tree)
     if path.is_file():
         return path
-    folder = shipped_trees()
-    shipped = folder / f"{path.stem}.xml"
+    shipped = shipped_missions()
     # A name with a folder in it means that very file, which does not exist.
-    if path.parent in (Path(), Path("trees")) and shipped.is_file():
-        return shipped
-    known = sorted(file.stem for file in folder.glob("*.xml"))
+    if path.parent in (Path(), Path("trees")) and path.stem in shipped:
+        return shipped[path.stem]
     raise FileError(
         path,
-        f"no such tree file, nor a shipped mission of that name{did_you_mean(path.stem, known)} "
-        f"({', '.join(known)})",
+        f"no such tree file, nor a shipped mission of that name{did_you_mean(path.stem, shipped)} "
+        f"({', '.join(shipped)})",
     )
+
+
+def shipped_missions() -> dict[str, Path]:
+    """Return the files of the shipped missions by name; `paper/` holds the paper's variants."""
+    folder = shipped_trees()
+    return {
+        file.stem: file for file in sorted([*folder.glob("*.xml"), *folder.glob("paper/*.xml")])
+    }
 
 
 def tree_files(tree: str | Path) -> tuple[Path, ...]:

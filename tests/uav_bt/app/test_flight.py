@@ -37,6 +37,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone, blank_frame
+from uav_bt.tree.shipped import shipped_missions
 from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Observation, Truth
 from uav_bt.types.ground import Ground
 
@@ -133,7 +134,7 @@ def test_a_tree_that_does_not_exist_is_refused_with_the_missions_there_are(name:
         app.resolve_tree(name)
 
 
-@pytest.mark.parametrize("path", sorted(TREES.glob("*.xml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(shipped_missions().values()), ids=lambda path: path.stem)
 def test_every_shipped_mission_is_sound(path: Path) -> None:
     assert list(app.check(path.stem).leaves())
 

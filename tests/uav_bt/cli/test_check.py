@@ -10,11 +10,12 @@ import pytest
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from uav_bt.tree.shipped import shipped_missions
 
 SHIPPED = Path(__file__).parents[3] / "trees"
 
 
-@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.xml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(shipped_missions().values()), ids=lambda path: path.stem)
 def test_shipped_missions_are_good_by_file_and_by_name(path: Path) -> None:
     by_file, by_name = run("check", path), run("check", path.stem)
     assert (by_file.exit_code, by_name.exit_code) == (0, 0), by_file.output + by_name.output

@@ -90,7 +90,7 @@ def test_line_ends_stay_and_a_byte_order_mark_goes() -> None:
     assert formatted(text) == '<?xml version="1.0"?>\r\n<root>\r\n  <A/>\r\n</root>\r\n'
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "trees").glob("*.xml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sorted((ROOT / "trees").rglob("*.xml")), ids=lambda p: p.stem)
 def test_shipped_missions_are_laid_out(path: Path) -> None:
     assert format_source(path.read_bytes(), path) == path.read_bytes()
 
