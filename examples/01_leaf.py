@@ -1,4 +1,4 @@
-"""A leaf: a small class that says what it reads and answers at once. It flies without a package."""
+"""A leaf of your own, flown without a package."""
 
 from uav_bt import app
 from uav_bt.board import STATE

@@ -1,4 +1,4 @@
-"""A leaf policy: where to go next, decided on one view. It is given to a node as an object."""
+"""A leaf policy: it decides on one view where to fly next. A node gets it as an object."""
 
 import math
 
@@ -40,7 +40,7 @@ MISSION = """
 
 
 class FollowTheCarpet:
-    """Fly on over carpet; else turn to the side that shows more of it."""
+    """Advance over carpet; otherwise turn to the side with more carpet."""
 
     def decide(self, view: PolicyView) -> Answer:
         carpet = group_of(view.class_map.ids) == GROUP_CARPET
@@ -56,7 +56,7 @@ if __name__ == "__main__":
     options = app.FlightOptions(
         scene="train-b",
         policies={"Explore": FollowTheCarpet(), "Avoid": FollowTheCarpet()},
-        exact_masks=True,  # the simulator's class maps in place of a network's: quicker
+        exact_masks=True,  # the simulator's class maps instead of a network's: faster
         image_size_px=(320, 180),
     )
     report = app.fly(MISSION, options)

@@ -1,4 +1,4 @@
-"""A drone: anything with these members. This one is a logbook around another."""
+"""A drone: any class with these members. This one wraps another drone and keeps a logbook."""
 
 from uav_bt import app
 from uav_bt.protocols import Clock, Drone, Referee, Scene
@@ -20,10 +20,10 @@ MISSION = """
 
 
 class Logbook:
-    """Flies as another drone does and notes its movements."""
+    """Flies as another drone does and records its movements."""
 
-    live = False  # a real drone is checked before it takes off
-    tick_s = None  # ticks as often as the mission does
+    live = False  # True: checked before it takes off, as a real drone is
+    tick_s = None  # ticks at the mission's rate
 
     def __init__(self, drone: Drone) -> None:
         self._drone = drone
@@ -68,5 +68,5 @@ class Logbook:
 if __name__ == "__main__":
     drone = Logbook(ScriptedDrone())  # a drone in numbers only, for tests
     report = app.fly(MISSION, app.FlightOptions(drone=drone))
-    # The last movement is Land's own: the camera, held above the spot, sits ahead of the body.
+    # The last movement comes from Land: it moves the body to where the camera, mounted ahead, was.
     print(report.outcome, *drone.movements, sep="\n")

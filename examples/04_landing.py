@@ -13,7 +13,7 @@ from uav_bt.tree.nodes import ReactiveSequence, RetryUntilSuccessful, Sequence
 
 
 def mission() -> MissionTree:
-    """Perception stands ahead of the mission, so that it is ticked every time."""
+    """Return the mission; perception comes first, so that it is ticked every time."""
     landing = Sequence("landing", [ReturnToBase(), HelipadCenter(), Land()])
     return MissionTree(
         ReactiveSequence(

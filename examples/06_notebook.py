@@ -1,6 +1,6 @@
-"""Looking at a flight, cell by cell: editors run `# %%` cells as they do those of a notebook."""
+"""A flight examined cell by cell. Editors run `# %%` cells like those of a notebook."""
 
-# %% A mission, and what follows it: each tick hands its listeners a record.
+# %% Fly a mission. Each tick gives its listeners a record.
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -21,11 +21,11 @@ class Notes:
 
 notes = Notes()
 options = app.FlightOptions(scene="train-b", exact_masks=True, image_size_px=(320, 180))
-# With video="flight.mp4" it is filmed, too.
+# With video="flight.mp4" the flight is filmed as well.
 report = app.fly("hover_and_look", options, listeners=[lambda _: [notes]])
 print(report.outcome, f"in {report.duration_s:.0f} s, {len(notes.ticks)} ticks")
 
-# %% Height: what telemetry reported, and the truth.
+# %% Height: telemetry and truth.
 times = [tick.time_s for tick in notes.ticks]
 states = [tick.observation.state for tick in notes.ticks]
 poses = [tick.truth.pose for tick in notes.ticks if tick.truth is not None]
@@ -39,5 +39,5 @@ heights.legend()
 path.plot([pose.x_m for pose in poses], [pose.y_m for pose in poses])
 path.set(xlabel="x, m", ylabel="y, m", aspect="equal")
 
-# %% Keep the drawing.
+# %% Save the figure.
 figure.savefig(Path("hover_and_look.png"), dpi=120)

@@ -1,4 +1,4 @@
-"""A test: a mission's leaves answer what the test says, and the log knows what happened."""
+"""A test of a mission: scripted leaves, and assertions on the event log."""
 
 from uav_bt.testing import TreeBench, parse_tree
 from uav_bt.tree import NodeRegistry, Status
@@ -22,7 +22,7 @@ MISSION = """
 
 
 def bench(**answers: str) -> TreeBench:
-    """Return the mission with leaves by script: R running, S success, F failure."""
+    """Return the mission with scripted leaves: R running, S success, F failure."""
     return parse_tree(MISSION, NodeRegistry.installed(), mocks={"TakeOff": "RS", **answers})
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 
 def brief_repr(value: Any) -> str:
-    """Return a dataclass object as code that makes it again, default values left out.
+    """Return a dataclass object as the code that creates it, without default values.
 
     Args:
         value: the object; `__repr__ = brief_repr` in the body of its class.
@@ -27,7 +27,7 @@ def _given(value: Any) -> Iterator[str]:
 
 
 def shapes_repr(value: Any) -> str:
-    """Return a dataclass object's fields, arrays by their shape and type only.
+    """Return the fields of a dataclass object, arrays only by shape and type.
 
     Args:
         value: the object; `__repr__ = shapes_repr` in the body of its class.

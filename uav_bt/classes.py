@@ -1,9 +1,9 @@
-"""The seventeen classes of the lab, the four groups a mission steers by, and their colours.
+"""The seventeen classes of the lab, their four groups for mission planning, and their colours.
 
 The classes are those of Mocanu et al. (arXiv 2510.16624): background, carpet, two for the helipad,
 one for each box and for each roof structure. The groups are the paper's four categories for mission
-planning. Everything else in the project uses these ids; a foreign network's are translated into
-them (`perception.segmentation.mapping`).
+planning. The whole project uses these ids; those of a foreign network are translated
+(`perception.segmentation.mapping`).
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ CLASS_COLOURS: Final = _frozen(
 )
 """(17, 3) uint8 RGB: for images of class maps."""
 
-# 256 entries, so that a bad id is found after the look-up instead of by a second pass over the map.
+# 256 entries: a bad id is found after the look-up, without a second pass over the map.
 _NO_GROUP: Final = 255
 _GROUP_TABLE: Final = np.full(256, _NO_GROUP, dtype=np.uint8)
 _GROUP_TABLE[:CLASS_COUNT] = CLASS_TO_GROUP
@@ -148,5 +148,5 @@ def colourise(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
     Raises:
         ValueRangeError: an id is not one of the seventeen.
     """
-    group_of(ids)  # refuses bad ids with the right message
+    group_of(ids)  # refuses bad ids
     return CLASS_COLOURS[ids]

@@ -9,7 +9,7 @@ from uav_bt.protocols import Clock
 
 
 class ManualClock:
-    """A clock that moves only when it is advanced; for tests and for anything that is simulated."""
+    """A clock that moves only when it is advanced, for tests and simulations."""
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._now_s = start_s
@@ -29,7 +29,7 @@ class ManualClock:
         self._now_s += duration_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Jump to a time; a time that has passed is no error and changes nothing."""
+        """Jump to a time; a past time changes nothing."""
         self._now_s = max(self._now_s, time_s)
 
 
@@ -49,10 +49,10 @@ class WallClock:
 
 
 class TickClock:
-    """The time of the tick under way: all that happens in one tick happens at one time.
+    """The time of the present tick: everything in one tick happens at the same time.
 
-    Simulated time does not pass while a tick is computed. Real time does, and a replay could not
-    reproduce which leaf read it when.
+    Simulated time stands still while a tick is computed. Real time does not, and a replay could
+    not reproduce the times that leaves read.
 
     Args:
         clock: the drone's.
@@ -72,5 +72,5 @@ class TickClock:
         return self._clock.now() if self._tick_s is None else self._tick_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Let time pass; for the tree it passes with the next tick."""
+        """Let time pass; the tree sees it in the next tick."""
         self._clock.sleep_until(time_s)

@@ -1,4 +1,4 @@
-"""Everything that can go wrong, drawn at the top.
+"""All errors of the project.
 
 UavBtError                      exit code 1 unless a subclass says otherwise
   InputError                    the input was refused (exit code 2)
@@ -10,12 +10,12 @@ UavBtError                      exit code 1 unless a subclass says otherwise
       TreeError                     a tree file; carries every finding of the file
     UnknownNameError              a name that is not registered, with a suggestion
     MissingDependencyError        a package or a system library is absent, with the remedy
-  MissionError                  the mission itself went wrong
+  MissionError                  an error inside the mission
     ProposalConflictError         two leaves proposed on one channel in one tick
     BoardAccessError              undeclared or mistyped access to the board
     PolicyFailedError             an exception in a leaf policy, with its author's line
     NodeFailedError               an exception in a node, with the node's path
-  DroneError                    the drone did not do what was commanded
+  DroneError                    the drone did not carry out a command
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def hint_for(name: str, known: Iterable[str], successors: Sequence[str] = ()) -> str:
-    """Return the hint at an unknown name for a message: its successors, or the closest known name.
+    """Return the hint for an unknown name in a message: its successors, or the closest known name.
 
     Args:
         name: the unknown name.
-        known: all names that there are.
-        successors: those that replace the name of an earlier version.
+        known: all valid names.
+        successors: names that replace this name of an earlier version.
     """
     if not successors:
         return did_you_mean(name, known)
@@ -47,13 +47,13 @@ def hint_for(name: str, known: Iterable[str], successors: Sequence[str] = ()) ->
 
 
 class UavBtError(Exception):
-    """Base of all errors this project raises on purpose."""
+    """Base class of the project's errors."""
 
     exit_code: ClassVar[int] = 1
 
 
 class InputError(UavBtError):
-    """Something a person gave us cannot be used."""
+    """The input cannot be used."""
 
     exit_code: ClassVar[int] = 2
 
@@ -67,7 +67,7 @@ class ShapeError(InputError):
 
 
 class ValueRangeError(InputError, ValueError):
-    """A number lies outside the range it must keep."""
+    """A number is out of its range."""
 
 
 class FileError(InputError):
@@ -89,11 +89,11 @@ class WeightsError(FileError):
 
 
 class TreeError(FileError):
-    """A tree file was refused; `findings` holds every line of the report.
+    """A tree file was refused; `findings` has all lines of the report.
 
     Args:
         path: the file.
-        findings: texts, or values whose text is the line; `details` keeps them as they are.
+        findings: texts, or values whose `str` is the line; `details` keeps the values.
     """
 
     def __init__(self, path: Path | str, findings: Sequence[object]) -> None:
@@ -122,7 +122,7 @@ class MissingDependencyError(InputError):
 
 
 class MissionError(UavBtError):
-    """The mission itself went wrong."""
+    """An error inside the mission."""
 
 
 class ProposalConflictError(MissionError):
@@ -134,11 +134,11 @@ class BoardAccessError(MissionError):
 
 
 class PolicyFailedError(MissionError):
-    """A leaf policy raised; the message has the file and line of its author.
+    """A leaf policy raised; the message has file and line of its code.
 
     Args:
-        policy: what raised.
-        cause: what it raised.
+        policy: the policy.
+        cause: the exception.
     """
 
     def __init__(self, policy: object, cause: Exception) -> None:
@@ -154,19 +154,19 @@ class NodeFailedError(MissionError):
     Args:
         node_path: of the node.
         cause: the exception.
-        author: the class that a person wrote; the message has the innermost line of its package
-            (or of its nearest base class that the exception passed through).
+        author: class of the node; the message has the innermost line of its package (or of the
+            nearest base class that the exception passed through).
     """
 
     def __init__(self, node_path: str, cause: BaseException, author: type | None = None) -> None:
         self.node_path = node_path
-        has_line = isinstance(cause, PolicyFailedError)  # which names its own line
+        has_line = isinstance(cause, PolicyFailedError)  # its message has the line
         line = "" if author is None or has_line else _line_of(cause, author)
         super().__init__(f"node '{node_path}' failed: {type(cause).__name__}: {cause}{line}")
 
 
 def _line_of(cause: BaseException, author: type) -> str:
-    """Return ` (file:line)` for the innermost line of an author's package, empty without one."""
+    """Return ` (file:line)` for the innermost line of a class's package, else an empty text."""
     frames = list(traceback.walk_tb(cause.__traceback__))
     for base in (each for each in author.__mro__ if not each.__module__.startswith(_ENGINES)):
         package = base.__module__.partition(".")[0]
@@ -179,8 +179,8 @@ def _line_of(cause: BaseException, author: type) -> str:
     return ""
 
 
-_ENGINES: Final = ("uav_bt.tree.", "py_trees.")  # these run leaves; no leaf of a person is there
+_ENGINES: Final = ("uav_bt.tree.", "py_trees.")  # these run leaves and contain none
 
 
 class DroneError(UavBtError):
-    """The drone did not do what was commanded."""
+    """The drone did not carry out a command."""

@@ -1,4 +1,4 @@
-"""Files that are whole or not there, and the operating system's errors as the project's own."""
+"""Files that are written completely or not at all, and file errors as `FileError`."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def reading(path: Path, error: Failure = FileError) -> Iterator[None]:
     """Translate the errors of a block that reads a file.
 
     Args:
-        path: the file that the message names.
-        error: makes what is raised.
+        path: the file, for the message.
+        error: makes the exception.
 
     Raises:
-        FileError: the block raised an OSError, or the file is no UTF-8 text.
+        FileError: the block raised an OSError, or the file is not UTF-8 text.
     """
     try:
         yield
@@ -39,12 +39,12 @@ def read_bounded(
 
     Args:
         path: the file.
-        max_bytes: what it may have.
-        error: makes what is raised.
-        cure: what to do about a file that is too large.
+        max_bytes: largest size.
+        error: makes the exception.
+        cure: remedy for a file that is too large.
 
     Raises:
-        FileError: it is absent, no regular file, too large, or cannot be read.
+        FileError: the file is absent, not regular, too large, or cannot be read.
     """
     with reading(path, error):
         if not path.exists():
@@ -63,7 +63,7 @@ def writing(path: Path) -> Iterator[None]:
     """Translate the errors of a block that writes a file.
 
     Args:
-        path: the file that the message names.
+        path: the file, for the message.
 
     Raises:
         FileError: the block raised an OSError.
@@ -75,14 +75,15 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def check_output(path: Path, *, new_folders: bool = False) -> None:
-    """Refuse a file that could not be written, before the work that it is to keep.
+    """Refuse a file that cannot be written, before the work whose result it will have.
 
     Args:
-        path: the file; one that exists may be replaced.
+        path: the file; an existing one may be replaced.
         new_folders: whether its folder may be missing, because it will be made.
 
     Raises:
-        FileError: it is no regular file, or its folder is missing, none, or not to be written to.
+        FileError: the path is not a regular file, or its folder is missing, not a folder, or not
+            writable.
     """
     if not path.name:
         raise FileError(path, f"expected the name of a file, got '{path}'")
@@ -97,16 +98,16 @@ def check_output(path: Path, *, new_folders: bool = False) -> None:
 
 
 def check_output_folder(folder: Path) -> None:
-    """Refuse a folder that could not be written to, or not be made.
+    """Refuse a folder that cannot be written to or made.
 
     Raises:
-        FileError: it is none, or not to be written to.
+        FileError: the path is not a folder, or not writable.
     """
     with writing(folder):
         there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
         if not there.is_dir():
             raise FileError(folder, f"cannot be written to: '{there}' is a file and no folder")
-        # Permissions do not say it all: /proc refuses every user.
+        # Permissions are not enough: /proc refuses every user.
         with tempfile.TemporaryFile(dir=there):
             pass
 
@@ -115,19 +116,19 @@ def check_output_folder(folder: Path) -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """Write a file so that a reader never sees half of it.
 
-    The block writes to the path that it is given, beside the final one; when it ends without an
-    error, that file replaces the final one, otherwise it is removed.
+    The block writes to a temporary path beside the final one. If it ends without an error, that
+    file replaces the final one; otherwise it is removed.
 
     Args:
-        path: the file; an existing one stays as it is until the new one is whole.
+        path: the file; an existing one stays until the new one is complete.
 
     Yields:
-        Where to write.
+        The temporary path.
 
     Raises:
         FileError: the file cannot be written.
     """
-    # Several processes may write one file at once, an index for instance: each has its own part.
+    # Several processes may write one file at once, such as an index: each has a separate part.
     partial = path.with_name(f"{path.name}.{os.getpid()}.part")
     with writing(path):
         try:
@@ -142,7 +143,7 @@ def write_whole(path: Path, content: bytes | str) -> None:
 
     Args:
         path: the file; an existing one is replaced.
-        content: all of it; text becomes UTF-8.
+        content: of the whole file; text becomes UTF-8.
 
     Raises:
         FileError: the file cannot be written.

@@ -13,9 +13,9 @@ from typing import Final
 from uav_bt.errors import FileError
 
 _NAMING: Final = {".xml", ".yaml", ".yml"}  # files that name further ones
-# What a file may name: quoted in XML, after a colon or a dash in YAML.
+# How a file names others: quoted in XML, after a colon or a dash in YAML.
 _NAMED: Final = re.compile(r"""["']([^"'\n]+)["']|[:\-][ \t]+([^"'\n#]+)""")
-# What is read of a folder.
+# Suffixes of the files that are read from a folder.
 _IN_FOLDERS: Final = {".mcap", ".jsonl", ".xml", ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"}
 
 
@@ -25,18 +25,18 @@ def refuse_inputs(output: Path, given: Iterable[object], shipped: Path) -> None:
     Args:
         output: the file to be written.
         given: the inputs: files, folders, names, and mappings, sequences and dataclass objects
-            that hold such; anything else names no file.
-        shipped: the folder of the missions that ship, which go by their names.
+            that contain them; other values are ignored.
+        shipped: the folder of the shipped missions, which are given by name.
 
     Raises:
-        FileError: it would overwrite an input.
+        FileError: the output would overwrite an input.
     """
     if output.exists() and any(same_file(output, source) for source in _inputs(given, shipped)):
         raise FileError(output, "is an input and would be overwritten; choose another name")
 
 
 def same_file(one: Path, other: Path) -> bool:
-    """Return whether two paths are one file, by a link perhaps."""
+    """Return whether two paths are one file, also by a link."""
     if one.exists() and other.exists():
         return one.samefile(other)
     return one.resolve() == other.resolve()
@@ -51,7 +51,7 @@ def _inputs(given: Iterable[object], shipped: Path) -> Iterator[Path]:
 
 
 def _texts(value: object) -> Iterator[str]:
-    """Yield a value, or the values in it."""
+    """Yield the texts in a value."""
     if isinstance(value, (str, Path)):
         yield str(value)
     elif isinstance(value, Mapping):
@@ -76,10 +76,10 @@ def _add(paths: Iterable[Path], found: dict[Path, None]) -> None:
 
 
 def _files(text: str, folder: Path) -> Iterator[Path]:
-    """Yield the files that a text may mean: FILE, NAME:FILE, several with commas, a folder's."""
+    """Yield the files that a text may name: FILE, NAME:FILE, a list with commas, a folder."""
     for part in {text, text.partition(":")[2], *text.split(",")}:
         path = folder / part
-        with suppress(OSError):  # no name that a file can have
+        with suppress(OSError):  # not a valid file name
             if part and path.is_file():
                 yield path.resolve()
             elif part == text and folder == Path() and path.is_dir():

@@ -1,4 +1,4 @@
-"""JSON from outside: plain values of bounded depth and finite numbers, or one error."""
+"""Parser of foreign JSON: plain values of bounded depth with finite numbers, or one error."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from typing import Any, Final, NoReturn
 
 from uav_bt.errors import InputError
 
-_MAX_DEPTH: Final = 64  # ours has less than ten; `repr` and our own walks meet Python's recursion
+_MAX_DEPTH: Final = 64  # ours has less than ten; `repr` and our walks recurse
 
 
 def parse_json(text: bytes | str) -> Any:
     """Return the value of a JSON text.
 
     Args:
-        text: UTF-8 where it is bytes.
+        text: bytes are UTF-8.
 
     Raises:
-        InputError: it is no JSON, is nested too deeply, or has a number beyond a double's range.
+        InputError: the text is not JSON, is nested too deeply, or has a number beyond a double's
+            range.
     """
     try:
         text = text.decode() if isinstance(text, bytes) else text
@@ -26,7 +27,7 @@ def parse_json(text: bytes | str) -> Any:
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
         raise InputError(f"no JSON: {error.msg} at {where}") from error
-    except ValueError as error:  # no UTF-8, an integer of thousands of digits
+    except ValueError as error:  # not UTF-8, or an integer of thousands of digits
         raise InputError(f"no JSON: {error}") from error
     except RecursionError as error:
         raise InputError("no JSON that can be read: nested too deeply") from error
@@ -36,7 +37,7 @@ def parse_json(text: bytes | str) -> Any:
 
 
 def _deeper(value: Any, most: int) -> bool:
-    """Return whether lists and objects stand in one another more often than that."""
+    """Return whether lists and objects are nested deeper than `most`."""
     level = [value]
     for _ in range(most + 1):
         below: list[Any] = []

@@ -1,4 +1,4 @@
-"""What is installed: what packages contribute by entry-point group and name, and which extras."""
+"""Installed plug-ins by entry-point group and name, and installed extras."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPo
 DRONES: Final = "uav_bt.drones"  # each names a DroneConfig class
 
 _KINDS: Final = {BEHAVIOURS: "behaviours package", POLICIES: "policy", DRONES: "drone"}
-# The extra that installs a module which only some commands import.
+# Modules that only some commands import, with the extra that installs each.
 _EXTRAS: Final = {
     "control": "design",
     "distributed": "dask",
@@ -44,14 +44,14 @@ _EXTRAS: Final = {
 
 
 def check_packages(home: Path | None = None, names: Sequence[str] = _PACKAGES) -> None:
-    """Refuse to start where a foreign folder hides one of our packages, whose names are plain.
+    """Refuse to start if a foreign folder hides one of our packages, whose names are common.
 
     Args:
-        home: the folder that holds our packages; default: the one of `uav_bt`.
+        home: the folder of our packages; default: that of `uav_bt`.
         names: the packages' names.
 
     Raises:
-        InputError: a package is missing or is someone else's, with what to do.
+        InputError: a package is missing or hidden; the message has the remedy.
     """
     home = Path(__file__).resolve().parents[1] if home is None else home
     for name in names:
@@ -75,23 +75,23 @@ def _entry_points(group: str) -> dict[str, list[importlib.metadata.EntryPoint]]:
     found: dict[str, list[importlib.metadata.EntryPoint]] = {}
     for point in importlib.metadata.entry_points(group=group):
         points = found.setdefault(point.name, [])
-        # One package found twice (an editable install beside its own checkout) is no conflict.
+        # One package found twice (an editable install beside its checkout) is not a conflict.
         if point.value not in [known.value for known in points]:
             points.append(point)
     return found
 
 
 def names(group: str) -> tuple[str, ...]:
-    """Return all names that are registered in a group, in alphabetical order."""
+    """Return all registered names of a group, in alphabetical order."""
     return tuple(sorted(_entry_points(group)))
 
 
 def load(group: str, name: str) -> Any:
-    """Import and return what is registered under a name.
+    """Import and return the object registered under a name.
 
     Raises:
         UnknownNameError: the name is not registered; the message has a suggestion.
-        InputError: two packages registered it, or what is registered cannot be imported.
+        InputError: two packages registered the name, or the object cannot be imported.
     """
     points = _entry_points(group)
     kind = _KINDS.get(group, group)
@@ -105,7 +105,7 @@ def load(group: str, name: str) -> Any:
         )
     try:
         return point.load()
-    except (Exception, SystemExit) as error:  # whatever a foreign module does when imported
+    except (Exception, SystemExit) as error:  # a foreign module may raise anything when imported
         package = "" if point.dist is None else f" '{point.dist.name}'"
         raise InputError(
             f"{kind} '{name}' ({point.value}) cannot be imported: {_described(error)}; "
@@ -114,7 +114,7 @@ def load(group: str, name: str) -> Any:
 
 
 def _described(error: BaseException) -> str:
-    """Return an error of an import, with the file and line of the module that raised it."""
+    """Return the text of an import error, with file and line of the module that raised it."""
     text = str(error) if isinstance(error, (ImportError, AttributeError)) else repr(error)
     machinery = (importlib.metadata.__file__, importlib.__file__)
     places = [
@@ -126,15 +126,15 @@ def _described(error: BaseException) -> str:
 
 
 def need(extra: str, *modules: str, what: str = "this") -> None:
-    """Refuse to begin work that needs a package which is not installed.
+    """Refuse to begin work if a package that it needs is not installed.
 
     Args:
-        extra: the extra of this project that brings it.
-        modules: what will be imported, top-level names.
-        what: what needs it, for the message.
+        extra: the extra of this project that installs the package.
+        modules: modules to import, top-level names.
+        what: the user of the package, for the message.
 
     Raises:
-        MissingDependencyError: one is absent; the message has the command that installs it.
+        MissingDependencyError: a module is absent; the message has the command to install it.
     """
     absent = [name for name in modules if not _is_installed(name)]
     if absent:
@@ -160,19 +160,19 @@ def _is_installed(module: str) -> bool:
 
 
 def look_up_policy(name: str) -> None:
-    """Refuse a policy that could not be made, as far as is known without making it.
+    """Refuse a policy that cannot be made, without making it.
 
     Args:
-        name: NAME, or NAME:ARGUMENT for one that has a `from_text`. A `look_up` of the policy's, if
-            it has one, is asked about the argument.
+        name: NAME, or NAME:ARGUMENT for a policy with `from_text`. The policy's `look_up`, if any,
+            checks the argument.
 
     Raises:
-        UnknownNameError: it is not registered.
-        InputError: it takes no argument, or refuses this one.
+        UnknownNameError: the name is not registered.
+        InputError: the policy takes no argument, or refuses this one.
     """
     registered, colon, argument = name.partition(":")
     if not colon:
-        return  # an import would take longer than all the rest of a check
+        return  # an import would take longer than the rest of the check
     factory = _policy_factory(registered, argument)
     if hasattr(factory, "look_up"):
         factory.look_up(argument)
@@ -182,11 +182,11 @@ def make_policy(name: str) -> LeafPolicy:
     """Return a leaf policy by its registered name.
 
     Args:
-        name: NAME, or NAME:ARGUMENT for one that has a `from_text`: `student:FILE.onnx`.
+        name: NAME, or NAME:ARGUMENT for a policy with `from_text`: `student:FILE.onnx`.
 
     Raises:
-        UnknownNameError: it is not registered.
-        InputError: it takes no argument, refuses this one, or cannot be made.
+        UnknownNameError: the name is not registered.
+        InputError: the policy takes no argument, refuses this one, or cannot be made.
     """
     from uav_bt.protocols import LeafPolicy  # noqa: PLC0415  (NumPy, and `--help` needs this module)
 
@@ -196,7 +196,7 @@ def make_policy(name: str) -> LeafPolicy:
         policy = factory.from_text(argument) if colon else factory()
     except UavBtError:
         raise
-    except Exception as error:  # whatever a foreign class does when it is made
+    except Exception as error:  # a foreign class may raise anything when it is made
         raise InputError(f"policy '{name}' cannot be made: {_described(error)}") from error
     if not isinstance(policy, LeafPolicy):
         kind = f"{type(policy).__module__}.{type(policy).__qualname__}"
@@ -205,11 +205,11 @@ def make_policy(name: str) -> LeafPolicy:
 
 
 def _policy_factory(registered: str, argument: str | None) -> Any:
-    """Return what is registered as a policy.
+    """Return the factory that is registered as a policy.
 
     Raises:
-        UnknownNameError: it is not registered.
-        InputError: it takes no argument, and there is one.
+        UnknownNameError: the name is not registered.
+        InputError: the policy takes no argument, but one is given.
     """
     factory = load(POLICIES, registered)
     if argument is not None and not hasattr(factory, "from_text"):

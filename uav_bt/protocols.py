@@ -35,23 +35,23 @@ class Clock(Protocol):
         ...
 
     def sleep_until(self, time_s: float) -> None:
-        """Return when that time has come (in the twin: step the physics up to it)."""
+        """Wait until a time (in the twin: step the physics up to it)."""
         ...
 
 
 @runtime_checkable
 class Scene(Protocol):
-    """The place that a simulated drone flies in."""
+    """The scene of a simulated drone."""
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Name in reports."""
         ...
 
 
 @runtime_checkable
 class Drone(Protocol):
-    """Anything that flies. Nothing external happens before `connect`."""
+    """A drone, real or simulated. Nothing external happens before `connect`."""
 
     @property
     def clock(self) -> Clock:
@@ -65,31 +65,31 @@ class Drone(Protocol):
 
     @property
     def referee(self) -> Referee | None:
-        """The truth, where there is one; None on a real drone."""
+        """The truth of a simulation; None on a real drone."""
         ...
 
     @property
     def scene(self) -> Scene | None:
-        """Where a simulated drone flies; None on a real drone."""
+        """Scene of a simulated drone; None on a real drone."""
         ...
 
     @property
     def live(self) -> bool:
-        """Whether it is checked (battery, link, telemetry, video) before it takes off."""
+        """Whether battery, link, telemetry and video are checked before take-off."""
         ...
 
     @property
     def tick_s(self) -> float | None:
-        """The length of a tick, seconds, where the drone's own pace counts; else None."""
+        """Length of a tick, seconds, if the drone sets the pace; else None."""
         ...
 
     @property
     def airframe(self) -> Airframe:
-        """Size and reaction of the body; `Airframe()` where nothing better is known."""
+        """Size and reaction of the body; `Airframe()` without better numbers."""
         ...
 
     def connect(self) -> None:
-        """Get ready to fly.
+        """Connect to the drone.
 
         Raises:
             DroneError: the drone cannot be reached.
@@ -101,20 +101,20 @@ class Drone(Protocol):
         ...
 
     def send(self, command: Command) -> Command:
-        """Send a command; return what was really sent (after the drone's own limits)."""
+        """Send a command; return the one sent after the drone's limits."""
         ...
 
     def disconnect(self) -> None:
-        """Let go; safe to call twice."""
+        """Disconnect; safe to call twice."""
         ...
 
 
 class DroneConfig(Protocol):
-    """What the entry-point group `uav_bt.drones` registers: a dataclass of one kind of drone.
+    """Configuration dataclass of one kind of drone, registered in `uav_bt.drones`.
 
-    Its fields are what can be set about that drone, keyword-only and with defaults. Those that bear
-    a name of `uav_bt.app.assembly.drone_settings` (`scene`, `seed`, `address`, ...) are filled in
-    from the options of a flight.
+    Its fields are the settings of that drone, keyword-only and with defaults. Fields with a name of
+    `uav_bt.app.assembly.drone_settings` (`scene`, `seed`, `address`, ...) are filled in from the
+    options of a flight.
     """
 
     def create(self) -> Drone:
@@ -131,11 +131,11 @@ class Referee(Protocol):
     """The truth of a simulation, for reports and evaluations only."""
 
     def truth(self) -> Truth:
-        """Return the truth of this moment."""
+        """Return the present truth."""
         ...
 
     def ground(self) -> Ground | None:
-        """Return the place's ground; None where it is not known, and coverage is not measured."""
+        """Return the ground of the scene; None if unknown, then coverage is not measured."""
         ...
 
     def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
@@ -149,7 +149,7 @@ class Referee(Protocol):
 
 @runtime_checkable
 class Segmenter(Protocol):
-    """Frame in, class map out."""
+    """Makes class maps from frames."""
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return a class id for every pixel of the (resized) frame."""
@@ -158,7 +158,7 @@ class Segmenter(Protocol):
 
 @runtime_checkable
 class DepthEstimator(Protocol):
-    """Frame in, depth map out."""
+    """Makes depth maps from frames."""
 
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the depth of every pixel of the (resized) frame."""
@@ -174,14 +174,14 @@ class PolicyView:
         camera: at the class map's size.
         gimbal_pitch_rad: when the frame was captured; 0 level, negative down.
         height_above_carpet_m: when the frame was captured.
-        site_map: the map of the place, `near` among it: obstacles near the drone, also those out
-            of view; None without `MapSite`.
-        corridor: how far the path is free; None without depth in the tree.
+        site_map: the site map. Its `near` has the obstacles near the drone, including those out of
+            view. None without `MapSite`.
+        corridor: the free distance ahead; None without depth in the tree.
         recent: the pixels of the last seconds; None without `RememberViews`.
-        turning: a turn under way: +1 clockwise, -1 counter-clockwise, 0 none.
-        full_turns: full turns in a row that found no free path: less clearance may do.
-        tie_break: a uniform draw from [0, 1), so that policies stay pure.
-        clearances: distances that routes keep in the place.
+        turning: direction of the present turn: +1 clockwise, -1 counter-clockwise, 0 none.
+        full_turns: full turns in a row without a free path; the policy may accept less clearance.
+        tie_break: a random number, uniform in [0, 1), so that policies stay pure.
+        clearances: distances that routes keep.
     """
 
     class_map: ClassMap
@@ -203,23 +203,23 @@ class Advice:
 
     frame_index: int
     captured_s: float  # of the frame
-    x_m: float  # where the body was then: `RecentViews`' frame
+    x_m: float  # position of the body at that time, in the frame of `RecentViews`
     y_m: float
     yaw_rad: float
     height_above_carpet_m: float
     gimbal_pitch_rad: float
-    turning: int  # the turn under way when the policy was asked, as in `PolicyView`
+    turning: int  # as in `PolicyView`
     full_turns: int
-    answer: Answer  # with that turn under way
-    fresh: Answer  # to the same view with none
+    answer: Answer  # with that `turning`
+    fresh: Answer  # to the same view with `turning` 0
 
 
 @runtime_checkable
 class LeafPolicy(Protocol):
-    """Where to go next. Pure: the same view gives the same answer."""
+    """Decides where to fly next. Pure: the same view gives the same answer."""
 
     def decide(self, view: PolicyView) -> Answer:
-        """Return the next movement, or that there is none."""
+        """Return the answer to a view."""
         ...
 
 
@@ -227,7 +227,7 @@ if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Never:
         if name == "Decision":
-            # An AttributeError's text would be lost in `from uav_bt.protocols import Decision`.
+            # An AttributeError would lose its text in `from uav_bt.protocols import Decision`.
             raise ImportError(
                 "uav_bt.protocols has no Decision any more: a policy returns Advance, FollowLeg, "
                 "Rotate, Blocked or Done of uav_bt.answers"

@@ -1,7 +1,7 @@
-"""YAML files as typed values: every problem of a file at once, each with its line.
+"""YAML files as typed values: all problems of a file at once, each with its line.
 
-A file's form is a dataclass (or any type that pydantic knows); pydantic checks the values, PyYAML
-knows the lines. Checks of a dataclass itself go into its `__post_init__` and raise ValueRangeError:
+The form of a file is a dataclass (or another type for pydantic). pydantic checks the values; PyYAML
+gives the lines. Further checks go into `__post_init__` of the dataclass and raise ValueRangeError:
 
     @dataclass(frozen=True, kw_only=True)
     class Room:
@@ -50,7 +50,7 @@ class YamlFile(Generic[T]):
         path: the file.
         value: its content.
         places: all its values.
-        failure: what `error` returns.
+        failure: class of the error that `error` returns.
     """
 
     path: Path
@@ -59,11 +59,11 @@ class YamlFile(Generic[T]):
     failure: type[FileError]
 
     def line(self, *steps: str | int) -> int:
-        """Return the line of a value, by the keys and indices that lead to it."""
+        """Return the line of a value, given by keys and indices."""
         return self.places.line(steps)
 
     def error(self, message: str, *steps: str | int) -> FileError:
-        """Return an error about a value, by the keys and indices that lead to it."""
+        """Return an error about a value, given by keys and indices."""
         return self.failure(self.path, located(steps, message), self.line(*steps))
 
 
@@ -79,13 +79,13 @@ def read_yaml(
 
     Args:
         path: the file. Validators find its folder in their context, as `folder`.
-        form: the type of its content; keys that it does not have are refused.
+        form: the type of its content; other keys are refused.
         what: the kind of file, for messages.
-        failure: the error that is raised.
-        remedy: what to do when there is no such file.
+        failure: class of the error.
+        remedy: advice for a missing file.
 
     Raises:
-        FileError: the file is absent, no YAML, or not of that form; every problem on a line.
+        FileError: the file is absent, not YAML, or not of that form; one line per problem.
     """
     with reading(path, failure):
         if not path.exists():
@@ -95,7 +95,7 @@ def read_yaml(
     try:
         root = yaml.compose(text, Loader=BoundedLoader)
         content = {} if root is None else places.plain(root, ())
-        # JSON in strict mode: lists for tuples, texts for paths, but no number for a text.
+        # JSON's strict mode takes lists for tuples and texts for paths, but no number for a text.
         validated = _adapter(cast("Any", form)).validate_json(
             json.dumps([content]), context={"folder": path.parent}
         )
@@ -122,18 +122,18 @@ def read_yaml(
 
 @functools.cache
 def _adapter(form: Any) -> TypeAdapter[tuple[Any]]:
-    # A dataclass cannot be given a config from outside; what stands in a tuple inherits it.
+    # A dataclass takes no config from outside, but an element of a tuple inherits the tuple's.
     config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
     one: Any = tuple[form]
     return TypeAdapter(one, config=config)
 
 
-# --- what pydantic finds wrong with them ----------------------------------------------------------
+# --- pydantic's errors as problems ----------------------------------------------------------------
 
 
 def _problems(places: Places, error: ValidationError, form: Any) -> list[tuple[int, str]]:
     """Return lines and texts of all problems, in the order of the lines."""
-    expected: dict[Steps, list[str]] = {}  # the branches of a union fail at one place
+    expected: dict[Steps, list[str]] = {}  # all branches of a union fail at one place
     found: list[tuple[Steps, str]] = []
     for item in error.errors(include_url=False):
         kind, steps = item["type"], item["loc"][1:]
@@ -146,7 +146,7 @@ def _problems(places: Places, error: ValidationError, form: Any) -> list[tuple[i
             found.append((known, f"unknown key{hint} (known: {', '.join(keys)})"))
         elif kind == "value_error":
             found.append((known, str(item["ctx"]["error"])))
-        elif kind == "json_invalid":  # nested too deeply, half a surrogate pair
+        elif kind == "json_invalid":  # nested too deeply, or half a surrogate pair
             found.append((known, f"not valid YAML: {item['ctx']['error']}"))
         elif steps[-1:] == ("[key]",):
             found.append((known, f"expected {_expected(item, form)} as key, got '{steps[-2]}'"))
@@ -182,7 +182,7 @@ def _schema(form: Any) -> dict[str, Any]:
 
 
 def _form_at(form: Any, steps: Steps) -> dict[str, Any]:
-    """Return the JSON schema of a place."""
+    """Return the JSON schema at a place."""
     part = whole = _schema(form)
     for step in (*steps, None):
         while "$ref" in part or "anyOf" in part:

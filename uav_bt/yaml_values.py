@@ -1,4 +1,4 @@
-"""What stands in a YAML file, as plain values with their lines; bounded, whatever aliases do."""
+"""The content of a YAML file as plain values with their lines; bounded, also with aliases."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import yaml
 
-Steps = tuple[str | int, ...]  # keys of mappings and indices of lists that lead to a value
+Steps = tuple[str | int, ...]  # path to a value: keys of mappings and indices of lists
 
-_MAX_SIZE: Final = 500_000  # characters and values; aliases of aliases make billions of a few lines
+_MAX_SIZE: Final = 500_000  # characters and values; a few lines of nested aliases can make billions
 _MAX_DEPTH: Final = 40
 _MAX_SHOWN: Final = 80  # characters of a value in a message
 _MAX_INTEGER: Final = 2**63
@@ -16,12 +16,12 @@ _COLLECTIONS: Final = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 
 
 class BoundedLoader(yaml.SafeLoader):
-    """PyYAML's, which otherwise goes as deep as Python's recursion."""
+    """PyYAML's safe loader with bounded depth; it recurses."""
 
     _depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """Compose a node, and refuse one that stands too deep."""
+        """Compose a node; refuse one that is nested too deeply."""
         if self._depth > _MAX_DEPTH:
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
             problem = f"nested deeper than {_MAX_DEPTH}"
@@ -33,14 +33,14 @@ class BoundedLoader(yaml.SafeLoader):
 
 
 class RefusedValueError(yaml.MarkedYAMLError):
-    """A value that no form has."""
+    """A value that is refused for every form."""
 
     def __init__(self, node: yaml.Node, steps: Steps, text: str) -> None:
         super().__init__(problem=located(steps, text), problem_mark=node.start_mark)
 
 
 class Places:
-    """The line of each value of a file, and the value in words."""
+    """Line and text of each value of a file."""
 
     def __init__(self) -> None:
         self._left = _MAX_SIZE
@@ -48,23 +48,23 @@ class Places:
         self._found: dict[Steps, tuple[int, str]] = {(): (1, "nothing")}  # line, in words
 
     def line(self, steps: Steps) -> int:
-        """Return the line of a value, or of the last step to it that exists."""
+        """Return the line of a value, or of the last existing step to it."""
         return self._found[self.known(steps)][0]
 
     def shown(self, steps: Steps) -> str:
-        """Return a value in words."""
+        """Return the text of a value."""
         return self._found[self.known(steps)][1]
 
     def known(self, steps: Steps) -> Steps:
-        """Return the steps that exist: no missing key, no name that pydantic gives a branch."""
+        """Return the existing steps, without missing keys and pydantic's names of branches."""
         known: Steps = ()
         for step in steps:
             known = (*known, step) if (*known, step) in self._found else known
         return known
 
     def plain(self, node: yaml.Node, steps: Steps, key: yaml.Node | None = None) -> Any:
-        """Return a node as numbers, texts, lists and mappings; nothing else is made of it."""
-        if len(steps) > _MAX_DEPTH:  # an alias of what it stands in
+        """Return a node as numbers, texts, lists and mappings only."""
+        if len(steps) > _MAX_DEPTH:  # an alias that contains itself
             raise RefusedValueError(node, (), f"nested deeper than {_MAX_DEPTH}, aliases unfolded")
         self._left -= 1 + len(steps) + (len(node.value) if isinstance(node, yaml.ScalarNode) else 0)
         if self._left < 0:
@@ -92,7 +92,7 @@ class Places:
             value = self._construct.construct_object(node)
         except yaml.YAMLError:
             raise
-        except Exception as error:  # the 45th of May; PyYAML lets out what Python makes of it
+        except Exception as error:  # PyYAML passes on Python's, as for 45 May
             known = f"{error}, " if isinstance(error, ValueError) else "not valid YAML: "
             raise RefusedValueError(node, steps, f"{known:.80}got {_shown(node)}") from error
         if isinstance(value, int) and abs(value) >= _MAX_INTEGER:
@@ -113,6 +113,6 @@ def _shown(node: yaml.Node) -> str:
 
 
 def located(steps: Steps, text: str) -> str:
-    """Return a message with the place that it is about."""
+    """Return a message with its place."""
     where = "".join(f"[{step}]" if isinstance(step, int) else f".{step:.80}" for step in steps)[1:]
     return text if not where or text.startswith(where) else f"{where}: {text}"

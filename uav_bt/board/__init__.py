@@ -1,4 +1,4 @@
-"""The mission board: typed keys, ages, proposals, and what a leaf is handed."""
+"""The mission board: typed keys, ages, proposals, and the context of leaves."""
 
 from typing import TYPE_CHECKING, Never
 
@@ -57,6 +57,6 @@ if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Never:
         if name == "OBSTACLES":
-            # An AttributeError's text would be lost in `from uav_bt.board import OBSTACLES`.
+            # An AttributeError would lose its text in `from uav_bt.board import OBSTACLES`.
             raise ImportError("the board has no OBSTACLES any more: read SITE_MAP and its `near`")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

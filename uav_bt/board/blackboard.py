@@ -1,7 +1,7 @@
-"""The mission's blackboard: typed keys, ages, and access that is declared or refused.
+"""The mission's blackboard: typed keys, ages, and declared access.
 
-py_trees' own blackboard is one store for the whole process; this one belongs to one mission, so
-that missions are isolated and a test starts empty.
+The blackboard of py_trees is one store for the whole process. This one belongs to one mission, so
+missions are isolated and a test starts empty.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ class Key(Generic[T]):
     Attributes:
         name: `{@name}` in a tree file, `@name` in a script.
         type: of its values.
-        doc: one line, for people.
-        unit: of plain numbers; typed values carry theirs in their field names.
-        writer: who writes it, for people.
-        max_age_s: a value older than this reads as none.
-        formerly: names of keys of earlier versions, in whose place this one stands. A tree file
-            with such a name is refused with the names of the successors.
+        doc: description in one line.
+        unit: of plain numbers; typed values have units in their field names.
+        writer: name of the writer, for people.
+        max_age_s: a value older than this reads as None.
+        formerly: names of earlier keys that this one replaces. A tree file with such a name is
+            refused with the names of the successors.
     """
 
     name: str
@@ -46,22 +46,22 @@ def successors(name: str, keys: Iterable[Key[Any]]) -> tuple[str, ...]:
     """Return the names of the keys that replace a key of an earlier version.
 
     Args:
-        name: of the earlier version.
-        keys: all keys that there are.
+        name: the former name.
+        keys: all keys.
     """
     return tuple(key.name for key in keys if name in key.formerly)
 
 
 @dataclass(frozen=True)
 class Reading(Generic[T_co]):
-    """What a read gives: a value that is fresh enough, or None with the age of what there was."""
+    """Result of a read: a fresh value, or None and the age of the stale one."""
 
     value: T_co | None
     age_s: float  # since capture; inf when never written
 
     @property
     def known(self) -> bool:
-        """True when there is a fresh value."""
+        """Whether there is a fresh value."""
         return self.value is not None
 
 
@@ -72,7 +72,7 @@ class _Entry:
 
 
 class Blackboard:
-    """The store of one mission. Leaves do not touch it: they go through a `BoardView`."""
+    """The store of one mission. Leaves access it through a `BoardView`."""
 
     def __init__(self, clock: Clock, keys: Iterable[Key[Any]]) -> None:
         self._clock = clock
@@ -82,7 +82,7 @@ class Blackboard:
             self.declare(key)
 
     def declare(self, key: Key[Any]) -> None:
-        """Add a key; the same key twice is fine, two keys of one name are not.
+        """Add a key. Adding it again is allowed; another key of that name is not.
 
         Raises:
             BoardAccessError: another key of that name exists.
@@ -111,7 +111,7 @@ class Blackboard:
             ) from None
 
     def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
-        """Store a value; `captured_s` is when what it describes was captured (default: now).
+        """Store a value; `captured_s` is its capture time (default: now).
 
         Raises:
             BoardAccessError: the key is unknown or the value is of another type.
@@ -133,12 +133,12 @@ class Blackboard:
         if entry is None:
             return Reading(None, math.inf)
         age_s = self._clock.now() - entry.captured_s
-        # With an epsilon: ages are differences of sums of ticks.
+        # The epsilon allows for rounding: ages are differences of sums of ticks.
         fresh = age_s <= key.max_age_s + 1e-9
         return Reading(cast("T", entry.value) if fresh else None, age_s)
 
     def value(self, key: Key[T]) -> T | None:
-        """Return the value when it is fresh, else None: `read` without the age, and quicker."""
+        """Return the value if it is fresh, else None: `read` without the age, but faster."""
         entry = self._entries.get(key.name)
         if entry is None or key.max_age_s == math.inf:
             return None if entry is None else cast("T", entry.value)
@@ -149,12 +149,12 @@ class Blackboard:
         self._entries.pop(key.name, None)
 
     def snapshot(self) -> dict[str, tuple[Any, float]]:
-        """Return (value, capture time) of everything written, for records and displays."""
+        """Return (value, capture time) by key name, for records and displays."""
         return {name: (entry.value, entry.captured_s) for name, entry in self._entries.items()}
 
 
 class BoardView:
-    """One leaf's window on the board: what it declared, nothing else."""
+    """Access of one leaf to the board, limited to its declared keys."""
 
     def __init__(
         self,

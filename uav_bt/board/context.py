@@ -1,4 +1,4 @@
-"""What leaves get when their mission is set up (board, clock, policies), and their proposals."""
+"""The context of a mission that leaves get at setup (board, clock, policies), and proposals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement
 
 
 class Proposals:
-    """What the leaves of one tick asked for; emptied before each tick."""
+    """The proposals of the leaves in one tick; cleared before each tick."""
 
     def __init__(self) -> None:
         self._movement: tuple[str, Movement] | None = None
@@ -31,16 +31,16 @@ class Proposals:
         return self._next_id - 1
 
     def clear(self) -> None:
-        """Forget everything proposed; ids go on counting."""
+        """Drop all proposals; ids continue."""
         self._movement = None
         self._gimbal = None
 
     def propose(self, owner: str, movement: Movement) -> None:
-        """Ask for a movement.
+        """Propose a movement.
 
         Raises:
-            TypeError: it is no movement.
-            ProposalConflictError: another leaf already asked for one in this tick.
+            TypeError: the value is not a movement.
+            ProposalConflictError: another leaf has already proposed one in this tick.
         """
         _check_type(movement, Movement, "a movement")
         if self._movement is not None and self._movement[0] != owner:
@@ -50,11 +50,11 @@ class Proposals:
         self._movement = (owner, movement)
 
     def propose_gimbal(self, owner: str, gimbal: GimbalTo) -> None:
-        """Ask for a camera direction.
+        """Propose a camera direction.
 
         Raises:
-            TypeError: it is no camera direction.
-            ProposalConflictError: another leaf already asked for one in this tick.
+            TypeError: the value is not a camera direction.
+            ProposalConflictError: another leaf has already proposed one in this tick.
         """
         _check_type(gimbal, GimbalTo, "a camera direction")
         if self._gimbal is not None and self._gimbal[0] != owner:
@@ -87,23 +87,22 @@ def _check_type(value: object, kind: Any, words: str) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class MissionContext:
-    """One mission's surroundings, handed to every leaf's `on_setup`.
+    """The context of one mission, passed to every leaf's `on_setup`.
 
     Attributes:
         clock: the mission's time; default: seconds since the context was made.
-        board: what leaves know; default: an empty one with the mission keys.
-        proposals: what the leaves of one tick ask for.
+        board: the mission board; default: an empty one with the mission keys.
+        proposals: the proposals of the present tick.
         policy: returns a leaf policy by its registered name, or raises `UnknownNameError`.
-        seed: of everything random in leaves.
+        seed: of all random numbers in leaves.
         inference_threads: threads of the networks' inference; one in a campaign, so that results
             do not depend on the load.
-        segmenter: replaces the network of every Segment leaf; evaluations fly on exact masks with
-            it.
+        segmenter: replaces the network of every Segment leaf, for flights on exact masks.
         ground: names of the classes that count as ground besides the carpet.
         airframe: size and reaction of the drone's body.
-        mark: size of the landing mark of the place.
-        clearances: distances that routes keep in the place.
-        stage_times_s: time that each perception stage took, seconds by stage name.
+        mark: size of the landing mark.
+        clearances: distances that routes keep.
+        stage_times_s: duration of each perception stage, seconds by stage name.
     """
 
     clock: Clock = field(default_factory=WallClock)

@@ -1,4 +1,4 @@
-"""The keys of the mission board, in one place. A plug-in contributes its own when it registers."""
+"""The keys of the mission board. A plug-in adds its keys with its leaves."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FRAME_MAX_AGE_S = 0.7
 # Greatest age of telemetry, seconds, for leaves and for the arbiter's rule "link lost". Chosen: an
 # ANAFI sends 5 samples a second; with a delay of 0.1 s and two lost samples one is 0.7 s old.
 _STATE_MAX_AGE_S = 0.7
-# The tracker carries the pad without a detection for as long as a detour round a box takes. Then an
+# Without a detection the tracker predicts the pad for the duration of a detour round a box. Then an
 # approach ends and the search begins again. Chosen.
 _HELIPAD_MAX_AGE_S = 20.0
 
@@ -53,7 +53,7 @@ CLASS_MAP: Final = Key(
 RELATIVE_DEPTH: Final = Key(
     "relative_depth",
     DepthMap,
-    "depth of every pixel as the network gives it, in no unit",
+    "depth of every pixel as the network gives it, without unit",
     writer="EstimateDepth",
     max_age_s=_FRAME_MAX_AGE_S,
 )
@@ -68,7 +68,7 @@ METRIC_DEPTH: Final = Key(
 CORRIDOR: Final = Key(
     "corridor",
     Corridor,
-    "what stands in the five-plane safety corridor",
+    "obstacles in the five-plane safety corridor",
     writer="BuildCorridor",
     max_age_s=_FRAME_MAX_AGE_S,
 )
@@ -83,22 +83,22 @@ HELIPAD: Final = Key(
 ODOMETRY: Final = Key(
     "odometry",
     MotionEstimate,
-    "where the drone is and how it moves over the ground, as the ground shows it",
+    "pose and velocity of the drone over the ground",
     writer="TrackMotion",
     max_age_s=_STATE_MAX_AGE_S,
 )
 SITE_MAP: Final = Key(
     "site_map",
     SiteMap,
-    "the map of the place: ground, obstacles, edges, objects, landing mark, and what is near",
+    "map of the site: ground, obstacles, edges, objects, landing mark, obstacles near the drone",
     writer="MapSite",
     max_age_s=_FRAME_MAX_AGE_S,
     formerly=("obstacles",),
 )
 PHASE: Final = Key(
     "phase",
-    str,  # a `Phase`, or its value where text is all there is (scripts, records)
-    "what the mission is doing: explore, search, approach, ...",
+    str,  # a `Phase`, or its value in scripts and records
+    "phase of the mission: explore, search, approach, ...",
     writer="mission leaves",
 )
 FLIGHT_HEIGHT: Final = Key(
@@ -126,7 +126,7 @@ HELD_TURN: Final = Key(
 RECENT_VIEWS: Final = Key(
     "recent_views",
     RecentViews,
-    "frames of the last seconds, and where they were captured",
+    "frames of the last seconds, and the poses of their capture",
     writer="RememberViews",
     max_age_s=_FRAME_MAX_AGE_S,
 )

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 _MAX_DEPTH: Final = 6  # of values inside values
 _MAX_ITEMS: Final = 64  # of a list or a mapping
 _MAX_CHARS: Final = 500  # of a text
-_INT_BITS: Final = 63  # what message formats can hold whatever the sign
+_INT_BITS: Final = 63  # bits that message formats can hold with any sign
 _MORE: Final = "..."
 
 
 def plain(value: object) -> Any:
     """Return a value as None, bool, int, float, str, list or dict.
 
-    Images and other arrays become their type and shape. What is too long or too deep is cut,
-    marked by `...`; any other object becomes the name of its type.
+    Images and other arrays become their type and shape. Long and deep values are cut and marked
+    by `...`. Any other object becomes the name of its type.
     """
     return _plain(value, _MAX_DEPTH)
 
@@ -97,6 +97,6 @@ def _(value: Any, depth: int) -> list[Any]:
 
 
 def _cut(text: str) -> str:
-    # A lone surrogate has no bytes in UTF-8.
+    # A lone surrogate cannot be encoded in UTF-8.
     text = text[: _MAX_CHARS + 1].encode(errors="replace").decode()
     return text if len(text) <= _MAX_CHARS else text[:_MAX_CHARS] + _MORE

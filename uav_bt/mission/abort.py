@@ -1,4 +1,4 @@
-"""The early end of a mission: why it is aborted, and whether its landing is waited for."""
+"""The early end of a mission: its reason, and whether to wait for the landing."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from uav_bt.mission.lasting import Lasting
 class Abort:
     """The one place for every reason to end a mission early.
 
-    Operator, contingencies, a tree that ended in the air: all of them request the abort here. Every
-    method but `follow` may be called from a signal handler or another thread.
+    Operator, contingencies and a tree that ends in the air request the abort here. Every
+    method except `follow` may be called from a signal handler or another thread.
 
     Args:
         grace_s: longest wait for the landing, seconds.
@@ -19,16 +19,16 @@ class Abort:
     def __init__(self, grace_s: float) -> None:
         self._grace_s = grace_s
         self._landing = Lasting()
-        self.reason: str | None = None  # None: the mission goes on
-        self.cut = False  # the motors are to be stopped
-        self.given_up = False  # the landing is not waited for
+        self.reason: str | None = None  # None: not aborted
+        self.cut = False  # stop the motors
+        self.given_up = False  # do not wait for the landing
 
     def __bool__(self) -> bool:
         """Return whether the mission is being aborted."""
         return self.reason is not None
 
     def request(self, reason: str) -> None:
-        """Ask for a landing with the next tick; the first reason counts."""
+        """Request a landing with the next tick; the first reason counts."""
         if self.reason is None:
             self.reason = reason
 
@@ -42,11 +42,11 @@ class Abort:
         self.given_up = True
 
     def follow(self, now_s: float, *, lands: bool) -> Verdict | None:
-        """Return the verdict of an aborted mission whose landing is not waited for any longer.
+        """Return the verdict of an aborted mission, None while it waits for the landing.
 
         Args:
             now_s: mission clock, seconds.
-            lands: the abort decided this tick's command.
+            lands: whether the abort decided this tick's command.
         """
         if self._landing.update(now_s, holds=lands) > self._grace_s:
             self.given_up = True

@@ -1,7 +1,7 @@
 """Height above the carpet, estimated from altimeter, rangefinder and vertical velocity.
 
-An altimeter wanders by centimetres with pressure and air flow, and everything that the camera
-places on the ground is wrong by the same share of its range. The rangefinder has no such error, but
+An altimeter drifts by centimetres with pressure and air flow. The ranges of all points that the
+camera places on the ground are wrong by the same share. The rangefinder has no such error, but
 measures to the box or the landing pad below the drone. A Kalman filter estimates the height and the
 altimeter's error; between two measurements the height follows the vertical velocity. An object
 lower than some 0.3 m cannot be distinguished from the carpet.
@@ -23,14 +23,14 @@ from numpy.typing import NDArray
 from uav_bt.types import DroneState, Frame, MeasurementTimes, Observation
 from uav_bt.types.dead_reckoning import CARRY_S
 
-_ALTIMETER: Final = np.array([1.0, 1.0])  # of the states, height and error, what each measures
+_ALTIMETER: Final = np.array([1.0, 1.0])  # measured sum of the states height and error
 _RANGEFINDER: Final = np.array([1.0, 0.0])
 _SAME_M: Final = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class CarpetHeightConfig:
-    """How the sensors err. All numbers are chosen for the twin's profiles `lab` and `harsh`.
+    """Errors of the sensors. All numbers are chosen for the twin's profiles `lab` and `harsh`.
 
     Attributes:
         altimeter_m: standard deviation of the altitude's white noise, m.
@@ -41,12 +41,12 @@ class CarpetHeightConfig:
             error of three flights of 100 s in each profile, against 0.02 and 0.04.
         gate_stds: A rangefinder further from its expected value sees another surface. An altitude
             further off means that the vertical velocity is wrong: the height begins anew.
-        gap_s: The height begins anew, too, after a longer time without velocity or altitude, s.
+        gap_s: The height also begins anew after a longer time without velocity or altitude, s.
         agree_m: Below this difference from the altimeter the rangefinder measures the carpet, m,
-            whatever the estimate.
+            independent of the estimate.
         differ_m: Above this difference it measures something else, m: the altimeter is never
             wrong by more.
-        memory_s: how far back late frames may lie, s.
+        memory_s: largest age of a frame, s.
     """
 
     altimeter_m: float = 0.03
@@ -64,30 +64,30 @@ class CarpetHeightConfig:
 class CarpetHeight:
     """Corrects the height above the carpet in telemetry and frames.
 
-    Altitude, rangefinder and vertical velocity each count at their time. The height of a
-    moment after the newest velocity is carried on by it for at most `CARRY_S`.
+    Altitude, rangefinder and vertical velocity each count at their capture time. After the newest
+    velocity the height is extrapolated for at most `CARRY_S`.
 
     Args:
-        config: how the sensors err.
+        config: errors of the sensors.
     """
 
     def __init__(self, config: CarpetHeightConfig | None = None) -> None:
         self._config = config or CarpetHeightConfig()
-        self._times: MeasurementTimes | None = None  # of the newest measurements taken in
+        self._times: MeasurementTimes | None = None  # of the newest measurements used
         self._standing_m = 0.0  # height above the carpet where the altimeter shows 0
         self._apart_m = 0.0  # the first difference of rangefinder and altimeter
-        self._ranges = False  # whether that difference has ever changed: there is a rangefinder
+        self._ranges = False  # whether that difference ever changed, by a rangefinder
         self._sunk_m: deque[tuple[float, float]] = deque()  # time, and sum of the velocity
         self._down_mps = 0.0  # the newest vertical velocity
-        self._mean_m = np.zeros(2)  # the height plus the way sunk, and the altimeter's error
+        self._mean_m = np.zeros(2)  # height plus integrated descent, and the altimeter's error
         self._covariance = np.zeros((2, 2))
-        self._frame: tuple[Frame, Frame] | None = None  # the newest, as it came and corrected
+        self._frame: tuple[Frame, Frame] | None = None  # the newest, original and corrected
 
     def corrected(self, observation: Observation, now_s: float | None = None) -> Observation:
         """Return an observation with the estimated heights above the carpet.
 
         Args:
-            observation: one after the other, of plausible measurements.
+            observation: in the order of time, with plausible measurements.
             now_s: the time of the state's height, mission clock, s; None for the state's own.
         """
         state, frame = observation.state, observation.frame
@@ -109,13 +109,13 @@ class CarpetHeight:
         return float(self._mean_m[0] - self._sunk_at(time_s))
 
     def _sunk_at(self, time_s: float) -> float:
-        """Return how far the drone has sunk by a moment, by its vertical velocity."""
+        """Return the integrated descent at a time, from the vertical velocity."""
         times_s, sunk_m = zip(*self._sunk_m, strict=True)
         ahead_s = min(max(0.0, time_s - times_s[-1]), CARRY_S)
         return float(np.interp(time_s, times_s, sunk_m) + self._down_mps * ahead_s)
 
     def _take(self, state: DroneState) -> None:
-        """Take in the measurements that are newer than those before."""
+        """Use the measurements that are newer than the former ones."""
         cfg, before, times = self._config, self._times, state.times
         self._times = times
         if before is None:
@@ -140,7 +140,7 @@ class CarpetHeight:
             self._range(state)
 
     def _climb(self, state: DroneState, passed_s: float) -> None:
-        """Take in an altitude."""
+        """Use an altitude."""
         cfg = self._config
         keeps = math.exp(-passed_s / cfg.wander_s)
         passing = np.array([1.0, keeps])
@@ -153,7 +153,7 @@ class CarpetHeight:
             self._begin(state)
 
     def _range(self, state: DroneState) -> None:
-        """Take in the rangefinder, if there is one and it measures to the carpet."""
+        """Use the rangefinder, if there is one and it measures to the carpet."""
         cfg, apart_m = self._config, state.height_m - state.altitude_m
         self._ranges |= abs(apart_m - self._apart_m) > _SAME_M
         differs_m = abs(apart_m - self._standing_m)
@@ -163,7 +163,7 @@ class CarpetHeight:
             self._measure(_RANGEFINDER, below_m, cfg.rangefinder_m, sure=agrees)
 
     def _begin(self, state: DroneState) -> None:
-        """Believe the altimeter, less the error that is known."""
+        """Start from the altimeter minus its known error."""
         cfg, error_m = self._config, float(self._mean_m[1])
         self._sunk_m.clear()
         self._sunk_m.append((state.times.velocity_s, 0.0))
@@ -176,7 +176,7 @@ class CarpetHeight:
     def _measure(
         self, slopes: NDArray[np.float64], value_m: float, std_m: float, *, sure: bool = False
     ) -> bool:
-        """Correct by a measurement; return False when it is too far off to be one of these."""
+        """Correct by a measurement; return False if it lies outside the gate."""
         off_m = value_m - float(slopes @ self._mean_m)
         variance = float(slopes @ self._covariance @ slopes) + std_m**2
         if not sure and abs(off_m) > self._config.gate_stds * math.sqrt(variance):

@@ -1,7 +1,7 @@
 """The conditions that end a mission early: battery, disobedience, no images, ground or link.
 
-The safety table (`safety.py`) answers within the tick. A condition that lasts is answered here, by
-an abort, which is a landing, or by an error where the drone is out of reach.
+The safety table (`safety.py`) answers within the tick. This module answers a lasting condition by
+an abort, which is a landing, or by an error if the drone is out of reach.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Contingencies:
     """Watches one mission for conditions that must end it.
 
     Args:
-        limits: critical battery, and for how long frames and telemetry may be missing.
+        limits: critical battery, and longest gaps of frames and telemetry.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -43,16 +43,16 @@ class Contingencies:
         drift: str | None,
         site_map: SiteMap | None = None,
     ) -> str | None:
-        """Return why the mission must be aborted with a landing; None when it goes on.
+        """Return the reason to abort the mission with a landing; None without one.
 
         Args:
             now_s: mission clock, seconds.
             state: of the drone.
             command: as it was sent in this tick.
-            override: the safety rule that decided this tick; None where the leaves did.
+            override: the safety rule that decided this tick; None if the leaves did.
             screening: of the drone's reports.
             drift: why the place cannot be held; None while it can.
-            site_map: newest map of the place; None where the mission keeps none.
+            site_map: newest site map; None if the mission keeps none.
 
         Raises:
             DroneError: the connection is lost, or no telemetry has come for too long.
@@ -72,7 +72,7 @@ class Contingencies:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Faults of the map of the place that end no mission, and its newest events."""
+        """Faults of the site map that do not end the mission, and its newest events."""
         return self._map.warnings
 
     def _out_of_touch(
@@ -87,6 +87,6 @@ class Contingencies:
         if blind_s > limits.blind_s:
             why = f": {screening.frame_fault}" if screening.frame_fault else ""
             return f"no usable frame for {blind_s:.0f} s{why}"
-        if refused_s > limits.link_lost_s:  # it is heard, and its values are impossible
+        if refused_s > limits.link_lost_s:  # telemetry arrives with impossible values
             return f"no usable telemetry for {refused_s:.0f} s: {screening.state_fault}"
         return None

@@ -1,8 +1,8 @@
-"""How much of the free ground a flight has passed over and has seen, by the truth.
+"""Share of the free ground that a flight has passed and seen, by the truth.
 
 A cell of 5 cm is *passed* once the body's centre came within 0.5 m of its middle, seen from above,
-and *seen* once its middle was in the camera's view, within 3 m of the lens and not hidden behind
-anything that stands on the ground. Free is the ground on which nothing stands.
+and *seen* once its middle was in the camera's view, within 3 m of the lens and not hidden by an
+object on the ground. Ground without an object on it is free.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class GroundCells:
     Attributes:
         x_m: the columns' middles, world metres, (columns,).
         y_m: the rows' middles, (rows,).
-        free: the cells on which nothing stands, (rows, columns).
+        free: cells without an object on them, (rows, columns).
     """
 
     def __init__(self, ground: Ground) -> None:
@@ -47,7 +47,7 @@ class GroundCells:
             self.free &= ~on_it
 
     def share(self, cells: Cells) -> float:
-        """Return which share of the free ground some cells are, 0 to 1; 0 without free ground."""
+        """Return the share of the free ground that cells cover, 0 to 1; 0 without free ground."""
         free = int(self.free.sum())
         return float((cells & self.free).sum()) / free if free else 0.0
 
@@ -72,7 +72,7 @@ def _middles(side_m: float) -> Floats:
 
 
 def _from_box(box: Footprint, x_m: Floats, y_m: Floats) -> tuple[Floats, Floats]:
-    """Return world points along a box's own axes, from its centre."""
+    """Return world points in the axes of a box, from its centre."""
     c, s = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
     dx, dy = x_m - box.x_m, y_m - box.y_m
     return c * dx + s * dy, c * dy - s * dx
@@ -88,14 +88,14 @@ class CoveragePoint:
 
 
 class CoveredGround:
-    """Follows a flight and knows how much of the ground it has covered.
+    """Follows a flight and measures its coverage of the ground.
 
     Args:
-        ground: of the place.
-        camera: the drone's; its distortion is not looked at.
+        ground: of the scene.
+        camera: of the drone; its distortion is ignored.
 
     Attributes:
-        curve: every ten seconds from the take-off command on.
+        curve: a point every ten seconds from the take-off command.
     """
 
     def __init__(self, ground: Ground, camera: CameraModel) -> None:
@@ -113,7 +113,7 @@ class CoveredGround:
         return self._cells.free & ~self._unseen
 
     def now(self, time_s: float) -> CoveragePoint:
-        """Return what is covered by now, to be kept for a time from the take-off command."""
+        """Return the present coverage as the point of a time from the take-off command."""
         return CoveragePoint(
             time_s=time_s,
             passed=self._cells.share(self._passed),
@@ -121,11 +121,11 @@ class CoveredGround:
         )
 
     def at(self, time_s: float) -> CoveragePoint | None:
-        """Return the curve's point of a time; None where the flight did not last so long."""
+        """Return the curve's point of a time; None if the flight was shorter."""
         return next((p for p in self.curve if abs(p.time_s - time_s) < _SLACK_S), None)
 
     def add(self, time_s: float, truth: Truth) -> None:
-        """Take note of a tick.
+        """Add a tick.
 
         Args:
             time_s: from the take-off command.
@@ -158,12 +158,12 @@ class CoveredGround:
         unseen[rows[seen], columns[seen]] = False
 
     def _in_view(self, lens: Pose, pitch_rad: float, x: Floats, y: Floats, reach_m: float) -> Cells:
-        """Return which ground points, (N,) each, lie in the image and near enough."""
+        """Return which ground points, (N,) each, lie in the image and within reach."""
         c, s = math.cos(lens.yaw_rad), math.sin(lens.yaw_rad)
         dx, dy = x - lens.x_m, y - lens.y_m
         level = np.stack([c * dx + s * dy, s * dx - c * dy, np.full_like(x, lens.z_m)], axis=-1)
         pixels = projection.project(level, self._camera, pitch_rad)
-        column, row = pixels[:, 0], pixels[:, 1]  # NaN behind the camera, which no bound holds
+        column, row = pixels[:, 0], pixels[:, 1]  # NaN behind the camera, in no bounds
         inside = (column >= -0.5) & (column <= self._camera.width_px - 0.5)
         inside &= (row >= -0.5) & (row <= self._camera.height_px - 0.5)
         return np.asarray(inside & (dx**2 + dy**2 <= reach_m**2))
@@ -172,8 +172,8 @@ class CoveredGround:
 def _hidden(lens: Pose, item: Standing, x_m: Floats, y_m: Floats) -> Cells:
     """Return which ground points, (N,) each, a box hides from the lens.
 
-    A sight line goes from 0 at the lens to 1 on the ground. It can only meet the box below the
-    box's top, and does so where it is over the box's footprint (slab method).
+    A line of sight goes from 0 at the lens to 1 on the ground. It meets the box where it is below
+    the box's top and over the box's footprint (slab method).
     """
     box = item.footprint
     enters = np.full(x_m.shape, max(0.0, 1.0 - item.height_m / lens.z_m))

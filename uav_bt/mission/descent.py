@@ -10,7 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 from uav_bt.protocols import Drone
 from uav_bt.types import Command, DroneState, FlyingState
 
-_DOWN = frozenset({FlyingState.LANDED, FlyingState.EMERGENCY})  # motors off, wanted or not
+_DOWN = frozenset({FlyingState.LANDED, FlyingState.EMERGENCY})  # motors off, intended or not
 
 
 @runtime_checkable
@@ -18,32 +18,32 @@ class DescentListener(Protocol):
     """A tick listener that also follows the landing after the last tick."""
 
     def on_descent(self, state: DroneState | None, reason: str) -> None:
-        """Take note of one attempt to land; must not block.
+        """Called after each landing command; must not block.
 
         Args:
-            state: the newest that is known, None before the first.
-            reason: why the drone is landed.
+            state: newest state, None before the first.
+            reason: reason for the landing.
         """
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class DescentEnd:
-    """How a descent ended."""
+    """The end of a descent."""
 
     airborne: bool  # as far as is known
-    faults: tuple[str, ...]  # errors on the way, each once
+    faults: tuple[str, ...]  # errors during the descent, each once
 
 
 class Descent:
-    """Asks a drone for a landing until it is down, a pilot has it, it is lost or time is over.
+    """Commands a landing until the drone is down or lost, a pilot has it, or time is over.
 
     Args:
         drone: connected; each of its methods may raise.
-        command_for: the command of a tick, from the newest state.
-        listeners: those that are `DescentListener` are shown each attempt.
-        grace_s: how long it goes on asking, mission clock.
-        tick_s: between two commands.
+        command_for: returns the command of a tick for the newest state.
+        listeners: each `DescentListener` among them is called after each command.
+        grace_s: longest duration, seconds of the mission clock.
+        tick_s: time between two commands, seconds.
     """
 
     def __init__(
@@ -66,13 +66,14 @@ class Descent:
         """Bring the drone down.
 
         Args:
-            reason: why, for the listeners.
-            given_up: whether the landing is not waited for; it is commanded once even then.
+            reason: for the listeners.
+            given_up: returns whether to stop waiting for the landing; it is commanded once even
+                then.
         """
         state: DroneState | None = None
         clock = self._drone.clock
         start_s = clock.now()
-        # Counted, too: a clock that stands still must not keep the program for ever.
+        # The count ends the loop if the clock stands still.
         for _ in range(math.ceil(self._grace_s / self._tick_s) + 1):
             now_s = clock.now()
             seen = self._attempt(self._drone.observe)
@@ -85,7 +86,7 @@ class Descent:
             for listener in self._listeners:
                 self._attempt(lambda: listener.on_descent(state, reason))  # noqa: B023
             if given_up() or (state is not None and state.lost):
-                break  # nobody waits for the landing, or nobody could hear of it
+                break  # nobody waits for the landing, or the drone cannot be reached
             self._attempt(lambda: clock.sleep_until(now_s + self._tick_s))  # noqa: B023
         return DescentEnd(
             airborne=state is None or not self._is_down(state), faults=tuple(self._faults)

@@ -7,7 +7,7 @@ from uav_bt.types import Airframe, CameraModel, Command, Observation
 
 
 class DroneWrapper:
-    """Passes everything on; derive from it and override members.
+    """Forwards all members to an inner drone; derive from it and override members.
 
     Args:
         drone: the inner drone, not connected.
@@ -33,12 +33,12 @@ class DroneWrapper:
 
     @property
     def referee(self) -> Referee | None:
-        """The inner drone's referee, where it is a simulated one."""
+        """The inner drone's referee; None on a real drone."""
         return self._drone.referee
 
     @property
     def scene(self) -> Scene | None:
-        """The inner drone's scene, where it is a simulated one."""
+        """The inner drone's scene; None on a real drone."""
         return self._drone.scene
 
     @property
@@ -48,14 +48,14 @@ class DroneWrapper:
 
     @property
     def tick_s(self) -> float | None:
-        """The inner drone's tick, seconds; None where the mission sets it."""
+        """The inner drone's tick, seconds; None if the mission sets it."""
         return self._drone.tick_s
 
     def connect(self) -> None:
         """Connect the inner drone.
 
         Raises:
-            DroneError: it cannot be reached.
+            DroneError: the drone cannot be reached.
         """
         self._drone.connect()
 

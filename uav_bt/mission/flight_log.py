@@ -17,7 +17,7 @@ from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
 
 @dataclass
 class _Marks:
-    """When the flight reached what; mission seconds."""
+    """Times of the flight's events, mission seconds."""
 
     take_off_s: float | None = None
     exploring_s: float | None = None
@@ -30,8 +30,8 @@ class FlightLog:
     """Listens to the runner and keeps the facts of the report.
 
     Args:
-        coverage: measures how much of the ground is covered; None where the ground is not known.
-        map_check: compares the mission's map with the truth; None where the ground is not known.
+        coverage: measures the covered ground; None if the ground is unknown.
+        map_check: compares the mission's map with the truth; None if the ground is unknown.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class FlightLog:
         self._warnings: dict[str, None] = {}  # in the order of their first time
 
     def on_tick(self, record: TickRecord) -> None:
-        """Take note of a tick."""
+        """Add a tick."""
         self._tick_s.append(record.compute_s)
         self._end_s = record.time_s
         self._warnings |= dict.fromkeys(record.warnings)
@@ -74,7 +74,7 @@ class FlightLog:
             marks.landed_s = record.time_s
 
     def _mark_phase(self, record: TickRecord) -> None:
-        """Note the start of exploring, its end, and when the landing mark was found."""
+        """Note the start and end of exploring, and the time when the landing mark was found."""
         marks, phase = self._marks, record.phase
         if marks.exploring_s is None and phase == MissionPhase.EXPLORE:
             marks.exploring_s = record.time_s
@@ -107,7 +107,7 @@ class FlightLog:
         return before[-1] if before else 0.0
 
     def _covered(self) -> dict[str, Any]:
-        """Return the report's fields of coverage that are known."""
+        """Return the known fields of coverage."""
         coverage, start_s = self._coverage, self._marks.take_off_s
         if coverage is None or start_s is None or self._end_s is None:
             return {}
@@ -138,20 +138,20 @@ class FlightLog:
         airborne_at_end: bool = False,
         lost_outputs: Mapping[str, str] | None = None,
     ) -> FlightReport:
-        """Return the report of the flight that was listened to.
+        """Return the report of the flight.
 
         Args:
-            verdict: how it ended.
-            scene: its scene's name.
-            seed: of everything random.
+            verdict: of the flight.
+            scene: name of the scene.
+            seed: of all random numbers.
             tree: the tree file's name.
             policies: leaf policies, by node.
-            drone: what flew.
-            profile: how imperfect a simulated drone was.
-            stage_times_s: seconds that each perception stage took, every time.
+            drone: name of the drone.
+            profile: imperfections of a simulated drone.
+            stage_times_s: durations of each perception stage, seconds.
             slow_leaves_s: the longest time of leaves that blocked, seconds, by path.
             airborne_at_end: whether the drone was left in the air.
-            lost_outputs: what followed the flight and failed, and why.
+            lost_outputs: displays and records that failed, with the reason.
         """
         marks, truth = self._marks, self._last_truth
         start = marks.take_off_s

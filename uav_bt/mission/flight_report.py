@@ -63,17 +63,17 @@ class FlightReport:
     coverage_seen_90s: float | None = None
     coverage_seen: float | None = None
     coverage_curve: list[list[float]] = field(default_factory=list)  # [t, passed, seen] every 10 s
-    # How the mission's map agrees with the truth; None without a map or a referee.
-    objects_found: int | None = None  # of the place's objects, on the map within 0.5 m
-    objects_total: int | None = None  # how many stand in the place
-    object_errors_m: list[float] | None = None  # of the found ones' positions
-    false_objects: int | None = None  # on the map, and none of the place's
-    # From the true position to the one that the map gives the drone, aligned at the take-off: so
-    # many seconds after the take-off command, and at the end.
+    # Agreement of the mission's map with the truth; None without a map or a referee.
+    objects_found: int | None = None  # true objects that the map has within 0.5 m
+    objects_total: int | None = None  # number of true objects
+    object_errors_m: list[float] | None = None  # position errors of the found objects
+    false_objects: int | None = None  # objects on the map without a true one
+    # Distance from the drone's true position to its position on the map, aligned at the take-off:
+    # 90 s and 180 s after the take-off command, and at the end.
     map_drift_90s_m: float | None = None
     map_drift_180s_m: float | None = None
     map_drift_m: float | None = None
-    map_restarts: int | None = None  # how often the mission gave its map up
+    map_restarts: int | None = None  # number of times that the mission began its map again
     ticks: int
     tick_ms: Percentiles | None
     perception_ms: dict[str, Percentiles | None] = field(default_factory=dict)
@@ -81,9 +81,9 @@ class FlightReport:
     slow_leaves: dict[str, float] = field(default_factory=dict)
     # Faults of the drone's motion or of the map that did not end the mission.
     warnings: list[str] = field(default_factory=list)
-    # Whether the drone was still in the air when the program left it, as far as is known.
+    # Whether the drone may still have been in the air when the program ended.
     airborne_at_end: bool = False
-    # What follows a flight (displays, records) and failed on the way: what, and why.
+    # Displays and records that failed during the flight, with the reason.
     lost_outputs: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
@@ -91,7 +91,7 @@ class FlightReport:
         return asdict(self)
 
     def __str__(self) -> str:
-        """Return a line for each value that was reached."""
+        """Return a line for each value that is not None."""
         return "\n".join(f"{name}: {value}" for name, value in self._reached())
 
     def _repr_html_(self) -> str:
@@ -116,6 +116,6 @@ def write_report(report: FlightReport, path: Path) -> None:
     """Write a report as JSON; a reader never sees half of it.
 
     Raises:
-        FileError: it cannot be written.
+        FileError: the file cannot be written.
     """
     write_whole(path, json.dumps(report.to_json(), indent=2) + "\n")

@@ -9,16 +9,16 @@ from uav_bt.tree import MissionTree
 from uav_bt.tree.budget import BudgetWatch
 
 NextTree = Callable[[], MissionTree | None]
-"""Asked between two ticks: a tree that is set up and flies from now on, or None for no other."""
+"""Called between two ticks: returns a new tree, set up, or None to keep the present one."""
 
 
 class FlownTree:
-    """The tree that flies: one for the whole flight, or one after another.
+    """The tree that flies, which may be replaced in flight.
 
     Args:
         tree: the first one, set up.
-        next_tree: asked for another; None where the first one flies the whole flight.
-        timer: the wall clock that leaves are measured with, seconds.
+        next_tree: returns a replacement; None keeps the first tree for the whole flight.
+        timer: wall clock for the computing time of leaves, seconds.
     """
 
     def __init__(
@@ -33,13 +33,13 @@ class FlownTree:
         self._next_tree = next_tree
 
     def renew(self) -> None:
-        """Let the next tree fly, where there is one; to be called between two ticks.
+        """Switch to the next tree, if there is one; call it between two ticks.
 
-        The old one is halted first. The new one begins at its root, on the same board, and its
-        leaves may go on from what those of the old one know. Then the old one is shut down.
+        The old tree is halted first. The new one begins at its root, on the same board, and its
+        leaves may inherit the state of the old ones. Then the old tree is shut down.
 
         Raises:
-            NodeFailedError: a leaf raised when it was halted, took over or was shut down.
+            NodeFailedError: a leaf raised when it was halted, inherited or was shut down.
         """
         tree = None if self._next_tree is None else self._next_tree()
         if tree is None:

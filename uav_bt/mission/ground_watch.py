@@ -15,13 +15,13 @@ _LOG: Final = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class GroundWatchConfig:
-    """When ground and telemetry disagree.
+    """Thresholds of a disagreement between ground and telemetry.
 
     Attributes:
         off_mps: greatest error of telemetry's velocity, m/s. Chosen: four times the noise of the
             twin's velocity (0.02 m/s).
-        off_s: an error of less than this time is not named, seconds. Chosen: twice the correlation
-            time of the twin's gusts.
+        off_s: shortest duration of a reported error, seconds. Chosen: twice the correlation time of
+            the twin's gusts.
     """
 
     off_mps: float = 0.08
@@ -29,12 +29,12 @@ class GroundWatchConfig:
 
 
 class GroundWatch:
-    """Names a difference between the motion over the ground and telemetry's velocity.
+    """Reports a difference between the motion over the ground and telemetry's velocity.
 
     The mission flies by the ground in any case (`uav_bt.mission.position_hold`).
 
     Args:
-        config: when they disagree.
+        config: thresholds.
     """
 
     def __init__(self, config: GroundWatchConfig | None = None) -> None:
@@ -43,7 +43,7 @@ class GroundWatch:
         self.warning: str | None = None  # while they disagree
 
     def update(self, motion: MotionEstimate | None, now_s: float) -> None:
-        """Look at the estimate of a tick.
+        """Check the estimate of a tick.
 
         Args:
             motion: over the ground; None where it is unknown.

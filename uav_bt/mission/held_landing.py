@@ -1,4 +1,4 @@
-"""A landing that is flown down by velocities, so that the place is held, to the drone's own."""
+"""A landing by velocities, which hold the place, until the drone's own landing takes over."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ class HeldLandingConfig:
     """Speed and end of a held landing.
 
     Attributes:
-        speed_per_s: speed for a metre of height above the surface below, 1/s. Chosen: from 0.75 m
+        speed_per_s: speed per metre of height above the surface below, 1/s. Chosen: from 0.75 m
             down the drone slows, and arrives at `own_from_m` with the least speed.
         least_mps: least speed, metres per second. Chosen: below the 0.25 m/s of the
             twin's touch-down.
         most_mps: greatest speed, metres per second. Chosen: the twin's own landing has 0.5 m/s.
         own_from_m: height at which the drone's own landing takes over, metres. Chosen: the own
             landing then lasts 0.8 s in the twin, in which a drift of 0.1 m/s makes 8 cm.
-        overrun: the drone's own landing takes over, too, when the ordered descent exceeds this many
-            times the height at the begin: that height does not sink as ordered. Chosen: from 0.6 m
-            above a landing box the drone may drift off the box, which adds 0.4 m.
+        overrun: the drone's own landing also takes over when the ordered descent exceeds this many
+            times the height at the begin, because the height does not sink as ordered. Chosen:
+            from 0.6 m above a landing box the drone may drift off the box, which adds 0.4 m.
 
     Raises:
         ValueRangeError: a number is not positive, or the speeds are out of order.
@@ -57,7 +57,7 @@ class HeldLanding:
         self._down_mps = 0.0
 
     def order(self, height_m: float, passed_s: float) -> float | None:
-        """Return the speed of the descent, m/s; None where the drone's own landing takes over.
+        """Return the speed of the descent, m/s; None once the drone's own landing takes over.
 
         Args:
             height_m: above the surface below, metres.

@@ -1,4 +1,4 @@
-"""The numbers of the position hold, and the velocity that the drone's orders lead to."""
+"""Numbers of the position hold, and a model of the velocity that results from orders."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uav_bt.types import Airframe
 
 Vector = tuple[float, float]  # horizontal, in the odometry's frame
 
-# s for which past velocities are kept. Chosen: longer than any telemetry is old.
+# s, memory of past velocities. Chosen: longer than the age of any telemetry.
 _PAST_S: Final = 1.0
 
 
@@ -27,7 +27,7 @@ class HoldConfig:
     disturbances of 0.1 and 0.2 m/s.
 
     Attributes:
-        gain_per_s: velocity towards the held place for each metre of distance, 1/s. Chosen: its
+        gain_per_s: velocity towards the held place per metre of distance, 1/s. Chosen: its
             time constant of 1.7 s is four times command delay and lag.
         pull_mps: greatest velocity towards the held place, m/s. Chosen: reached 0.25 m from the
             place; faster pulls tilt the drone visibly.
@@ -87,7 +87,7 @@ class HoldConfig:
 
 
 class OrderedMotion:
-    """The velocity that orders lead to without a disturbance: delayed, and behind a lag.
+    """The velocity that orders cause without a disturbance, after delay and lag.
 
     Args:
         airframe: command delay and lag.
@@ -105,7 +105,7 @@ class OrderedMotion:
 
     @property
     def steady(self) -> bool:
-        """Whether the drone has had the time to follow all orders."""
+        """Whether the drone has had time to follow all orders."""
         orders = [self._target, *(order for _, order in self._waiting)]
         return all(math.dist(order, self.mps) < self._steady_mps for order in orders)
 
@@ -126,9 +126,9 @@ class OrderedMotion:
             self._past.popleft()
 
     def at(self, time_s: float) -> Vector:
-        """Return the velocity at a moment of the last second, for telemetry that is older than now.
+        """Return the velocity at a time within the last second, for older telemetry.
 
-        The present velocity stands in where none is kept: at first, and after `reset`.
+        Without a stored value, at first and after `reset`, it is the present velocity.
         """
         return next((mps for past_s, mps in self._past if past_s >= time_s), self.mps)
 
@@ -137,7 +137,7 @@ class OrderedMotion:
             self._target = self._waiting.popleft()[1]
 
     def reset(self, mps: Vector) -> None:
-        """Begin with a velocity that earlier orders did not cause."""
+        """Restart with a velocity that earlier orders did not cause."""
         self._waiting.clear()
         self._past.clear()
         self._target = self.mps = mps

@@ -1,4 +1,4 @@
-"""When a flight has ended, and how. The first violation ends it."""
+"""Decides when and how a flight has ended. The first violation ends it."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class JudgeConfig:
             timeout. Chosen: networks load within seconds.
         landing_surfaces: shapes of the simulation that the drone may touch while it takes off or
             lands, by the beginning of their names.
-        must_land_on_pad: a simulated flight must end on the pad; False for missions that land where
-            they are.
+        must_land_on_pad: whether a simulated flight must end on the pad; False for missions that
+            land elsewhere.
 
     Raises:
         ValueRangeError: the time limit is not positive.
@@ -66,7 +66,7 @@ _MAY_TOUCH_GROUND = frozenset(
 
 
 class Judge:
-    """Watches a flight; knows the truth where there is a referee, and the telemetry otherwise."""
+    """Watches a flight, by the referee's truth if there is one, else by telemetry."""
 
     def __init__(self, config: JudgeConfig | None = None) -> None:
         self._config = config or JudgeConfig()
@@ -94,15 +94,15 @@ class Judge:
         abort_reason: str | None,
         landing: bool = False,
     ) -> Verdict | None:
-        """Return how the flight ended, None while it goes on.
+        """Return the verdict on the flight, None while it goes on.
 
         Args:
             now_s: the mission clock's time.
             state: of the drone.
-            truth: of this moment, where there is a referee.
+            truth: of this tick; None without a referee.
             tree_status: of the mission's tree.
-            abort_reason: why the mission is being aborted; None when it is not.
-            landing: the mission lands, whether the drone says so yet or is still flown down.
+            abort_reason: why the mission is being aborted; None if it is not.
+            landing: whether the mission lands, by velocities or by the drone's own landing.
         """
         self._lands = landing or state.flying in _MAY_TOUCH_GROUND
         if self._started_s is None:

@@ -1,4 +1,4 @@
-"""How long a condition has held."""
+"""Duration for which a condition has held."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Final
 
 
 class Lasting:
-    """Measures how long a condition has held without a gap.
+    """Measures for how long a condition has held without a gap.
 
     Args:
         gap_s: a shorter gap does not end it, seconds. Default: chosen, so that a video whose
@@ -19,14 +19,14 @@ class Lasting:
     def __init__(self, *, gap_s: float = _GAP_S) -> None:
         self._gap_s = gap_s
         self._since_s: float | None = None  # None: it does not hold
-        self._last_s = 0.0  # when it held last
+        self._last_s = 0.0  # last time at which it held
 
     def update(self, now_s: float, *, holds: bool) -> float:
-        """Return for how many seconds it has held, 0 in a tick in which it does not.
+        """Return the seconds for which the condition has held, 0 if it does not hold.
 
         Args:
             now_s: mission clock, seconds.
-            holds: whether it holds in this tick.
+            holds: whether the condition holds in this tick.
         """
         ends = self._gap_s > 0.0 or not holds
         if ends and now_s - self._last_s > self._gap_s:
@@ -39,5 +39,5 @@ class Lasting:
         return now_s - self._since_s
 
     def reset(self) -> None:
-        """Begin anew: it has not held."""
+        """Restart, as if the condition had not held."""
         self._since_s = None

@@ -1,4 +1,4 @@
-"""The limits of every movement, velocities and the distance of a stop included."""
+"""Limits of every movement, including the distance that a stop needs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from uav_bt.types import Airframe, DroneState, MoveBy, Movement, Velocity, clamp
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What no leaf may exceed, and when the drone is landed whatever the leaves want.
+    """Limits of movements, and conditions that land the drone regardless of the leaves.
 
     The greatest ages of frames and telemetry are those of the board keys `frame` and `state`
     (`uav_bt.board.keys`).
@@ -65,9 +65,9 @@ def limit_movement(
         movement: the movement to fly.
         state: newest telemetry.
         limits: of every movement.
-        airframe: how late the drone answers, and how hard it brakes.
+        airframe: delay, lag and braking of the drone.
         state_age_s: age of the telemetry, seconds.
-        landing: the movement is part of a landing, whose speed alone is bounded.
+        landing: whether the movement is part of a landing, which is limited in speed only.
     """
     height_m = state.height_above_carpet_m
     up_m = max(0.0, limits.ceiling_m - height_m)
@@ -101,7 +101,7 @@ def limit_movement(
 def approach_speed_mps(room_m: float, airframe: Airframe, state_age_s: float) -> float:
     """Return the greatest speed towards a bound that a drone stops at without crossing it.
 
-    The drone is given a new velocity in every tick and answers late. A loop x' = -k x with a dead
+    The drone gets a new velocity in every tick and follows it late. A loop x' = -k x with a dead
     time d and a lag T approaches zero without crossing it for k <= 1 / (e d) where T = 0 and for
     k <= 1 / (4 T) where d = 0; 1 / (e d + 4 T) lies below the bound of every mixture. The distance
     of braking, v^2 / (2 a), comes on top:

@@ -1,7 +1,7 @@
-"""Where a mission's map lies in the world: for reports and displays, which know the truth.
+"""Placement of a mission's map in the world, for reports and displays with the truth.
 
 The map's frame has x along the yaw that the drone reports as 0, y to its right and yaw clockwise;
-the world has z up and yaw counter-clockwise. So a point of the map is mirrored, turned and moved.
+the world has z up and yaw counter-clockwise. A point of the map is mirrored, turned and moved.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from uav_bt.types.site_map import SiteMap
 Floats = NDArray[np.float64]
 
 _MIRROR: Final = np.array([1.0, -1.0])
-_MEAN_S: Final = 1.0  # of telemetry that the turn is the mean of: its noise is not to turn the map
+_MEAN_S: Final = 1.0  # s of telemetry over which the turn is averaged, against its noise
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapPlacement:
-    """Where a map lies in the world."""
+    """Placement of a map in the world."""
 
     frame: Pose2D  # the map's origin, and its x axis counter-clockwise from the world's
 
@@ -40,29 +40,29 @@ class MapPlacement:
 
 
 class MapAlignment:
-    """Aligns a map with the world: by the drone's pose in both where the map began."""
+    """Aligns a map with the world by the drone's pose in both when the map began."""
 
     def __init__(self) -> None:
         self._first_s: float | None = None
         self._x_axis = complex(0.0)  # of the map in the world: the sum of its directions
-        self._began: tuple[Pose2D, Pose2D] | None = None  # the drone in the map and in the world
+        self._began: tuple[Pose2D, Pose2D] | None = None  # the drone's pose in map and world
         self._restarts = 0
 
     def add(
         self, time_s: float, pose: Pose2D, reported_yaw_rad: float, site_map: SiteMap | None
     ) -> None:
-        """Take note of a tick, from the flight's first on.
+        """Add a tick, beginning with the flight's first.
 
         Args:
             time_s: of the mission clock.
-            pose: of the drone in the world then.
-            reported_yaw_rad: as its telemetry says, clockwise.
-            site_map: as the mission knows it in that tick, None before it has one.
+            pose: of the drone in the world in that tick.
+            reported_yaw_rad: yaw of its telemetry, clockwise.
+            site_map: the mission's map in that tick, None before it has one.
         """
         if self._first_s is None:
             self._first_s = time_s
         if time_s - self._first_s <= _MEAN_S:
-            # By what the drone reports it is turned clockwise from the map's x axis.
+            # The reported yaw is the drone's turn from the map's x axis, clockwise.
             self._x_axis += cmath.rect(1.0, pose.yaw_rad + reported_yaw_rad)
         if site_map is None:
             return
@@ -71,7 +71,7 @@ class MapAlignment:
 
     @property
     def placement(self) -> MapPlacement | None:
-        """Where the map lies; None before there is one."""
+        """Placement of the map; None before there is a map."""
         if self._began is None:
             return None
         believed, true = self._began

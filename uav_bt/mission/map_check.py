@@ -1,4 +1,4 @@
-"""How well the map that a mission makes agrees with the place, by the truth."""
+"""Compares the mission's map with the truth."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from uav_bt.mission.tick import TickRecord
 from uav_bt.types.ground import Ground, Standing
 from uav_bt.types.site_map import MapObject, SiteMap
 
-FOUND_M: Final = (
-    0.5  # an object of the place is found when one of its class is this near on the map
-)
+FOUND_M: Final = 0.5  # m, largest distance from a true object to its counterpart on the map
 _SAMPLES_S: Final = (90.0, 180.0)  # from the take-off command
 _SLACK_S: Final = 1e-6
 
@@ -24,8 +22,8 @@ class MapCheck:
     """Follows a flight and compares its map with the truth.
 
     Args:
-        ground: of the place, and what stands on it.
-        read: returns the mission's map as it is now; None where there is none.
+        ground: of the scene, with the objects on it.
+        read: returns the mission's present map; None if there is none.
     """
 
     def __init__(self, ground: Ground, read: Callable[[], SiteMap | None]) -> None:
@@ -37,11 +35,11 @@ class MapCheck:
         self._samples_m: dict[float, float] = {}
 
     def add(self, record: TickRecord, *, since_s: float | None) -> None:
-        """Take note of a tick, from the flight's first on.
+        """Add a tick, beginning with the flight's first.
 
         Args:
             record: of the tick.
-            since_s: when the take-off command was sent; None before.
+            since_s: time of the take-off command; None before it.
         """
         site_map, truth = self._read(), record.truth
         if truth is None:
@@ -82,14 +80,14 @@ class MapCheck:
 def matches(
     believed: Sequence[MapObject], standing: Sequence[Standing], placement: MapPlacement
 ) -> list[float]:
-    """Return how far objects of a map are from those of the place that they are, metres.
+    """Return the distances of matched objects of map and scene, metres.
 
-    An object stands for one of its class within half a metre, the nearest pairs first; each for
-    one at most.
+    Objects of one class within half a metre are matched, the nearest pairs first, each object at
+    most once.
 
     Args:
-        believed: the map's.
-        standing: the place's.
+        believed: objects of the map.
+        standing: objects of the scene.
         placement: of the map in the world.
     """
     places_m = placement.to_world(np.array([(one.x_m, one.y_m) for one in believed]).reshape(-1, 2))

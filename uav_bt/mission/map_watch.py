@@ -1,4 +1,4 @@
-"""Says what is wrong with the mission's map of the place, and when it cannot be flown by at all."""
+"""Reports faults of the site map, and when nothing can be flown by it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ _LOG: Final = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class MapWatchConfig:
-    """When a map is useless, and for how long an event is shown.
+    """Thresholds of a useless map, and how long an event is shown.
 
     Attributes:
-        no_ground_s: views that have shown no ground for so long are named ...
-        land_s: ... and where none was seen since the mission began, it is ended with a landing.
-        shown_s: what happened to the map is shown for so long.
+        no_ground_s: time without ground in view after which a warning is given, seconds.
+        land_s: time without ground in view after which the mission ends with a landing, if none
+            was seen since the mission began, seconds.
+        shown_s: time for which an event of the map is shown, seconds.
     """
 
     no_ground_s: float = 8.0
@@ -31,23 +32,23 @@ class MapWatch:
     """Follows the map of one mission.
 
     Args:
-        config: when a map is useless.
+        config: thresholds.
     """
 
     def __init__(self, config: MapWatchConfig | None = None) -> None:
         self._config = config or MapWatchConfig()
-        self._airborne_s: float | None = None  # since when
+        self._airborne_s: float | None = None  # start of the flight; None on the ground
         self._restarts, self._mark_moved_m = 0, 0.0
         self._has_seen_ground = False
-        self._events: dict[str, float] = {}  # until when each is shown
-        self.warnings: tuple[str, ...] = ()  # what is wrong with the map, or has happened to it
-        self.trouble: str | None = None  # why nothing can be flown by this map
+        self._events: dict[str, float] = {}  # end of the time for which each is shown
+        self.warnings: tuple[str, ...] = ()  # faults and events of the map
+        self.trouble: str | None = None  # why nothing can be flown by the map
 
     def update(self, site_map: SiteMap | None, now_s: float, *, airborne: bool) -> None:
-        """Look at the map of a tick.
+        """Check the map of a tick.
 
         Args:
-            site_map: as it is known now; None where the mission keeps none.
+            site_map: newest map; None if the mission keeps none.
             now_s: mission clock.
             airborne: whether the drone flies.
         """
@@ -71,7 +72,7 @@ class MapWatch:
                 _LOG.warning("%s", text)
 
     def _blind_s(self, site_map: SiteMap, now_s: float, *, airborne: bool) -> float:
-        """Return for how long views have shown no ground; those looking steeply down are none."""
+        """Return the time without ground in view, s; views steeply down do not count."""
         if not airborne:
             self._airborne_s = None
             return 0.0
@@ -80,7 +81,7 @@ class MapWatch:
         return site_map.captured_s - max(site_map.ground_s, self._airborne_s)
 
     def _happened(self, site_map: SiteMap) -> Iterator[str]:
-        """Yield what has happened to the map since the last tick."""
+        """Yield the events of the map since the last tick."""
         if site_map.restarts > self._restarts:
             yield (
                 "the view contradicted the map, which was begun anew: was the drone moved, or its "

@@ -22,7 +22,7 @@ from uav_bt.types import (
 
 @dataclass(frozen=True, kw_only=True)
 class ObedienceConfig:
-    """How long a drone may take before it counts as disobedient.
+    """Times and thresholds after which a drone counts as disobedient.
 
     Attributes:
         start_s: longest time until a gimbal points or a landing begins, seconds; a take-off may
@@ -64,7 +64,7 @@ class ObedienceWatch:
     """Compares commands with telemetry, tick by tick.
 
     Args:
-        config: how long a drone may take.
+        config: times and thresholds.
     """
 
     def __init__(self, config: ObedienceConfig | None = None) -> None:
@@ -78,15 +78,15 @@ class ObedienceWatch:
         self._asked_rad = self._turned_rad = 0.0  # ordered turns, and telemetry's share in them
         self._turning = Lasting(gap_s=0.0)  # ordered by velocity in one direction
         self._direction = 0.0  # of that turn: 1 clockwise, -1 counter-clockwise
-        self._move_turned_rad = 0.0  # by telemetry, during the movement in hand
-        self._ended = False  # whether the end of that movement was heard
+        self._move_turned_rad = 0.0  # by telemetry, during the present movement
+        self._ended = False  # whether telemetry reported the end of that movement
         self._interrupted = self._undone = 0  # movements in a row
         self._gimbal_rad: float | None = None
         self._drift_m = [0.0, 0.0]
         self._hover_s = 0.0
 
     def complaint(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        """Return how the drone disobeys, None while it obeys.
+        """Return a complaint about a disobedient drone, None while it obeys.
 
         Args:
             command: as it was sent in this tick.
@@ -119,13 +119,13 @@ class ObedienceWatch:
         return None
 
     def _movement(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        """Complain of movements in a row that the drone breaks off or does not end."""
+        """Complain about movements in a row that the drone breaks off or does not finish."""
         move = command.movement if isinstance(command.movement, MoveBy) else None
         self._hear_of(self._move, state)
         interrupted_s = self._broken_off.update(now_s, holds=self._interrupted > 0)
         lasted_s = self._unended.update(now_s, holds=self._move is not None)
         if move is None or self._move is None or move.id != self._move.id:
-            # A step that flows into the next is superseded early.
+            # A step may be superseded early by the next one.
             unended = self._move is not None and not self._ended
             if unended and lasted_s > self._config.movement_s:
                 self._undone += 1
@@ -141,7 +141,7 @@ class ObedienceWatch:
         return None
 
     def _hear_of(self, move: MoveBy | None, state: DroneState) -> None:
-        """Note the end of the movement that was commanded last."""
+        """Note the end of the newest movement."""
         status = state.movement
         if move is None or self._ended or status is None or status.id != move.id:
             return
@@ -156,10 +156,10 @@ class ObedienceWatch:
     def _not_turning(
         self, command: Command, passed_s: float, turned_rad: float, now_s: float
     ) -> str | None:
-        """Complain of a drone that does not turn in the ordered direction.
+        """Complain about a drone that does not turn in the ordered direction.
 
-        A turn by velocity counts while it lasts, one by `MoveBy` when it is done. Heading noise
-        adds up to nothing: turns the other way count as negative.
+        A turn by velocity counts while it lasts, one by `MoveBy` when it is done. Turns the other
+        way count as negative, so heading noise averages out.
         """
         movement = command.movement
         rate_radps = movement.yaw_rate_radps if isinstance(movement, Velocity) else 0.0
@@ -187,7 +187,7 @@ class ObedienceWatch:
         return None
 
     def _drifting(self, command: Command, state: DroneState, passed_s: float) -> str | None:
-        """Complain of a drone that is carried away while it hovers."""
+        """Complain about a drone that drifts while it hovers."""
         if not isinstance(command.movement, Hover) or state.flying is not FlyingState.HOVERING:
             self._drift_m = [0.0, 0.0]
             self._hover_s = 0.0

@@ -2,15 +2,15 @@
 
 A drone holds position by its velocity estimate, and drifts with the error of that estimate. The
 board's `odometry` shows the motion over the ground. The part of it that no order explains (the
-disturbance) is estimated and ordered back, and a proportional controller holds the place. The hold
-stands between the leaves' proposals and the arbiter's limits:
+disturbance) is estimated and compensated, and a proportional controller holds the place. The hold
+acts between the leaves' proposals and the arbiter's limits:
 
 hover, turn on the spot   flown as a velocity that keeps the place;
-velocity flight           flown less the disturbance;
+velocity flight           flown minus the disturbance;
 landing                   flown down by velocities that keep the place, to the height at which the
                           drone's own landing takes over;
-`MoveBy`                  flown by the drone itself: it is aimed beforehand against the drift that
-                          its duration will bring, and its goal is the place to keep afterwards.
+`MoveBy`                  flown by the drone itself. It is aimed beforehand against the expected
+                          drift, and its goal is the place to keep afterwards.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from uav_bt.types.dead_reckoning import MotionEstimate
 class HoldMode(enum.Enum):
     """The modes of the hold."""
 
-    RESTING = "resting"  # no place is kept: the motion is unknown, or another flies
+    RESTING = "resting"  # no place is kept: the motion is unknown, or a person flies
     HOVER = "hover"  # hover, turn or velocity flight are flown as velocities
     MOVE = "move"  # the drone flies a MoveBy
     LANDING = "landing"  # a landing is flown down by velocities
@@ -72,12 +72,12 @@ class PositionHold:
         self._ordered = OrderedMotion(self._airframe, self._config.steady_mps)
         self._mode = HoldMode.RESTING
         self._unordered: Vector = (0.0, 0.0)  # of telemetry's velocity: not explained by orders
-        self._learned: Vector = (0.0, 0.0)  # the disturbance when it was learned last
+        self._learned: Vector = (0.0, 0.0)  # the disturbance at the last learning
         self._here: Vector | None = None  # position in the last tick
         self._place: Vector | None = None  # None in a velocity flight and while it stops
-        self._aimed: _AimedMove | None = None  # the movement in hand in mode MOVE
+        self._aimed: _AimedMove | None = None  # the present movement in mode MOVE
         self._landing = HeldLanding(self._config.landing, 0.0)  # of mode LANDING
-        self._stopping = Lasting(gap_s=0.0)  # ordered to stop, no place chosen yet
+        self._stopping = Lasting(gap_s=0.0)  # ordered to stop, but no place chosen yet
         self._last_s = self._learns_from_s = -math.inf
         self._holds = False  # a hover is being corrected
         self._lost = Lasting()
@@ -95,7 +95,7 @@ class PositionHold:
         """Return the movement as it should be flown.
 
         Args:
-            movement: as it was proposed.
+            movement: the proposed one.
             state: newest telemetry.
             motion: over the ground; None where it is unknown.
             now_s: mission clock, seconds.
@@ -126,7 +126,7 @@ class PositionHold:
             self._holds = math.hypot(*extra) > min_mps
             if not self._holds:
                 return movement
-        # The drone will have turned on by the time at which the order takes effect.
+        # The drone turns on until the order takes effect.
         yaw_rad = motion.pose.yaw_rad + order.yaw_rate_radps * self._airframe.command_delay_s
         forward_mps, right_mps = rotate(*extra, -yaw_rad)
         return replace(
@@ -146,10 +146,10 @@ class PositionHold:
         """Note the movement that was decided in this tick.
 
         Args:
-            movement: as it is sent.
+            movement: the one sent.
             motion: over the ground; None where it is unknown.
             now_s: mission clock, seconds.
-            rests: a safety rule decided, not the leaves.
+            rests: whether a safety rule decided, not the leaves.
         """
         self._watch.update(motion, now_s)
         if isinstance(movement, Land):
@@ -164,7 +164,7 @@ class PositionHold:
         self._ordered.order(mps, now_s)
 
     def rest(self) -> None:
-        """Give up the place: another flies, or the motion is unknown."""
+        """Drop the place: a person flies, or the motion is unknown."""
         self._mode = HoldMode.RESTING
         self._here = self._place = self._aimed = None
         self._stopping.reset()
@@ -172,7 +172,7 @@ class PositionHold:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The disagreement of ground and telemetry, while there is one."""
+        """The present disagreement of ground and telemetry, if any."""
         return () if self._watch.warning is None else (self._watch.warning,)
 
     @property
@@ -194,7 +194,7 @@ class PositionHold:
         return Velocity() if isinstance(movement, Hover) else None
 
     def _follow_leap(self, here: Vector, passed_s: float) -> bool:
-        """Carry the place along where dead reckoning leaps; return whether it does."""
+        """Shift the place with a leap of dead reckoning; return whether there was one."""
         before, self._here = self._here, here
         if before is None:
             return False
@@ -210,7 +210,7 @@ class PositionHold:
     # --- the disturbance --------------------------------------------------------------------------
 
     def _learn(self, motion: MotionEstimate, passed_s: float) -> None:
-        """Update the velocity that telemetry shows and no order explains."""
+        """Update the part of telemetry's velocity that no order explains."""
         cfg = self._config
         settled = self._ordered.steady and self._last_s >= self._learns_from_s
         if motion.untracked_s > cfg.fresh_s or not settled:
@@ -244,7 +244,7 @@ class PositionHold:
         goal: Vector | None,
         now_s: float,
     ) -> None:
-        """Choose the place to keep, or move the one that is kept by a slow order."""
+        """Choose the place to keep, or move the kept place by a slow order."""
         cfg, here = self._config, (motion.pose.x_m, motion.pose.y_m)
         if math.hypot(*wanted) > cfg.on_the_spot_mps:
             self._place = None
@@ -294,7 +294,7 @@ class PositionHold:
         return aimed
 
     def _end_move(self, state: DroneState) -> Vector | None:
-        """Forget the movement in hand; return its goal when it is done."""
+        """Drop the present movement; return its goal if it is done."""
         aimed, self._aimed = self._aimed, None
         if aimed is None:
             return None

@@ -55,7 +55,7 @@ class Check:
     good: bool
     found: str
     remedy: str = ""
-    optional: bool = False  # whether one can do without it
+    optional: bool = False  # whether a flight is possible without it
 
     def __str__(self) -> str:
         mark = "ok" if self.good else "missing" if self.optional else "NOT READY"
@@ -115,7 +115,7 @@ class _Seen:
 
 
 def _watch(drone: Drone, config: PreflightConfig, judge_frame: FrameJudge | None) -> _Seen:
-    """Observe until every check passes or the time is over: a bad frame may be the first only."""
+    """Observe until every check passes or the time is over; only the first frame may be bad."""
     clock, screening = drone.clock, Screening(drone.camera, judge_frame)
     start_s = clock.now()
     look_s = 0.0 if judge_frame is None else config.look_s
@@ -189,7 +189,7 @@ def _battery(state: DroneState, config: PreflightConfig) -> Check:
 
 def _link(state: DroneState, config: PreflightConfig) -> Check:
     if state.link is None:
-        # Not all drones rate their link; that they are heard is checked above.
+        # Not all drones rate their link; `_telemetry` checks that they are heard.
         return Check(what="link", good=True, found="its quality is not reported")
     return Check(
         what="link",

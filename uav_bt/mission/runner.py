@@ -1,4 +1,4 @@
-"""The runner: observe, tick, arbitrate, send, again, until the flight has ended."""
+"""The runner: observes, ticks, arbitrates and sends until the flight has ended."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, Ta
 
 @dataclass(frozen=True, kw_only=True)
 class RunnerConfig:
-    """How a mission is run.
+    """Pace of a mission, longest landing and position hold.
 
     Attributes:
         tick_s: length of a tick, seconds; the drone's own `tick_s` replaces it. Chosen: three
@@ -64,15 +64,15 @@ class MissionRunner:
         drone: the connected drone.
         tree: the tree, set up for the context.
         context: the board, proposals and settings that the leaves were set up with.
-        judge: decides when the flight has ended, and how.
+        judge: decides when and how the flight has ended.
         limits: of every command.
-        config: how the mission is run.
+        config: pace, landing and position hold.
         listeners: called after every tick.
         judge_frame: returns why a frame's image cannot be flown by; None trusts all images.
-        clock: the context's clock, which stands still within a tick; None where the drone's own
-            clock does, as simulated time does.
+        clock: the context's clock, which stands still within a tick; None if the drone's clock
+            does so, as simulated time does.
         timer: wall clock for the computing times, seconds.
-        next_tree: asked between two ticks for a tree that flies from then on.
+        next_tree: called between two ticks for a tree that replaces the present one.
     """
 
     def __init__(
@@ -107,15 +107,15 @@ class MissionRunner:
         self._index = 0
         self._abort = Abort(self._config.landing_grace_s)
         self._manual = False
-        self.descent = DescentEnd(airborne=False, faults=())  # known when the run is over
+        self.descent = DescentEnd(airborne=False, faults=())  # set when the run is over
 
     @property
     def slow_leaves_s(self) -> dict[str, float]:
-        """The longest time of each leaf that blocked, seconds, by path; the last halt included."""
+        """Longest time of each leaf that blocked, seconds, by path; including the last halt."""
         return self._flown.budgets.worst_s
 
     def request_abort(self, reason: str) -> None:
-        """Ask for a landing with the next tick; safe to call from a signal handler.
+        """Request a landing with the next tick; safe to call from a signal handler.
 
         The first reason counts.
         """
@@ -128,8 +128,8 @@ class MissionRunner:
     def set_manual(self, *, manual: bool) -> None:
         """Let a person take over, or hand back; safe to call from another thread.
 
-        From the next tick on nothing is sent and the tree rests; handed back, it goes on where it
-        was. A pilot at the drone's own remote control does the same by taking it.
+        From the next tick nothing is sent and the tree is not ticked. After the hand-back it
+        resumes. A pilot who takes the drone's remote control has the same effect.
         """
         self._manual = manual
 
@@ -139,15 +139,15 @@ class MissionRunner:
         return self._manual
 
     def cut_motors(self, reason: str) -> None:
-        """Stop the motors with the next tick, wherever the drone is; it cannot be undone."""
+        """Stop the motors with the next tick, wherever the drone is. Cannot be undone."""
         self._abort.cut_motors(reason)
 
     def run(self) -> Verdict:
-        """Fly until the mission has ended and return how.
+        """Fly until the mission has ended and return the verdict.
 
         Raises:
             NodeFailedError: a leaf raised; the tree was stopped and the drone landed first.
-            DroneError: the drone was lost; a landing was asked for first.
+            DroneError: the drone was lost; a landing was commanded first.
         """
         verdict: Verdict | None = None
         try:
@@ -166,7 +166,7 @@ class MissionRunner:
 
     def _tick(self) -> Verdict | None:
         """Observe, check, write the board, tick, arbitrate, send, record, judge."""
-        if not (self._abort or self._arbiter.landing):  # another tree would take a landing back
+        if not (self._abort or self._arbiter.landing):  # another tree would cancel a landing
             self._flown.renew()
         clock = self._drone.clock
         start_s = clock.now() if self._clock is None else self._clock.begin_tick()
@@ -190,7 +190,7 @@ class MissionRunner:
         return verdict
 
     def _run_tree(self, state: DroneState) -> tuple[Status, float]:
-        """Tick the tree; it rests while a person flies, and is halted by an abort.
+        """Tick the tree; it is not ticked while a person flies, and is halted by an abort.
 
         Returns:
             The tree's status, and the wall time of its tick in seconds.

@@ -7,9 +7,9 @@ rule by rule.
 No automatic rule takes back a landing. A landing that is under way, or that a leaf proposes, goes
 on with old frames and old telemetry, as the drone's own landing; a pilot and the motor cut end it.
 
-The drone has rules besides: an ANAFI that hears nothing from a program centres its sticks and
-hovers at once, and lands or returns as its settings say when the link stays lost or its battery is
-empty. They hold after the program has died.
+The drone has rules of its firmware besides. An ANAFI without commands from a program centres its
+sticks and hovers at once. It lands or returns, as set, when the link stays lost or the battery is
+empty. These rules also hold after the program has died.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ AIRBORNE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 
 
 class Override(enum.Enum):
-    """Why the leaves were not asked, strongest first."""
+    """The overrides of the leaves, strongest first."""
 
     CUT = "motors cut"
     MANUAL = "manual take-over"
@@ -70,7 +70,7 @@ class Circumstances:
 
     @property
     def airborne(self) -> bool:
-        """Whether it flies and follows commands."""
+        """Whether the drone flies and follows commands."""
         return self.state.flying in AIRBORNE
 
 
@@ -195,7 +195,7 @@ class Arbiter:
     ) -> Command:
         movement = proposals.movement
         if movement is None:
-            # A leaf without fresh telemetry proposes nothing; the drone goes on landing.
+            # A leaf without fresh telemetry proposes nothing; the landing continues.
             lands = self.landing and now.state.flying is FlyingState.LANDING
             movement = Land() if lands else Hover()
         self.landing = isinstance(movement, Land)

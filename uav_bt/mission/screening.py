@@ -14,7 +14,7 @@ from typing import Any
 from uav_bt.types import CameraModel, DroneState, Frame, Observation
 
 FrameJudge = Callable[[Frame, DroneState], str | None]
-"""Says why a frame is not fit to fly by, None when it is."""
+"""Returns why a frame cannot be flown by, None if it can."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class ScreeningConfig:
         vertical_speed_mps: fastest change of the altitude between two measurements, m/s.
         altitude_noise_m: change of the altitude that is allowed at once, m. Barometers forget a
             gust or an opened door slowly.
-        ahead_s: how far a time may lie in the future, s, because two clocks differ a little.
+        ahead_s: largest lead of a time over the mission clock, s, because two clocks differ.
     """
 
     tilt_rad: float = math.pi / 2
@@ -44,7 +44,7 @@ class Screening:
 
     Args:
         camera: intrinsics at the size that frames must have.
-        judge: looks at the image of each new frame; None accepts every image.
+        judge: checks the image of each new frame; None accepts every image.
         config: bounds of plausible values.
     """
 
@@ -74,7 +74,7 @@ class Screening:
 
         Args:
             observation: the drone's.
-            now_s: now, mission clock, s.
+            now_s: mission clock, s.
         """
         state = self._usable_state(observation.state, now_s)
         self._take_frame(observation.frame, state, now_s)

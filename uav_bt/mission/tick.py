@@ -27,26 +27,26 @@ class TickRecord:
     override: Override | None
     compute_s: float  # wall time of tree, networks included
     truth: Truth | None
-    feedback: str = ""  # of the deepest running node, a policy's reason for instance
+    feedback: str = ""  # of the deepest running node, such as a policy's reason
     slow: tuple[SlowLeaf, ...] = ()  # leaves that blocked, a halt since the last tick included
     refused: tuple[str, ...] = ()  # frame or telemetry, and why it was refused
-    decided: Command | None = None  # by the arbiter, before the drone's own limits
+    decided: Command | None = None  # by the arbiter, before the drone's limits
     # Faults of the drone's motion or of the map that do not end the mission.
     warnings: tuple[str, ...] = ()
 
 
 class TickListener(Protocol):
-    """Anything that follows a flight tick by tick."""
+    """Follows a flight tick by tick."""
 
     def on_tick(self, record: TickRecord) -> None:
-        """Take note of a tick; must not block."""
+        """Called after each tick; must not block."""
         ...
 
 
 class TickListeners:
-    """The listeners of one flight. One that raises is left out from then on.
+    """The listeners of one flight. A listener that raises is not called again.
 
-    No display that died and no full disk ends a flight.
+    So a failed display or a full disk does not end a flight.
 
     Args:
         listeners: in the order in which they are called.
@@ -57,7 +57,7 @@ class TickListeners:
         self.lost: dict[str, str] = {}  # by kind of listener: the error that it raised
 
     def on_tick(self, record: TickRecord) -> None:
-        """Show a tick to all that still follow."""
+        """Call all listeners that have not failed."""
         for listener in tuple(self.following):
             try:
                 listener.on_tick(record)

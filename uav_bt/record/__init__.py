@@ -1,5 +1,5 @@
-"""Flight records: MCAP files that the field's viewers open and that can be flown again.
+"""Flight records: MCAP files that common viewers open and that can be replayed.
 
-`FlightRecorder` writes one while flying, `RecordReader` reads it, whole or damaged. Writing and
-reading need the extra `record`; nothing is imported before it is asked for.
+`FlightRecorder` writes one in flight. `RecordReader` reads it, whole or damaged. Both need the
+extra `record`, which is imported on first use.
 """

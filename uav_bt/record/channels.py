@@ -1,7 +1,7 @@
-"""What a record holds: how much is kept, the notes of a tick, and the channels.
+"""The content of a record: its configuration, the notes of a tick, and the channels.
 
-`docs/records.md` lists the channels. A new channel or a new field is no new version; a change
-of what is there is.
+`docs/records.md` lists the channels. New channels and new fields keep the schema version; a
+change of an existing one raises it.
 """
 
 from __future__ import annotations
@@ -41,22 +41,22 @@ _OVERRIDES: Final = frozenset({None, *(override.value for override in Override)}
 
 @dataclass(frozen=True, kw_only=True)
 class RecordConfig:
-    """What is kept, and what happens when the disk does not keep up."""
+    """The amount of data that is recorded, and the limits for a slow disk."""
 
-    # Of camera images; only lossless ones replay exactly. A small record has images of 320
-    # pixels' width and no maps: for networks whose input is smaller.
+    # Quality of camera images; only lossless ones replay exactly. A small record has images 320
+    # pixels wide and no maps, for networks with a smaller input.
     quality: Quality = "lossless"
-    # So far the file may lag behind the flight before images are left out: with `flush_s` it is
-    # what a killed flight loses, less than a second.
+    # Largest lag of the file behind the flight; beyond it images are omitted. A killed flight
+    # loses at most `lag_s` and `flush_s`, less than a second.
     lag_s: float = 0.5
-    # Ticks with images that may wait, whatever their age: 64 noisy frames of 640x360 are 45 MB.
+    # Most ticks with images in the queue: 64 noisy frames of 640x360 are 45 MB.
     queued_images: int = 64
-    queued_ticks: int = 1_024  # that may wait without images, some kilobytes each
-    # After so much mission time, or so long without work, everything is handed to the system; long
-    # enough for chunks of some ticks.
+    queued_ticks: int = 1_024  # most ticks in the queue; without images some kilobytes each
+    # Mission time, or idle time of the thread, after which all data goes to the system; long
+    # enough for chunks of several ticks.
     flush_s: float = 0.3
-    # A simulated flight waits for the disk, its clock stands still meanwhile; a real one leaves
-    # images out.
+    # Whether the flight waits for the disk. A simulated one can, because its clock stands still;
+    # a real one omits images.
     wait: bool = False
 
     def __post_init__(self) -> None:
@@ -83,8 +83,8 @@ class TickNote:
     active: tuple[str, ...] = ()  # names from the root to the deepest running node
     word: str = ""  # feedback of the deepest running node
     compute_s: float = 0.0  # wall time of the tree, networks included
-    frame_index: int | None = None  # of the newest frame then; None before the first
-    slow_leaves: tuple[str, ...] = ()  # that blocked
+    frame_index: int | None = None  # of the newest frame; None before the first
+    slow_leaves: tuple[str, ...] = ()  # leaves that exceeded their time budget
 
     def __post_init__(self) -> None:
         if not (abs(self.time_s) < _MAX_TIME_S and self.index >= 0):
@@ -109,13 +109,13 @@ class TickNote:
 
 @dataclass(frozen=True, kw_only=True)
 class CommandNote:
-    """What the leaves proposed in a tick, what the arbiter made of it, what was sent."""
+    """Proposal of the leaves, decision of the arbiter and command sent, in one tick."""
 
     proposed: Movement | None = None
     proposed_by: str | None = None  # the leaf's path
     proposed_gimbal: GimbalTo | None = None
     decided: Command
-    sent: Command  # after the drone's own limits
+    sent: Command  # after the drone's limits
     override: str | None = None  # the safety rule that replaced the proposal
 
     def __post_init__(self) -> None:
@@ -141,7 +141,7 @@ class FrameNote:
         return cls(**{item.name: getattr(frame, item.name) for item in fields(cls)})
 
     def with_image(self, image: NDArray[np.uint8]) -> Frame:
-        """Return the frame again.
+        """Return the frame.
 
         Args:
             image: (H, W, 3), RGB.
@@ -151,9 +151,9 @@ class FrameNote:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SiteMapNote(SiteMapBase):
-    """A site map: as `uav_bt.types.site_map.SiteMap`, its grids as one image."""
+    """A `uav_bt.types.site_map.SiteMap` with its grids as one image."""
 
-    cells_png: str  # base64; a byte for each cell, a bit for each grid
+    cells_png: str  # base64; one byte per cell, one bit per grid
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,7 +192,7 @@ class StatusNote:
 
 SCHEMA_VERSION: Final = 2  # of the whole record; readers refuse a newer one
 
-# Names of the two metadata records: what was known when the flight began, and when it had ended.
+# Names of the two metadata records, written at the begin and at the end of the flight.
 START: Final = "uav_bt.flight"
 END: Final = "uav_bt.end"
 
@@ -204,11 +204,11 @@ class Channel:
     topic: str
     # A message type of Foxglove's (protobuf), a dataclass (JSON), or None: JSON of any shape.
     content: str | type[Any] | None
-    image: bool = False  # large: left out first when the disk is too slow
+    image: bool = False  # large: omitted first when the disk is too slow
 
     @property
     def schema_name(self) -> str:
-        """What the schema is called in the file."""
+        """Name of the schema in the file."""
         if isinstance(self.content, str):
             return f"foxglove.{self.content}"
         name = "Board" if self.content is None else self.content.__name__
@@ -216,7 +216,7 @@ class Channel:
 
     @property
     def encoding(self) -> str:
-        """How messages are encoded."""
+        """Encoding of the messages."""
         return "protobuf" if isinstance(self.content, str) else "json"
 
 
@@ -228,7 +228,7 @@ RELATIVE_DEPTH: Final = Channel(topic="/perception/relative_depth", content="Raw
 METRIC_DEPTH: Final = Channel(topic="/perception/metric_depth", content="RawImage", image=True)
 CORRIDOR: Final = Channel(topic="/perception/corridor", content=Corridor)
 HELIPAD: Final = Channel(topic="/perception/helipad", content=HelipadFix)
-# Of the site map, in every tick; the topic is that of records whose board had a key for it.
+# `near` of the site map, in every tick. The topic is older: the board once had a key for it.
 NEAR: Final = Channel(topic="/perception/obstacles", content=NearObstacles)
 SITE_MAP: Final = Channel(topic="/perception/site_map", content=SiteMapNote)
 STATE: Final = Channel(topic="/drone/state", content=DroneState)

@@ -1,4 +1,4 @@
-"""What happened in a tick, as a record's messages. Runs in the writing thread."""
+"""Encodes one tick as messages of a record. Runs in the writing thread."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from uav_bt.record.worker import Encoded
 from uav_bt.tree.status import Status
 from uav_bt.types import CameraModel, ClassMap, DepthMap, GimbalTo, Movement, NearObstacles
 
-# The board's values that have a channel of their own, whenever there is a new one.
+# Board values with a separate channel, written when they are new.
 _VALUES: Final = {
     keys.CORRIDOR.name: channels.CORRIDOR,
     keys.HELIPAD.name: channels.HELIPAD,
     keys.ADVICE.name: channels.ADVICE,
 }
-_MAP_S: Final = 0.5  # between site maps, which change with every view
+_MAP_S: Final = 0.5  # seconds between site maps, which change with every view
 _SLACK_S: Final = 1e-6
 _MAPS: Final = {
     keys.CLASS_MAP.name: channels.CLASS_MAP,
     keys.RELATIVE_DEPTH.name: channels.RELATIVE_DEPTH,
     keys.METRIC_DEPTH.name: channels.METRIC_DEPTH,
 }
-# Whole in channels of their own; the board's messages have the capture times of all others.
+# Written completely to separate channels; of all others the board's message has capture times.
 _ELSEWHERE: Final = frozenset(
     {
         *(keys.FRAME.name, keys.STATE.name, keys.CAMERA.name),
-        # Frames that the record has already, each in its tick.
+        # The record already has their frames, each in its tick.
         *(keys.RECENT_VIEWS.name, keys.ADVICE.name),
     }
 )
@@ -61,7 +61,7 @@ class LogLine:
 
 @dataclass(frozen=True, kw_only=True)
 class RawMoment:
-    """What the flight hands over of a tick; nothing in it changes any more."""
+    """The data of a tick, immutable, as the flight hands it over."""
 
     tick: TickRecord
     proposed: Movement | None
@@ -72,7 +72,7 @@ class RawMoment:
 
 
 class MomentEncoder:
-    """Makes messages of moments, in their order; each value only when it is new.
+    """Encodes moments in their order; each value only when it is new.
 
     Args:
         timeline: of the record.
@@ -85,17 +85,17 @@ class MomentEncoder:
         self._camera = camera
         self._config = config
         self._frame_index: int | None = None
-        self._last: dict[str, Any] = {}  # the board's values that were written last
+        self._last: dict[str, Any] = {}  # the board values written last
         self._statuses: tuple[Status, ...] | None = None
-        self._map_s = -math.inf  # when a site map was kept last
-        self._near: NearObstacles | None = None  # that was written last
+        self._map_s = -math.inf  # time of the last site map
+        self._near: NearObstacles | None = None  # written last
 
     def encode(self, moment: RawMoment, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - called by the worker
         """Yield a moment's messages.
 
         Args:
-            moment: what happened.
-            images: False leaves the images out; their channels are named without data.
+            moment: data of the tick.
+            images: False omits the images; their channels are named without data.
         """
         now_ns = self._timeline.at(moment.tick.time_s)
 
@@ -150,7 +150,7 @@ class MomentEncoder:
             yield channels.SITE_MAP, note_of(moment.board[site_map][0])
 
     def _is_kept(self, channel: Channel) -> bool:
-        # Relative depth is of no use to a person and compresses badly; small files go without.
+        # Relative depth has no unit and compresses badly; smaller files omit it.
         left_out = {
             "lossless": frozenset[Channel](),
             "high": frozenset({channels.RELATIVE_DEPTH}),

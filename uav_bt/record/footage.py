@@ -1,4 +1,4 @@
-"""What perception and training read of a record: its frames and the drone's states.
+"""Frames, states and advice of a record, for perception and training.
 
 for item in footage(flight_record(Path("flight.mcap"))):
     ...
@@ -21,7 +21,7 @@ from uav_bt.record.reader import RecordReader
 from uav_bt.record.values import decode, decode_float
 from uav_bt.types import DroneState
 
-FLIGHT_SUFFIXES: Final = (".mcap", ".npz")  # the latter is refused with what to do
+FLIGHT_SUFFIXES: Final = (".mcap", ".npz")  # .npz is refused with a remedy
 
 _DECODED: Final[dict[str, type[Any]]] = {
     channels.ADVICE.topic: Advice,
@@ -34,7 +34,7 @@ def flight_record(path: Path) -> RecordReader:
     """Open a finished record.
 
     Raises:
-        FileError: it is no flight record, or was never finished.
+        FileError: the file is not a flight record, or was never finished.
         MissingDependencyError: the extra `record` is not installed.
     """
     if path.suffix.lower() == ".npz":
@@ -49,10 +49,10 @@ def flight_record(path: Path) -> RecordReader:
 
 
 def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]:
-    """Yield frames that have an image, states and advice, in the order of time.
+    """Yield frames with an image, states and advice, in the order of time.
 
     Args:
-        reader: of the record; nothing else of it is decoded, and images only when asked for.
+        reader: of the record. Images are decoded on access; other channels are not decoded.
 
     Raises:
         FileError: the record is damaged.
@@ -83,9 +83,9 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
 
 
 def _advice(plain: Any) -> Any:
-    """Return advice as it is recorded now.
+    """Return advice in the present form.
 
-    Records of schema version 1 have answers of one class with the fields of all.
+    In schema version 1 all answers were of one class, with the fields of all.
     """
     if not (isinstance(plain, dict) and "decision" in plain):
         return plain
@@ -102,5 +102,5 @@ def _answer(old: Any) -> Any:
         kind = "FollowLeg" if old["speed_mps"] else "Rotate"
     else:
         kind = "Advance" if forward_m > 0.0 else "Blocked"
-    # Each class reads the fields that it has.
+    # Each class reads its fields and ignores the others.
     return {**old, "type": kind, "ground_ends": old.get("carpet_ends", False)}

@@ -1,7 +1,7 @@
-"""Frames, class maps and depth maps as images that viewers know, and back.
+"""Frames, class maps and depth maps as images in standard formats, and back.
 
-`foxglove-sdk` writes protobuf messages and cannot read them, and Python's protobuf comes in
-versions that other packages pin: the few fields that are needed are read here (protobuf.dev,
+`foxglove-sdk` writes protobuf messages but cannot read them, and other packages pin the version of
+Python's protobuf. Therefore this module reads the few fields that are needed (protobuf.dev,
 "Encoding").
 """
 
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from uav_bt.errors import InputError
 from uav_bt.record.channels import Quality
 
-# Measured on noisy 640x360 frames of the twin: 11 ms and 406 kB; trying every filter on every row,
-# as libpng does by itself, takes 21 ms for 402 kB. JPEG at 90 takes 3 ms and 49 kB.
+# Measured on noisy 640x360 frames of the twin: 11 ms and 406 kB; libpng's default, which tries
+# every filter on every row, takes 21 ms for 402 kB. JPEG at 90 takes 3 ms and 49 kB.
 _HUFFMAN_ONLY: Final = 2
 _HAS_FILTER: Final = hasattr(cv2, "IMWRITE_PNG_FILTER")
 _PNG: Final = [
     *(cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, _HUFFMAN_ONLY),
-    # OpenCV before 4.12 leaves the filter to libpng.
+    # OpenCV before 4.12 cannot set the filter.
     *((cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_AVG) if _HAS_FILTER else ()),
 ]
 _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 90]
@@ -33,19 +33,19 @@ _SUFFIXES: Final[dict[str, tuple[str, list[int]]]] = {
 }
 _SMALL_WIDTH_PX: Final = 320
 
-# What foxglove.RawImage calls our pixels, and how many millimetres fit the smallest of them.
+# foxglove.RawImage's names of our pixel types.
 _DTYPES: Final[dict[str, np.dtype[Any]]] = {
     "mono8": np.dtype("<u1"),
     "16UC1": np.dtype("<u2"),
     "32FC1": np.dtype("<f4"),
 }
-_MAX_PIXELS: Final = 50_000_000  # a photograph has half; a few kilobytes of PNG can have billions
+_MAX_PIXELS: Final = 50_000_000  # twice a photograph's; a PNG of a few kilobytes can have billions
 _PNG_HEAD: Final = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
 _JPEG_SIZES: Final = frozenset(range(0xC0, 0xD0)) - {
     0xC4,
     0xC8,
     0xCC,
-}  # segments that begin a frame
+}  # markers of the segments that begin a frame
 _MAX_MM: Final = 65_535
 # Field numbers of foxglove.CompressedImage and foxglove.RawImage.
 _COMPRESSED_DATA: Final = 2
@@ -56,11 +56,11 @@ _MAX_VARINT_BYTES: Final = 10  # of 64 bits, seven at a time
 
 
 def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str]:
-    """Return an image as a file's bytes, and what Foxglove calls their format.
+    """Return an image as the bytes of a file, and Foxglove's name of the format.
 
     Args:
         image: (H, W, 3), RGB.
-        quality: "lossless" is PNG; "high" is JPEG at 90; "small" is that, at most 320 wide.
+        quality: "lossless" is PNG; "high" is JPEG at 90; "small" is JPEG at 90, at most 320 wide.
 
     Raises:
         InputError: OpenCV cannot encode it.
@@ -97,7 +97,7 @@ def _decoded(data: bytes | memoryview, how: int) -> NDArray[np.uint8]:
 
 
 def encode_bytes(values: NDArray[np.uint8]) -> bytes:
-    """Return a byte for each pixel, (H, W), as a PNG."""
+    """Return (H, W) bytes as a PNG with one byte per pixel."""
     good, data = cv2.imencode(".png", values)
     if not good:
         raise InputError(f"an image of {values.shape} cannot be encoded as .png")
@@ -114,10 +114,10 @@ def decode_bytes(data: bytes) -> NDArray[np.uint8]:
 
 
 def image_size(data: bytes | memoryview) -> tuple[int, int]:
-    """Return width and height that the head of a PNG or JPEG states, in pixels.
+    """Return width and height from the header of a PNG or JPEG, in pixels.
 
     Raises:
-        InputError: it is neither.
+        InputError: the data is neither.
     """
     view = memoryview(data)
     if bytes(view[:16]).startswith(_PNG_HEAD) and len(view) > 24:
@@ -126,7 +126,7 @@ def image_size(data: bytes | memoryview) -> tuple[int, int]:
     while at + 9 <= len(view) and view[at] == 0xFF:
         if view[at + 1] in _JPEG_SIZES:
             return int.from_bytes(view[at + 7 : at + 9]), int.from_bytes(view[at + 5 : at + 7])
-        # Bytes of 0xFF may fill the room between two segments.
+        # Fill bytes 0xFF may stand between two segments.
         at += 1 if view[at + 1] == 0xFF else 2 + int.from_bytes(view[at + 2 : at + 4])
     raise InputError(f"expected a PNG or JPEG image, got {len(view)} bytes of neither")
 
@@ -135,7 +135,7 @@ def image_bytes(message: bytes) -> bytes:
     """Return the image file in a foxglove.CompressedImage.
 
     Raises:
-        InputError: there is none.
+        InputError: the message has no data.
     """
     data = fields(message).get(_COMPRESSED_DATA)
     if not isinstance(data, memoryview):
@@ -144,10 +144,10 @@ def image_bytes(message: bytes) -> bytes:
 
 
 def encoding_of(array: NDArray[np.generic]) -> str:
-    """Return what foxglove.RawImage calls an array's pixels.
+    """Return foxglove.RawImage's name of an array's pixel type.
 
     Raises:
-        InputError: it is not (H, W) of uint8, uint16 or float32.
+        InputError: the array is not (H, W) of uint8, uint16 or float32.
     """
     names = [name for name, dtype in _DTYPES.items() if dtype == array.dtype]
     if not names or array.ndim != 2:
@@ -161,7 +161,7 @@ def raw_image(message: bytes) -> NDArray[Any]:
     """Return the pixels of a foxglove.RawImage, (H, W).
 
     Raises:
-        InputError: it has no pixels, or of a kind that records do not have.
+        InputError: the pixels are missing, or of a type that records do not have.
     """
     found = fields(message)
     data, encoding = found.get(_DATA), found.get(_ENCODING)
@@ -176,10 +176,10 @@ def raw_image(message: bytes) -> NDArray[Any]:
 
 
 def millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Return metres as whole millimetres, as depth cameras give them.
+    """Return metres as integer millimetres, as depth cameras do.
 
     Args:
-        depth_m: (H, W) metres; what is not finite or not positive is unknown.
+        depth_m: (H, W) metres; non-finite and non-positive values are unknown.
 
     Returns:
         (H, W) millimetres, at most 65.535 m; 0 is unknown.
@@ -190,12 +190,12 @@ def millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
 
 
 def fields(message: bytes) -> dict[int, int | memoryview]:
-    """Return a message's fields by number; of a repeated one the last.
+    """Return the fields of a message by number; of a repeated field the last.
 
     Texts, bytes and inner messages are views on the message; numbers are unsigned integers.
 
     Raises:
-        InputError: it is no protobuf message.
+        InputError: the data is not a protobuf message.
     """
     found: dict[int, int | memoryview] = {}
     view, at = memoryview(message), 0

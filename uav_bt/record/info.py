@@ -1,4 +1,4 @@
-"""What is in a record."""
+"""Summary of a record: channels, rates, losses and damage."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class ChannelInfo:
     messages: int
     rate_hz: float  # over the whole record
     bytes: int  # of the messages, before they were compressed
-    dropped: int  # messages that were left out
+    dropped: int  # messages omitted in flight
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordInfo:
-    """A whole record."""
+    """Summary of a record."""
 
     path: str
     bytes: int
@@ -38,17 +38,17 @@ class RecordInfo:
     ticks: int
     channels: tuple[ChannelInfo, ...]
     metadata: dict[str, str]
-    end: dict[str, str] | None  # None when the flight did not close it
+    end: dict[str, str] | None  # None if the flight did not close the record
     attachments: dict[str, int]  # bytes by name
     lost_ticks: int
     damages: tuple[str, ...]
 
 
 def record_info(path: Path) -> RecordInfo:
-    """Return what is in a record; reads all of it, so that no damage is missed.
+    """Return the summary of a record; reads all of it to find every damage.
 
     Raises:
-        FileError: it cannot be read, is no flight record, or is of a newer version.
+        FileError: the file cannot be read, is no flight record, or is of a newer version.
     """
     reader = RecordReader(path)
     counts: Counter[str] = Counter()
@@ -91,7 +91,7 @@ def record_info(path: Path) -> RecordInfo:
 
 
 def _losses(path: Path, end: Mapping[str, str]) -> tuple[dict[str, int], int]:
-    """Return the messages that were left out, by topic, and the ticks that were."""
+    """Return the number of omitted messages by topic, and of lost ticks."""
     try:
         dropped, lost_ticks = parse_json(end.get("dropped", "{}")), int(end.get("lost_ticks", "0"))
     except (InputError, ValueError) as error:

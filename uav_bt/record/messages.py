@@ -14,7 +14,7 @@ from uav_bt.record.images import encode_image, encoding_of
 from uav_bt.types import Attitude, CameraModel, Pose
 
 WORLD: Final = "world"  # z up, origin in the carpet's middle
-BODY: Final = "drone"  # x forward, y left, z up: what viewers draw arrows and axes for
+BODY: Final = "drone"  # x forward, y left, z up: the convention of viewers
 CAMERA_FRAME_ID: Final = "camera"  # OpenCV's: x right, y down, z forward
 
 _OPTICAL: Final = (-0.5, 0.5, -0.5, 0.5)  # from OpenCV's axes to forward, left, up
@@ -96,13 +96,13 @@ def pose(where: Pose, attitude: Attitude, time_ns: int) -> bytes:
 def transforms(
     where: Pose, attitude: Attitude, gimbal_pitch_rad: float, camera: CameraModel, time_ns: int
 ) -> tuple[bytes, bytes]:
-    """Return where body and camera are in the world, as two FrameTransforms.
+    """Return the poses of body and camera in the world, as two FrameTransforms.
 
     Args:
         where: position and heading.
         attitude: roll and pitch.
         gimbal_pitch_rad: from the horizon; the camera is stabilised.
-        camera: how far it sits ahead of the body's centre.
+        camera: has its distance ahead of the body's centre.
         time_ns: on the record's timeline.
     """
     body = _body(where, attitude)
@@ -147,7 +147,7 @@ def _quaternion(turn: Rotation) -> foxglove.Quaternion:
 
 
 def _body(where: Pose, attitude: Attitude) -> Rotation:
-    # With y to the left and z up a nose that rises turns negatively about y.
+    # With y to the left and z up, raising the nose is a negative turn about y.
     return Rotation.from_euler("ZYX", [where.yaw_rad, -attitude.pitch_rad, attitude.roll_rad])
 
 

@@ -1,4 +1,4 @@
-"""A tick as a record has it."""
+"""One tick of a record, decoded."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ from uav_bt.types.site_map import SiteMap
 
 @dataclass(frozen=True, kw_only=True)
 class StoredFrame:
-    """A camera frame whose image is decoded when it is asked for."""
+    """A camera frame whose image is decoded on access."""
 
     note: FrameNote
-    image: bytes | None  # a PNG or a JPEG; None when it was left out for want of time
+    image: bytes | None  # a PNG or a JPEG; None if it was omitted
 
     def frame(self) -> Frame:
         """Return the frame as the drone sent it.
 
         Raises:
-            InputError: its image was left out or is damaged.
+            InputError: its image was omitted or is damaged.
         """
         if self.image is None:
             raise InputError(
@@ -57,12 +57,12 @@ class StoredFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """One tick. What is None was not new in this tick, or was not there at all."""
+    """One tick. A field is None if its value was not new in this tick or is missing."""
 
     tick: TickNote
     commands: CommandNote
     state: DroneState
-    statuses: tuple[str, ...]  # of all nodes, in the order of `RecordReader.tree`; always there
+    statuses: tuple[str, ...]  # of all nodes, in the order of `RecordReader.tree`
     board: Mapping[str, Any] = field(default_factory=dict)  # {key: {"value", "captured_s"}}
     frame: StoredFrame | None = None
     class_map: ClassMap | None = None
@@ -80,7 +80,7 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
 
     Args:
         found: the messages by topic.
-        statuses: of the nodes after the tick before.
+        statuses: of the nodes after the previous tick.
 
     Raises:
         InputError: a message is damaged or missing.
@@ -118,7 +118,7 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
 
 
 def _board(found: Mapping[str, bytes]) -> dict[str, Any]:
-    """Return the board's entries, each with a value and the time of its capture."""
+    """Return the board's entries, each with value and capture time."""
     board = parse_json(found.get(channels.BOARD.topic, b"{}"))
     if not isinstance(board, dict):
         raise InputError(f"expected the board's keys, got {board!s:.80}")

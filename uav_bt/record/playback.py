@@ -1,4 +1,4 @@
-"""A record played to tick listeners: views, videos.
+"""Plays a record to tick listeners, such as views and videos.
 
 playback = Playback(RecordReader(Path("flight.mcap")))
 for tick in playback.ticks():
@@ -23,7 +23,7 @@ from uav_bt.tree.status import Status
 from uav_bt.types import Frame, Observation
 from uav_bt.types.site_map import SiteMap
 
-# What has a channel of its own, by its name in `Moment` and on the board.
+# Values with a separate channel, by their name in `Moment` and on the board.
 _VALUES: Final[tuple[Key[Any], ...]] = (
     keys.CLASS_MAP,
     keys.RELATIVE_DEPTH,
@@ -34,7 +34,7 @@ _VALUES: Final[tuple[Key[Any], ...]] = (
 
 
 class Playback:
-    """One record, tick by tick, with the board and the statuses as they were after each tick.
+    """One record, tick by tick, with the board and the statuses after each tick.
 
     Args:
         reader: of the record.
@@ -46,17 +46,17 @@ class Playback:
         self._paths = tuple(node.path for node in reader.tree.nodes)
         self._statuses: tuple[str, ...] = ()
         self._frame: Frame | None = None
-        self._map: SiteMap | None = None  # the last; a record keeps two a second
+        self._map: SiteMap | None = None  # the last; a record has two per second
         self.board = Blackboard(self._clock, keys.MISSION_KEYS)
 
     @property
     def start_s(self) -> float:
-        """When the record began, of the mission clock."""
+        """Start of the record, seconds of the mission clock."""
         return self._reader.timeline.start_s
 
     def statuses(self) -> Mapping[str, Status]:
         """Return the nodes' statuses after the last tick, by path."""
-        # Records made before the tree had a status of its own for it have INVALID.
+        # Older records have INVALID for an idle node.
         return {
             path: Status.__members__.get(status, Status.IDLE)
             for path, status in zip(self._paths, self._statuses, strict=False)
@@ -65,14 +65,14 @@ class Playback:
     def ticks(
         self, *, from_s: float | None = None, to_s: float | None = None
     ) -> Iterator[TickRecord]:
-        """Yield the ticks; the board is that of a tick until the next one is asked for.
+        """Yield the ticks. The board has the values of a tick until the next one is requested.
 
         Args:
             from_s: seconds since the record's start.
             to_s: seconds since the record's start; not included.
 
         Raises:
-            FileError: the record is damaged in a way that checksums do not show.
+            FileError: the record is damaged, although its checksums are right.
         """
         for moment in self._reader.moments(from_s=from_s, to_s=to_s):
             self._clock.sleep_until(moment.tick.time_s)

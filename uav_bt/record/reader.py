@@ -1,4 +1,4 @@
-"""Reading records: whole ones, unfinished ones, and what is left of damaged ones.
+"""Reads records: whole ones, unfinished ones, and the intact parts of damaged ones.
 
 reader = RecordReader(Path("flight.mcap"))
 for moment in reader.moments():
@@ -28,7 +28,7 @@ _NS: Final = 1_000_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class StoredMessage:
-    """A message as it stands in the file."""
+    """A message of the file, not decoded."""
 
     topic: str
     time_ns: int  # on the record's timeline
@@ -36,22 +36,22 @@ class StoredMessage:
 
 
 class RecordReader:
-    """One record. Opening reads its beginning, and the index of what other tools moved to the end.
+    """One record. Opening reads its beginning, and an index that other tools moved to the end.
 
     Args:
         path: the file.
 
     Attributes:
-        metadata: what was known when the flight began.
-        attachments: the files that travel with it, by name: the tree's, the scene's.
-        timeline: where mission seconds stand.
+        metadata: facts written at the begin of the flight.
+        attachments: attached files by name: the tree's files, the scene.
+        timeline: converts mission seconds and record times.
         camera: of the drone.
-        tree: the nodes whose statuses the moments have.
-        finished: whether it was closed; one that was not lacks index, summary and `end`.
-        damages: what the last pass over it found not to be whole.
+        tree: the nodes, in the order of the statuses in the moments.
+        finished: whether the record was closed. An unfinished one lacks index, summary and `end`.
+        damages: the damage that the last pass found.
 
     Raises:
-        FileError: it cannot be read, is no flight record, or is of a newer version.
+        FileError: the file cannot be read, is no flight record, or is of a newer version.
         MissingDependencyError: the extra `record` is not installed.
     """
 
@@ -80,7 +80,7 @@ class RecordReader:
 
     @property
     def damages(self) -> tuple[str, ...]:
-        """What the last pass found not to be whole, a line each."""
+        """The damage that the last pass found, one line each."""
         return tuple(str(damage) for damage in self._scan.damages)
 
     def _read_beginning(self) -> None:
@@ -144,7 +144,7 @@ class RecordReader:
 
     @property
     def end(self) -> Mapping[str, str] | None:
-        """How the flight ended, and what the record lacks; None in one that was not closed."""
+        """End of the flight and losses of the record; None if it was not closed."""
         if not self.finished:
             return None
         from mcap.records import Metadata  # noqa: PLC0415 - an extra
@@ -153,7 +153,7 @@ class RecordReader:
             try:
                 records: Iterable[Any] = list(self._indexed(stream).iter_metadata())
             except Exception:  # noqa: BLE001 - whatever a damaged index makes of the parser
-                records = self._scan  # slower, and needs none
+                records = self._scan  # slower, but needs no index
             for record in records:
                 if isinstance(record, Metadata) and record.name == END:
                     return dict(record.metadata)
@@ -166,11 +166,12 @@ class RecordReader:
         from_s: float | None = None,
         to_s: float | None = None,
     ) -> Iterator[StoredMessage]:
-        """Yield messages in the order of time; those of damaged parts are passed over.
+        """Yield messages in the order of time; damaged parts are skipped.
 
         Args:
-            topics: only these.
-            from_s: seconds since the record's start; a finished record is then not read before.
+            topics: only these topics.
+            from_s: seconds since the record's start; earlier parts of a finished record are not
+                read.
             to_s: seconds since the record's start; not included.
 
         Raises:
@@ -227,7 +228,7 @@ class RecordReader:
                     if isinstance(record, Message):
                         topic = summary.channels[record.channel_id].topic
                         yield StoredMessage(topic=topic, time_ns=record.log_time, data=record.data)
-            except Exception as error:  # whatever damage makes of the parser
+            except Exception as error:  # a damaged file can raise anything in the parser
                 raise FileError(
                     self.path, f"is damaged ({error}); `mcap recover` saves what is whole"
                 ) from error
@@ -241,14 +242,14 @@ class RecordReader:
     def moments(
         self, *, from_s: float | None = None, to_s: float | None = None
     ) -> Iterator[Moment]:
-        """Yield the flight's ticks; images of frames are decoded when asked for.
+        """Yield the flight's ticks; images of frames are decoded on access.
 
         Args:
             from_s: seconds since the record's start.
             to_s: seconds since the record's start; not included.
 
         Raises:
-            FileError: a message is damaged in a way that checksums do not show.
+            FileError: a message is damaged, although its checksum is right.
         """
         # A tick's messages have one time; a tool that sorts by time may change their order.
         found: dict[str, bytes] = {}
@@ -261,7 +262,7 @@ class RecordReader:
                     moment = self._moment(found, statuses)
                     statuses = moment.statuses
                     yield moment
-                elif channels.TREE_STATUS.topic in found:  # how it stood when a part begins
+                elif channels.TREE_STATUS.topic in found:  # the statuses at the begin of a part
                     statuses = self._statuses(found[channels.TREE_STATUS.topic])
                 found, time_ns = {}, message.time_ns
             found[message.topic] = message.data
@@ -269,7 +270,7 @@ class RecordReader:
             yield self._moment(found, statuses)
 
     def _statuses_before(self, from_s: float | None) -> tuple[str, ...]:
-        """Return how the nodes stood; statuses are recorded when they change."""
+        """Return the statuses before a time; statuses are recorded when they change."""
         last = None
         if from_s is not None and from_s > 0.0:
             for last in self.messages([channels.TREE_STATUS.topic], to_s=from_s):  # noqa: B007
@@ -297,7 +298,7 @@ class RecordReader:
 def _matching(
     summary: Any, topics: Collection[str] | None, start_ns: int, end_ns: int | None
 ) -> Iterator[Any]:
-    """Yield the indices of the chunks that may have such messages."""
+    """Yield the indices of the chunks that may have matching messages."""
     for chunk in summary.chunk_indexes:
         names = {summary.channels[channel].topic for channel in chunk.message_index_offsets}
         if (

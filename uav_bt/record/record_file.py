@@ -1,4 +1,4 @@
-"""The file of a record: channels as they are first used, chunks that `flush` closes."""
+"""The file of a record: channels registered on first use, chunks closed by `flush`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from uav_bt.plugins import need
 from uav_bt.record.channels import Channel, schema_of
 
 _NS: Final = 1_000_000_000
-# Chunks are closed by `flush`; this only bounds how much of a burst is held in memory.
+# `flush` closes chunks; this only bounds the memory of a burst.
 _CHUNK_BYTES: Final = 4 * 1024 * 1024
 
 
 @dataclass(frozen=True, kw_only=True)
 class Attachment:
-    """A file that travels with a record."""
+    """A file attached to a record."""
 
     name: str
     media_type: str
@@ -28,9 +28,9 @@ class Attachment:
 
 @dataclass(frozen=True, kw_only=True)
 class Timeline:
-    """Where mission seconds stand on a record's timeline.
+    """Converts mission seconds to times on a record's timeline.
 
-    The exact mission time stands in the messages; a nanosecond of rounding is lost here.
+    The messages have the exact mission time; this one is rounded to a nanosecond.
     """
 
     start_ns: int  # wall clock, since 1970
@@ -46,13 +46,13 @@ class Timeline:
 
 
 class RecordFile:
-    """An MCAP file that is being written.
+    """An MCAP file open for writing.
 
     Args:
-        path: where; an old record of that name is replaced.
+        path: of the file; an old record of that name is replaced.
 
     Raises:
-        FileError: it cannot be written.
+        FileError: the file cannot be written.
         MissingDependencyError: the extra `record` is not installed.
     """
 
@@ -104,11 +104,11 @@ class RecordFile:
         self._stream.close()
 
     def abandon(self) -> None:
-        """Close as it is; what the disk did not take is lost."""
+        """Close without index and summary; data that the disk did not take is lost."""
         try:
             self._stream.close()
         except OSError:
-            # Closing flushes, and the disk is as full as it was: the loss is reported already.
+            # Closing flushes again, and the disk is still full. The loss has been reported.
             self._stream.close()
 
     def _register(self, channel: Channel) -> int:

@@ -1,4 +1,4 @@
-"""Records one flight: a tick listener in front of a file that a thread writes."""
+"""Recorder of a flight: a tick listener that hands each tick to a writing thread."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ _RUNNER: Final = "runner"
 
 @dataclass(frozen=True, kw_only=True)
 class FlightFacts:
-    """What is known of a flight before it begins."""
+    """Facts about a flight before it begins."""
 
-    values: Mapping[str, str]  # the metadata; JSON where a text is not enough
+    values: Mapping[str, str]  # the metadata; structured values as JSON
     attachments: Sequence[Attachment] = ()  # the tree's files, the scene's
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordLosses:
-    """What a record lacks."""
+    """Losses of a record."""
 
-    dropped: Mapping[str, int] = field(default_factory=dict)  # messages left out, by topic
-    lost_ticks: int = 0  # of which nothing was kept
-    failure: str | None = None  # what ended the writing before its time
+    dropped: Mapping[str, int] = field(default_factory=dict)  # omitted messages by topic
+    lost_ticks: int = 0  # ticks without any message
+    failure: str | None = None  # reason for an early end of the writing
 
     def __str__(self) -> str:
-        """Return the losses in a line; empty without any."""
+        """Return the losses in one line; empty without losses."""
         parts = [self.failure] if self.failure else []
         if self.lost_ticks:
             parts.append(f"{self.lost_ticks} ticks lost")
@@ -55,13 +55,13 @@ class FlightRecorder:
     """Records a flight from now until `finish`.
 
     Args:
-        file: where to; this recorder closes it.
-        tree: set up, not ticked yet.
-        context: of its mission.
+        file: the record; this recorder closes it.
+        tree: the mission's tree, set up but not ticked yet.
+        context: of the mission.
         camera: of the drone.
-        facts: what is known of the flight.
-        start_ns: the wall clock's time, since 1970; the record's timeline begins there.
-        config: what is kept.
+        facts: known before the flight.
+        start_ns: wall-clock start of the record's timeline, nanoseconds since 1970.
+        config: amount of data and limits.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class FlightRecorder:
         )
 
     def on_tick(self, record: TickRecord) -> None:
-        """Hand a tick over to the writing thread."""
+        """Hand a tick to the writing thread."""
         proposals = self._context.proposals
         self._note_changes(record)
         lines = tuple(self._lines)
@@ -166,13 +166,13 @@ class FlightRecorder:
         self._lines.append(LogLine(level=level, message=message, name=_RUNNER))
 
     def finish(self, end: Mapping[str, str] | None = None) -> RecordLosses:
-        """Write what is left, index and summary, and close. Safe to call twice.
+        """Write the remaining data, index and summary, and close. Safe to call twice.
 
         Args:
             end: how the flight ended, as metadata.
 
         Returns:
-            What the record lacks; a warning was logged, too.
+            The losses; they were logged as a warning, too.
         """
         if self._ended:
             return self.losses
@@ -223,7 +223,7 @@ class FlightRecorder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Finish, whatever happened."""
+        """Finish, also after an exception."""
         if error is not None:
             reason = f"{type(error).__name__}: {error}"
             self.finish({"outcome": "error", "reason": reason})
@@ -231,7 +231,7 @@ class FlightRecorder:
 
 
 class _Lines(logging.Handler):
-    """Collects what the flying thread logs."""
+    """Collects the log lines of the flying thread."""
 
     def __init__(self, lines: list[LogLine]) -> None:
         super().__init__(level=logging.INFO)
@@ -239,7 +239,7 @@ class _Lines(logging.Handler):
         self._thread = threading.get_ident()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a line of this flight; other flights of this process have threads of their own."""
+        """Keep a line of this flight; other flights of the process run in other threads."""
         if record.thread == self._thread:
             level = _LEVELS.get(record.levelno, "Info")
             self._lines.append(LogLine(level=level, message=record.getMessage(), name=record.name))

@@ -1,7 +1,7 @@
 """A site map as a record's message and back: its grids as one image, the rest as numbers.
 
-The image has a byte for each cell, a bit for each grid. Of a cell it keeps that it showed ground,
-not when.
+The image has one byte per cell and one bit per grid. It keeps whether a cell showed ground, but not
+when.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap, SiteMap
 Floats = NDArray[np.float64]
 
 _GROUND, _FREE, _OUTSIDE, _PASSED = 1, 2, 4, 8  # bits of a cell
-_DECIMALS: Final = 3  # of metres that points keep
-_FAR_M: Final = 1e4  # nothing of a map is further away
+_DECIMALS: Final = 3  # decimal places of points in metres
+_FAR_M: Final = 1e4  # largest coordinate that is accepted, m
 
 
 def note_of(site_map: SiteMap) -> SiteMapNote:
-    """Return what a record keeps of a map."""
+    """Return the note of a map."""
     cells = np.zeros(site_map.free.shape, dtype=np.uint8)
     for grid, bit in _grids(site_map):
         cells[grid] |= bit
@@ -50,10 +50,10 @@ def _grids(site_map: SiteMap) -> tuple[tuple[NDArray[np.bool_], int], ...]:
 
 
 def site_map_of(note: SiteMapNote) -> SiteMap:
-    """Return the map of a record's note; its ground was seen when the newest frame was.
+    """Return the map of a note; all its ground gets the capture time of the newest frame.
 
     Raises:
-        InputError: it is none.
+        InputError: the note is invalid.
     """
     try:
         cells = decode_bytes(base64.b64decode(note.cells_png, validate=True))
@@ -70,7 +70,7 @@ def site_map_of(note: SiteMapNote) -> SiteMap:
 
 
 def _check(note: SiteMapNote) -> None:
-    """Refuse what could not be drawn."""
+    """Refuse values that cannot be drawn."""
     if len(note.corner_m) != 2 or not 0.0 < note.cell_m < _FAR_M:
         raise InputError(f"a site map of cells of {note.cell_m} m at {note.corner_m} is none")
     for points_m in (note.obstacles_m, note.edges_m, note.lanes_m):

@@ -1,7 +1,7 @@
 """Our frozen dataclasses as JSON and back, without losing a bit, and the JSON schema of each.
 
-Numbers are written as Python does, in the shortest form that reads back as the same double. What
-JSON has no number for is a text, as in protobuf's JSON: "Infinity", "-Infinity", "NaN".
+Numbers are written in Python's shortest form that reads back as the same double. Non-finite numbers
+are texts, as in protobuf's JSON: "Infinity", "-Infinity", "NaN".
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ def encode(value: object) -> Any:
 
 
 def decode(kind: type[T], data: object) -> T:
-    """Return the value that `encode` was given.
+    """Return the value from the output of `encode`.
 
     Args:
-        kind: its dataclass.
+        kind: dataclass of the value.
         data: the plain JSON values.
 
     Raises:
-        InputError: they are not of that kind.
+        InputError: the data does not fit the dataclass.
     """
     try:
         return cast("T", _codec(cast("Any", kind)).decode(data))
@@ -68,7 +68,7 @@ def decode(kind: type[T], data: object) -> T:
 
 
 def json_schema(kind: type[Any]) -> bytes:
-    """Return the JSON schema of a dataclass, as viewers want it."""
+    """Return the JSON schema of a dataclass, for viewers."""
     return dump({"title": kind.__name__, **_codec(cast("Any", kind)).schema})
 
 
@@ -76,13 +76,13 @@ def dump(plain: object) -> bytes:
     """Return plain values as compact JSON.
 
     Raises:
-        ValueError: a number among them is not finite; `finite` sees to that.
+        ValueError: a number is not finite; `finite` replaces such numbers.
     """
     return json.dumps(plain, separators=(",", ":"), allow_nan=False).encode()
 
 
 def finite(plain: Any) -> Any:
-    """Return plain values with texts for the numbers that JSON does not have."""
+    """Return plain values with texts for non-finite numbers."""
     if isinstance(plain, float):
         return _encode_float(plain)
     if isinstance(plain, dict):
@@ -97,10 +97,10 @@ def _encode_float(value: float) -> float | str:
 
 
 def decode_float(data: object) -> float:
-    """Return a number that JSON may have had no number for.
+    """Return a number from a number, or from the text of a non-finite one.
 
     Raises:
-        InputError: it is none.
+        InputError: the data is neither.
     """
     if isinstance(data, str) and data in _ODD:
         return _ODD[data]
@@ -153,7 +153,7 @@ def _exact(kind: type[Any]) -> _Codec:
             raise ValueError(f"{data!r:.40} has more than 64 bits")
         return data
 
-    # A number of numpy's becomes one of Python's.
+    # Convert a numpy number to a Python number.
     write = (lambda _: None) if kind is type(None) else kind
     return _Codec(encode=write, decode=read, schema={"type": _NAMES[kind]})
 
@@ -167,7 +167,7 @@ def _fields(kind: type[Any]) -> _Codec:
         return {name: encoder(getattr(value, name)) for name, encoder in writers}
 
     def read(data: Any) -> Any:
-        # A field that a record of an older version lacks keeps its default.
+        # A field that an older record lacks keeps its default.
         return kind(**{n: codec.decode(data[n]) for n, codec in codecs.items() if n in data})
 
     properties = {name: codec.schema for name, codec in codecs.items()}
@@ -190,8 +190,8 @@ def _union(members: tuple[Any, ...]) -> _Codec:
 
 
 def _tagged(inner: dict[str, _Codec]) -> _Codec:
-    """Return the codec of dataclasses of which a value is one."""
-    # Of movements a viewer plots any field; which fields belong together is the type's business.
+    """Return the codec of a union of dataclasses."""
+    # Viewers plot any field of a movement, so the schema lists the fields of all types.
     merged: dict[str, Any] = {_TYPE: {"enum": list(inner)}}
     for codec in inner.values():
         merged.update(codec.schema["properties"])
@@ -216,7 +216,7 @@ def _sequence(item: _Codec) -> _Codec:
 
 
 def _array(dtype: np.dtype[Any]) -> _Codec:
-    """Arrays keep their shape beside their values: an empty one has one, too."""
+    """Return the codec of an array: its shape beside its values, so empty arrays keep it."""
 
     def write(array: Any) -> dict[str, Any]:
         return {"shape": list(array.shape), "values": [_encode_float(x) for x in array.flat]}

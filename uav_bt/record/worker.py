@@ -1,7 +1,7 @@
-"""A thread that encodes and writes, so that the tick only hands over.
+"""A thread that encodes and writes, so that a tick does not wait for the disk.
 
-The queue is bounded. When it is full a real flight goes on and images are left out first; every
-message that is left out is counted by channel. A simulated flight may wait instead.
+The queue is bounded. When it is full, a real flight goes on and images are omitted first. Omitted
+messages are counted by channel. A simulated flight may wait instead.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class Encoded:
-    """A message, ready to be written; or, without data, one that is left out."""
+    """A message ready to be written; an omitted one has no data."""
 
     channel: Channel
     time_ns: int
@@ -36,12 +36,12 @@ class _Job(Generic[T]):
 
 
 class RecordWorker(Generic[T]):
-    """Encodes and writes items in their order, in a thread of its own.
+    """Encodes and writes items in their order, in a separate thread.
 
     Args:
-        sink: where messages go; only the thread touches it until `close` returns.
-        encode: makes an item's messages; its second argument is whether images are wanted.
-        config: how much may wait, and what happens then.
+        sink: receives the messages; only the thread uses it until `close` returns.
+        encode: makes an item's messages; its second argument tells whether to include images.
+        config: limits of the queue.
     """
 
     def __init__(
@@ -55,21 +55,21 @@ class RecordWorker(Generic[T]):
         self._config = config
         self._jobs: deque[_Job[T]] = deque()
         self._images_waiting = 0
-        self._oldest_s: float | None = None  # mission time of the first tick that is not written
+        self._oldest_s: float | None = None  # mission time of the oldest unwritten tick
         self._changed = threading.Condition()
         self._closing = False
         self._flushed_s: float | None = None
-        self.dropped: Counter[str] = Counter()  # messages left out, by topic
-        self.lost_ticks = 0  # of which nothing was kept
-        self.failure: Exception | None = None  # what ended the writing before its time
+        self.dropped: Counter[str] = Counter()  # omitted messages by topic
+        self.lost_ticks = 0  # ticks without any message
+        self.failure: Exception | None = None  # reason for an early end of the writing
         self._thread = threading.Thread(target=self._run, name="flight record", daemon=True)
         self._thread.start()
 
     def put(self, item: T, time_s: float) -> None:
-        """Hand an item over.
+        """Queue an item.
 
         Args:
-            item: what is encoded later; it must not change any more.
+            item: encoded later; it must not change any more.
             time_s: its mission time.
         """
         config = self._config
@@ -94,7 +94,7 @@ class RecordWorker(Generic[T]):
         return not late and self._images_waiting < self._config.queued_images
 
     def close(self) -> None:
-        """Return when all that was handed over is written. Safe to call twice."""
+        """Wait until all queued items are written. Safe to call twice."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -132,7 +132,7 @@ class RecordWorker(Generic[T]):
             self._sink.flush()
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do a piece of work; after a failure nothing is written any more."""
+        """Do a piece of work, unless an earlier one failed."""
         if self.failure is not None:
             return
         try:

@@ -110,6 +110,6 @@ if not TYPE_CHECKING:
             "BODY_SIZE_M": "Airframe.body_size_m",
         }.get(name)
         if successor is not None:
-            # An AttributeError's text would be lost in `from uav_bt.types import ObstaclePoints`.
+            # An AttributeError would lose its text in `from uav_bt.types import ObstaclePoints`.
             raise ImportError(f"uav_bt.types has no {name} any more: it is {successor} now")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""The facts of a drone's body: how large it is, and how late it answers a command."""
+"""The size of a drone's body and its reaction to commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras, their frames, and what perception makes of one frame."""
+"""Cameras, their frames, and the results of perception on one frame."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from uav_bt.types.drone_state import Attitude
 class CameraModel:
     """A pinhole camera in OpenCV's frame (x right, y down, z forward)."""
 
-    width_px: int  # the size this calibration was made at
+    width_px: int  # image size of the calibration
     height_px: int
     fx_px: float
     fy_px: float
@@ -59,7 +59,7 @@ class Frame:
     """One camera image with the telemetry of the moment it was captured."""
 
     image: NDArray[np.uint8]  # (H, W, 3), RGB
-    index: int  # counts captured frames, so that a repeated frame is recognised
+    index: int  # number of the captured frame; identifies repeated frames
     captured_s: float
     gimbal_pitch_rad: float  # 0 level, negative down; stabilised, so relative to the horizon
     attitude: Attitude = field(default_factory=Attitude)
@@ -94,7 +94,7 @@ class DepthMap:
     metric: bool
     captured_s: float
     confidence: float = 1.0  # 0 to 1
-    # (H, W) metres: an upper bound, also where the depth itself is unknown (NaN); inf without one.
+    # (H, W) metres: an upper bound, also if the depth is unknown (NaN); inf without one.
     at_most: NDArray[np.float32] | None = None
 
     __repr__ = shapes_repr
@@ -112,20 +112,20 @@ class DepthMap:
 
 @dataclass(frozen=True, kw_only=True)
 class Corridor:
-    """What the five-plane safety corridor found in a depth map."""
+    """Obstacles in the five-plane safety corridor, from a depth map."""
 
     captured_s: float
     free_distance_m: float  # straight ahead, from the body's centre
-    nearest_m: float  # nearest intrusion from the body's centre; inf when there is none
+    nearest_m: float  # nearest intrusion from the body's centre; inf without one
     nearest_side: Literal["left", "right", "front", "up", "down"] | None
     time_to_impact_s: float  # at the present speed; inf when nothing is ahead
-    nearest_left_m: float = math.inf  # nearest intrusion left of the path; inf when there is none
+    nearest_left_m: float = math.inf  # nearest intrusion left of the path; inf without one
     nearest_right_m: float = math.inf
-    unknown_px: int = 0  # pixels of things that may be in the corridor, at an unknown depth
+    unknown_px: int = 0  # pixels of unknown depth that may be in the corridor
 
 
 def check_shape(name: str, array: NDArray[np.generic], ndim: int, last: int | None = None) -> None:
-    """Raise ShapeError unless the array has so many dimensions, and so many channels."""
+    """Raise ShapeError unless the array has `ndim` dimensions and, if given, `last` channels."""
     if array.ndim != ndim or (last is not None and array.shape[-1] != last):
         dims = "x".join(["H", "W"][:ndim] + ([str(last)] if last else []))
         raise ShapeError(name, expected=dims, actual=array.shape)

@@ -1,4 +1,4 @@
-"""The distances that a drone keeps in a place."""
+"""The distances that routes keep."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from uav_bt.errors import ValueRangeError
 
 @dataclass(frozen=True, kw_only=True)
 class Clearances:
-    """Distances from the body's centre that routes keep in a place.
+    """Distances from the body's centre that routes keep.
 
     The defaults were chosen in flights on the training scenes.
 
@@ -20,7 +20,7 @@ class Clearances:
         edge_m: Distance from the edge of the ground, metres.
         unknown_m: Distance from cells that were never seen, metres: they may be the hidden side of
             an obstacle.
-        lane_m: Distance from where something moved that may come back unseen, metres.
+        lane_m: Distance from the path of a mover that may come back unseen, metres.
 
     Raises:
         ValueRangeError: a distance is negative or not finite.
@@ -37,7 +37,7 @@ class Clearances:
             raise ValueRangeError(f"clearances must be zero or positive metres, got {self}")
 
     def below(self, radius_m: float) -> dict[str, float]:
-        """Return the distances that a hull does not fit in: the least value of each, by its name.
+        """Return the least value of each distance that is too small for a hull, by its name.
 
         Args:
             radius_m: Radius of the hull, metres.

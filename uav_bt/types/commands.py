@@ -16,7 +16,7 @@ class TakeOff:
 
 @dataclass(frozen=True, kw_only=True)
 class Land:
-    """Descend where it hovers and stop the motors."""
+    """Descend on the spot and stop the motors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,7 @@ class Hover:
 
 @dataclass(frozen=True, kw_only=True)
 class CutMotors:
-    """Stop the motors at once; the drone falls. The last resort of an operator."""
+    """Stop the motors at once; the drone falls. An operator's last resort."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class Release:
 
 @dataclass(frozen=True, kw_only=True)
 class MoveBy:
-    """A relative movement in the body frame of the moment it starts; ends with an event.
+    """A relative movement in the body frame at its start; ends with an event.
 
     Attributes:
         id: of this movement; `MovementStatus` reports its progress and end under it.
@@ -94,7 +94,7 @@ class GimbalTo:
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """What one tick sends: a movement, and on its own channel the gimbal (None: leave it)."""
+    """The command of one tick: a movement, and separately the gimbal (None: unchanged)."""
 
     movement: Movement
     gimbal: GimbalTo | None = None
@@ -104,7 +104,7 @@ HOVER = Command(movement=Hover())
 
 
 class Phase(enum.StrEnum):
-    """Base of all phases; a plug-in derives an enumeration with members of its own from it.
+    """Base class of all phases; a plug-in derives an enumeration with more members from it.
 
     Example:
         >>> class SurveyPhase(Phase):
@@ -113,7 +113,7 @@ class Phase(enum.StrEnum):
 
 
 class MissionPhase(Phase):
-    """The phases of the missions that ship; the flight report takes its times from them."""
+    """The phases of the shipped missions, from which the flight report takes its times."""
 
     TAKE_OFF = "take-off"
     EXPLORE = "explore"

@@ -13,17 +13,17 @@ from uav_bt.types.pose import Pose2D, wrap_angle
 SomePose = TypeVar("SomePose", bound=Pose2D)
 
 CARRY_S: Final = (
-    0.5  # s a velocity or a turn is carried on: two periods of 5 Hz telemetry and delay
+    0.5  # s a velocity or a turn is extrapolated: two periods of 5 Hz telemetry and delay
 )
-TURN_SPAN_S: Final = 0.15  # s between two headings that tell a turn; chosen, noise against lag
-_TIME_SLACK_S: Final = 1e-6  # s; differences of times are this exact
+TURN_SPAN_S: Final = 0.15  # s between headings for a turning rate; chosen, noise against lag
+_TIME_SLACK_S: Final = 1e-6  # s; accuracy of differences of times
 
 
 class PoseHistory(Generic[SomePose]):
-    """The poses of the last seconds, so that a late frame is placed where it was captured.
+    """The poses of the last seconds, which place a late frame where it was captured.
 
     Args:
-        memory_s: how long poses are kept.
+        memory_s: age up to which poses are kept, s.
     """
 
     def __init__(self, memory_s: float) -> None:
@@ -32,7 +32,7 @@ class PoseHistory(Generic[SomePose]):
         self._poses: list[SomePose] = []
 
     def add(self, time_s: float, pose: SomePose) -> None:
-        """Note a pose; times rise."""
+        """Add a pose; times must rise."""
         self._times_s.append(time_s)
         self._poses.append(pose)
         old = bisect.bisect_left(self._times_s, time_s - self._memory_s)
@@ -44,7 +44,7 @@ class PoseHistory(Generic[SomePose]):
         return self._poses[-1] if self._poses else None
 
     def at(self, time_s: float) -> SomePose | None:
-        """Return the pose of a moment, interpolated; outside, the outermost; None before any."""
+        """Return the pose at a time, interpolated; outside, the first or last; None without any."""
         if not self._poses:
             return None
         after = bisect.bisect_left(self._times_s, time_s)
@@ -70,12 +70,12 @@ class MotionEstimate:
 
     Attributes:
         pose: now, dead-reckoned and corrected by the ground.
-        seen: at the capture of the newest frame that went in.
+        seen: at the capture of the newest frame used.
         velocity: over the ground: telemetry's newest with `error` added.
-        error: velocity over the ground less telemetry's; it varies slowly.
+        error: velocity over the ground minus telemetry's; it varies slowly.
         tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
-        turn_rad: heading less telemetry's; it varies slowly.
-        velocity_s: when `velocity` was measured; None for the time of the pose.
+        turn_rad: heading minus telemetry's; it varies slowly.
+        velocity_s: capture time of `velocity`; None for the time of the pose.
     """
 
     pose: OdometryPose
@@ -88,12 +88,12 @@ class MotionEstimate:
 
     @property
     def untracked_s(self) -> float:
-        """For how long telemetry alone has been flown by; inf before ground was followed."""
+        """Time since ground was followed, s, flown by telemetry alone; inf before the first."""
         return self.pose.time_s - self.tracked_s
 
     @property
     def reported_yaw_rad(self) -> float:
-        """Telemetry's heading, carried on to the time of the pose; clockwise."""
+        """Telemetry's heading, extrapolated to the time of the pose; clockwise."""
         return wrap_angle(self.pose.yaw_rad - self.turn_rad)
 
     def over_ground(self, state: DroneState) -> DroneState:
@@ -112,10 +112,9 @@ class MotionEstimate:
 class Odometry:
     """Integrates telemetry into poses and remembers the last few seconds of them.
 
-    Velocity and heading are each taken at the time of their measurement. Between two
-    measurements they are interpolated, and after the newest one both go on as they were for
-    `CARRY_S`: a frame or a command between two reports has its place. Later the velocity is
-    unknown, and the newest pose stays where it is and grows old.
+    Velocity and heading each count at their capture time. They are interpolated between two
+    measurements and extrapolated for `CARRY_S` after the newest, so a frame or a command between
+    two reports has a pose. Later the velocity is unknown, and the newest pose stays unchanged.
 
     Args:
         memory_s: how long poses are kept, s.
@@ -135,18 +134,18 @@ class Odometry:
 
     @property
     def velocity_s(self) -> float:
-        """When that velocity was measured, s; -inf before the first."""
+        """Capture time of that velocity, s; -inf before the first."""
         return -math.inf if self._history.newest is None else self._history.newest.time_s
 
     def update(self, state: DroneState, now_s: float | None = None) -> OdometryPose:
         """Add telemetry and return the newest pose.
 
-        Quantities that are not newer change nothing. Telemetry with a time, velocity or heading
+        Quantities that are not newer are ignored. Telemetry with a time, velocity or heading
         that is not finite is ignored.
 
         Args:
             state: the telemetry.
-            now_s: until when the pose is carried on, s; None for the newest of velocity and
+            now_s: time to which the pose is extrapolated, s; None for the newest of velocity and
                 heading.
         """
         times, velocity, yaw_rad = state.times, state.velocity, state.attitude.yaw_rad
@@ -160,10 +159,10 @@ class Odometry:
         return self.now or OdometryPose(time_s=state.captured_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
     def add_heading(self, time_s: float, yaw_rad: float) -> None:
-        """Add a heading that was measured besides telemetry, as frames carry one.
+        """Add a heading from another source than telemetry, such as a frame.
 
         Args:
-            time_s: when, s; it may be older than telemetry's newest.
+            time_s: capture time, s; it may be older than telemetry's newest.
             yaw_rad: clockwise.
         """
         if math.isfinite(time_s) and math.isfinite(yaw_rad):
@@ -184,7 +183,7 @@ class Odometry:
     def _flown(
         self, begin: OdometryPose, velocity: BodyVelocity, passed_s: float
     ) -> tuple[float, float]:
-        # Half-way: a turn of 10 degrees a tick would bend the path.
+        # The heading half-way, because a turn of 10 degrees per tick bends the path.
         yaw_rad = self._headings.at(begin.time_s + passed_s / 2.0)
         return replace(begin, yaw_rad=yaw_rad).to_world(
             velocity.forward_mps * passed_s, velocity.right_mps * passed_s
@@ -196,9 +195,9 @@ class Odometry:
         return self.at(math.inf)
 
     def at(self, time_s: float) -> OdometryPose | None:
-        """Return the pose of a moment of the last seconds; None before the first sample.
+        """Return the pose at a time within the last seconds; None before the first sample.
 
-        Further back than the memory it is the oldest pose, later than now the newest.
+        Before the memory it is the oldest pose, in the future the newest.
         """
         oldest, newest = self._history.at(-math.inf), self._history.newest
         if oldest is None or newest is None:
@@ -214,7 +213,7 @@ class Odometry:
 
 
 class _Headings:
-    """Headings by time, interpolated; after the newest the turn goes on for `CARRY_S`."""
+    """Headings by time, interpolated; after the newest the turn is extrapolated for `CARRY_S`."""
 
     def __init__(self, memory_s: float) -> None:
         self._memory_s = memory_s
@@ -222,7 +221,7 @@ class _Headings:
         self._yaws_rad: list[float] = []  # unwrapped
 
     def add(self, time_s: float, yaw_rad: float) -> None:
-        """Note a heading; one of a time that has one already changes nothing."""
+        """Add a heading; a second one at the same time is ignored."""
         times_s, place = self._times_s, bisect.bisect_left(self._times_s, time_s)
         if place < len(times_s) and times_s[place] == time_s:
             return
@@ -235,7 +234,7 @@ class _Headings:
         del times_s[:old], self._yaws_rad[:old]
 
     def at(self, time_s: float) -> float:
-        """Return the heading of a moment; there is one."""
+        """Return the heading at a time; at least one heading must have been added."""
         times_s, yaws_rad = self._times_s, self._yaws_rad
         after = bisect.bisect_left(times_s, time_s)
         if after == 0:

@@ -28,7 +28,7 @@ class BodyVelocity:
 
 
 class FlyingState(enum.Enum):
-    """Where the drone is in a flight (the ANAFI's flying states, less the ones we never see)."""
+    """Flying state of the drone (the ANAFI's states without those that do not occur)."""
 
     LANDED = "landed"
     TAKING_OFF = "taking_off"
@@ -39,7 +39,7 @@ class FlyingState(enum.Enum):
 
 
 class MovementState(enum.Enum):
-    """How a `MoveBy` is doing."""
+    """State of a `MoveBy`."""
 
     RUNNING = "running"
     DONE = "done"
@@ -49,7 +49,7 @@ class MovementState(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class MovementStatus:
-    """How the drone's latest `MoveBy` is doing."""
+    """State of the drone's latest `MoveBy`."""
 
     id: int
     state: MovementState
@@ -57,7 +57,7 @@ class MovementStatus:
 
 @dataclass(frozen=True, kw_only=True)
 class DroneFault:
-    """Something that a drone reports about itself and that should be mended before a flight."""
+    """A fault that a drone reports about itself, to be repaired before a flight."""
 
     what: str  # the part, one or two words
     found: str
@@ -66,7 +66,7 @@ class DroneFault:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasurementTimes:
-    """When each quantity of a `DroneState` was measured: seconds, mission clock; -inf for never."""
+    """Capture time of each quantity of a `DroneState`: seconds, mission clock; -inf: never."""
 
     attitude_s: float
     velocity_s: float
@@ -76,7 +76,7 @@ class MeasurementTimes:
 
     @staticmethod
     def all_at(time_s: float) -> MeasurementTimes:
-        """Return the times of quantities that were all measured at once."""
+        """Return the times of quantities that were all measured at one time."""
         return MeasurementTimes(**dict.fromkeys(_QUANTITIES, time_s))
 
     @property
@@ -114,15 +114,15 @@ class DroneState:
     altitude_m: float = 0.0  # above the take-off point
     # Above the surface below, by a rangefinder; without one, at a fixed distance from the altitude.
     height_m: float = 0.0
-    # As a drone reports it, at a fixed distance from the altitude; the mission estimates it anew.
+    # A drone reports it at a fixed distance from the altitude; the mission estimates it anew.
     height_above_carpet_m: float = 0.0
     gimbal_pitch_rad: float = 0.0
     battery: float | None = 1.0  # 0 to 1; None before the drone has reported it
-    link: float | None = 1.0  # the radio link's quality as the drone rates it, 0 to 1; as above
+    link: float | None = 1.0  # quality of the radio link, rated by the drone, 0 to 1; None as above
     movement: MovementStatus | None = None
     pilot_has_control: bool = False  # a person took over
     connected: bool = True  # False as soon as the connection is known to be broken
-    lost: bool = False  # broken for good: the drone hears nothing and is not heard any more
+    lost: bool = False  # broken for good, in both directions
     faults: tuple[DroneFault, ...] = ()
     measured: MeasurementTimes | None = None  # None: every quantity at `captured_s`
 
@@ -138,11 +138,11 @@ class DroneState:
 
     @property
     def times(self) -> MeasurementTimes:
-        """When each quantity was measured."""
+        """Capture time of each quantity."""
         return self.measured or MeasurementTimes.all_at(self.captured_s)
 
     def dated(self, captured_s: float) -> DroneState:
-        """Return the state as measured at another time; the ages of its parts stay apart."""
+        """Return the state with another capture time; the times of its parts shift equally."""
         if self.measured is None:
             return replace(self, captured_s=captured_s)
         measured = self.measured.shifted(captured_s - self.captured_s)

@@ -1,4 +1,4 @@
-"""The ground of a place seen from above: how far it reaches, and what stands on it."""
+"""The ground of a scene seen from above: its size, and the objects on it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from uav_bt.types.pose import Pose2D
 
 @dataclass(frozen=True, kw_only=True)
 class Footprint(Pose2D):
-    """A box seen from above: its centre in the world, and half sizes along its own axes."""
+    """A box seen from above: centre in the world, and half sizes along the box's axes."""
 
     half_x_m: float
     half_y_m: float
@@ -22,17 +22,17 @@ class Footprint(Pose2D):
         return self.rectangle(self.half_x_m, self.half_y_m)
 
     def contains(self, x_m: float, y_m: float) -> bool:
-        """Return whether a world point lies on the rectangle, its edge included."""
+        """Return whether a world point lies on the rectangle, including its edge."""
         u, v = self.to_body(x_m, y_m)
         return abs(u) <= self.half_x_m and abs(v) <= self.half_y_m
 
     def distance_m(self, x_m: float, y_m: float) -> float:
-        """Return how far a world point is from the rectangle; 0 on it."""
+        """Return the distance of a world point from the rectangle; 0 on it."""
         u, v = self.to_body(x_m, y_m)
         return math.hypot(max(abs(u) - self.half_x_m, 0.0), max(abs(v) - self.half_y_m, 0.0))
 
     def overlaps(self, other: Footprint) -> bool:
-        """Return whether two rectangles share an area (separating axes; touching is no overlap)."""
+        """Return whether two rectangles overlap (separating axes; touching does not count)."""
         ours, theirs = self.corners(), other.corners()
         for yaw in (self.yaw_rad, other.yaw_rad):
             for axis in ((math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))):
@@ -45,19 +45,19 @@ class Footprint(Pose2D):
 
 @dataclass(frozen=True, kw_only=True)
 class Standing:
-    """An upright box on the ground: an obstacle, or what is landed on."""
+    """An upright box on the ground: an obstacle or the landing box."""
 
     footprint: Footprint
     height_m: float
-    class_id: int | None = None  # of an object that a map is to show; None: none is to
+    class_id: int | None = None  # of an object that maps should show; None: not shown
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ground:
-    """A level rectangle around the world's origin at z = 0, and what stands on it for good.
+    """A level rectangle around the world's origin at z = 0, with its fixed objects.
 
     Raises:
-        ValueRangeError: it has no size.
+        ValueRangeError: a size is not positive.
     """
 
     size_m: tuple[float, float]  # along world x and y
@@ -68,5 +68,5 @@ class Ground:
             raise ValueRangeError(f"the ground must have a size, got {self.size_m} m")
 
     def contains(self, x_m: float, y_m: float) -> bool:
-        """Return whether a world point lies on it, its edge included."""
+        """Return whether a world point lies on the ground, its edge included."""
         return abs(x_m) <= self.size_m[0] / 2 and abs(y_m) <= self.size_m[1] / 2

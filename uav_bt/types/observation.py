@@ -1,4 +1,4 @@
-"""What comes from a drone, now and in the last seconds, and the truth of a simulated one."""
+"""Observations of a drone, now and in the last seconds, and the truth of a simulated one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Observation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PastView:
-    """A frame, and where the body was when it was captured."""
+    """A frame, and the pose of the body at its capture."""
 
     frame: Frame
     pose: OdometryPose  # at the frame's capture
@@ -29,7 +29,7 @@ class PastView:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecentViews:
-    """What was seen in the last seconds; two of them show the movement between."""
+    """The frames of the last seconds; two of them show the movement between them."""
 
     views: tuple[PastView, ...]  # the oldest first
 
@@ -43,14 +43,14 @@ class RecentViews:
         return self.views[-1]
 
     def ago(self, seconds: float) -> PastView:
-        """Return the view nearest to so many seconds before the newest; the newest counts too."""
+        """Return the view nearest to a time before the newest, seconds; it may be the newest."""
         wanted_s = self.newest.frame.captured_s - seconds
         return min(self.views, key=lambda view: abs(view.frame.captured_s - wanted_s))
 
 
 @dataclass(frozen=True, kw_only=True)
 class MoverState:
-    """Where something that moves is, and how fast; world axes."""
+    """Pose and velocity of a mover; world axes."""
 
     name: str
     pose: Pose  # of its middle
@@ -60,15 +60,15 @@ class MoverState:
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
-    """What only a simulator knows; used by reports and evaluations, never by the mission."""
+    """The truth of a simulator, for reports and evaluations, never for the mission."""
 
     time_s: float
     pose: Pose
-    contacts: tuple[str, ...]  # geoms the body touches now, the ground and the pad included
+    contacts: tuple[str, ...]  # geoms that the body touches now, including ground and pad
     clearance_m: float  # from the hull to the nearest box or mover, inf without any
     inside_carpet: bool  # the body's centre
     on_helipad: bool  # the body's centre is above the pad
     landing_error_m: float  # horizontal, body centre to pad centre
     motors_on: bool
-    gimbal_pitch_rad: float | None = None  # of the camera; None where it is not known
+    gimbal_pitch_rad: float | None = None  # of the camera; None if unknown
     movers: tuple[MoverState, ...] = ()  # in the scene's order

@@ -1,13 +1,13 @@
 """Poses in a level plane, and rotations within it.
 
-One set of formulas serves both conventions of the project, because each is a pair of axes with the
-yaw turning the first towards the second:
+The same formulas serve both conventions of the project, because in each the yaw turns the first
+axis towards the second:
 
 *world*          x, y with z up; yaw counter-clockwise; a body's axes are forward and left;
 *dead reckoning* x along yaw 0, y to its right, z down; yaw clockwise, as the drone reports it; a
                  body's axes are forward and right.
 
-What is given as forward and right goes into the world with its second number negated.
+A vector given as forward and right enters the world with its second number negated.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ def rotate_points(points: Floats, yaw_rad: float) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose2D:
-    """Where a body is in a level plane and where it heads, in either convention."""
+    """Position and heading of a body in a level plane, in either convention."""
 
     x_m: float
     y_m: float
     yaw_rad: float
 
     def pose_to_world(self, pose: Pose2D) -> Pose2D:
-        """Return a pose given from this one in the frame that this one is given in."""
+        """Return a pose relative to this one in the frame of this one."""
         x_m, y_m = self.to_world(pose.x_m, pose.y_m)
         return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad + self.yaw_rad)
 
     def to_world(self, forward_m: float, side_m: float) -> tuple[float, float]:
-        """Return a point given from this pose in the frame that the pose is given in.
+        """Return a point relative to this pose in the frame of the pose.
 
         Args:
             forward_m: along the heading.
@@ -68,19 +68,19 @@ class Pose2D:
         return self.x_m + c * forward_m - s * side_m, self.y_m + s * forward_m + c * side_m
 
     def to_body(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Return a point of the pose's frame as seen from the pose: forward, and to its side."""
+        """Return a point of the pose's frame relative to the pose: forward, and to its side."""
         return rotate(x_m - self.x_m, y_m - self.y_m, -self.yaw_rad)
 
     def points_to_world(self, points_m: Floats) -> Floats:
-        """Return points, (N, 2) forward and to the side, in the frame that the pose is given in."""
+        """Return points, (N, 2) forward and to the side, in the frame of the pose."""
         return np.asarray(rotate_points(points_m, self.yaw_rad) + np.array([self.x_m, self.y_m]))
 
     def points_to_body(self, points_m: Floats) -> Floats:
-        """Return points, (N, 2) of the pose's frame, forward and to the side of the pose."""
+        """Return points, (N, 2) in the pose's frame, relative to the pose: forward, side."""
         return rotate_points(points_m - np.array([self.x_m, self.y_m]), -self.yaw_rad)
 
     def rectangle(self, half_x_m: float, half_y_m: float) -> list[tuple[float, float]]:
-        """Return the corners of a rectangle around this pose, in the order in which yaw grows."""
+        """Return the corners of a rectangle around this pose, in the direction of growing yaw."""
         a, b = half_x_m, half_y_m
         return [self.to_world(*corner) for corner in ((a, b), (-a, b), (-a, -b), (a, -b))]
 

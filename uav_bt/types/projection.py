@@ -7,9 +7,9 @@ axis):
 
     optical axis = (cos p, 0, -sin p),  image right = (0, 1, 0),  image down = (sin p, 0, cos p)
 
-with p the gimbal pitch, negative when it points down. A gimbal leaves a little roll about the
-optical axis at times; where it is known it can be given. The paper's axes (X up, Y lateral, Z
-forward) map to (-z, y, x) here.
+with p the gimbal pitch, negative when it points down. A gimbal sometimes leaves a little roll about
+the optical axis, which can be given. The paper's axes (X up, Y lateral, Z forward) map to
+(-z, y, x) here.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def camera_axes(gimbal_pitch_rad: float, roll_rad: float = 0.0) -> NDArray[np.fl
 
     Args:
         gimbal_pitch_rad: of the optical axis to the horizon, negative down.
-        roll_rad: of the image about the optical axis, its right side down positive; what the gimbal
-            did not level.
+        roll_rad: of the image about the optical axis, right side down positive: the error of the
+            gimbal.
     """
     c, s = math.cos(gimbal_pitch_rad), math.sin(gimbal_pitch_rad)
     upright = np.array([[0.0, s, c], [1.0, 0.0, 0.0], [0.0, c, -s]])
@@ -105,7 +105,7 @@ def project(
 
     Args:
         points: (..., 3) metres forward, right and down of the camera.
-        camera: intrinsics at the image size asked for.
+        camera: intrinsics at the size of the image.
         gimbal_pitch_rad: 0 level, negative down.
         roll_rad: as for `camera_axes`.
 
@@ -128,7 +128,7 @@ def project(
 def elevation_to_row(elevation_rad: float, camera: CameraModel, gimbal_pitch_rad: float) -> float:
     """Return the row of the central column at which a ray has this elevation (negative: down).
 
-    A row outside the image is far outside for a ray beside or behind the camera.
+    For a ray beside or behind the camera the row lies far outside the image.
     """
     below_axis_rad = gimbal_pitch_rad - elevation_rad
     below_axis_rad = max(-_BESIDE_RAD, min(_BESIDE_RAD, below_axis_rad))

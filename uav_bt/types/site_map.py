@@ -1,4 +1,4 @@
-"""The map of the place that a mission keeps: ground, obstacles, edges, objects, landing mark."""
+"""The site map of a mission: ground, obstacles, edges, objects, landing mark."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from uav_bt.types.surroundings import NearObstacles
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-EDGE_MARGIN_M: Final = 0.3  # a place beyond the edge by more is surely beyond it; chosen
+EDGE_MARGIN_M: Final = 0.3  # m beyond the edge, from which a place counts as outside; chosen
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapObject:
-    """An object that stands in the place, as far as its base was seen."""
+    """An object on the ground; size and place are those of the seen part of its base."""
 
     class_id: int
     x_m: float  # the middle of its base, in the map's frame
     y_m: float
-    size_m: float  # of the longer side of its base, as far as seen
+    size_m: float  # seen length of the longer side of its base
     std_m: float  # one standard deviation of the position
     seen_s: float  # the capture of the newest frame that showed its base
     width_m: float = 0.0  # of the shorter side
@@ -59,34 +59,34 @@ class MapMark:
     y_m: float
     std_m: float
     seen_s: float
-    moved_m: float = 0.0  # found elsewhere than the map had it: how far, all times together
+    moved_m: float = 0.0  # sum of the distances by which the mark was moved on the map
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapMover:
-    """Something that moves: where it is at the time of the map's pose, and how it goes on."""
+    """A mover: position at the time of the map's pose, and velocity."""
 
-    id: int  # counts up in a mission
+    id: int  # unique in a mission
     x_m: float  # its middle, in the map's frame
     y_m: float
     x_mps: float  # its velocity, in the map's frame
     y_mps: float
     std_m: float  # one standard deviation of the position, the larger axis
-    std_mps: float  # likewise of the velocity
+    std_mps: float  # the same of the velocity
     radius_m: float  # of a circle around its base
-    first_s: float  # the captures of the frames that showed it first and last
+    first_s: float  # capture times of the first and last frame that showed it
     seen_s: float
 
     @property
     def speed_mps(self) -> float:
-        """How fast it moves."""
+        """Speed of the mover."""
         return math.hypot(self.x_mps, self.y_mps)
 
     def at(self, ahead_s: float | Floats) -> Floats:
-        """Return where it will be when it goes on like that, (..., 2) in the map's frame.
+        """Return its position at constant velocity, (..., 2) in the map's frame.
 
         Args:
-            ahead_s: seconds from the map's pose on, of any shape.
+            ahead_s: seconds after the time of the map's pose, any shape.
         """
         later = np.asarray(ahead_s, dtype=float)[..., None]
         return np.asarray((self.x_m, self.y_m) + later * (self.x_mps, self.y_mps))
@@ -94,25 +94,25 @@ class MapMover:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SiteMapBase:
-    """Everything of a site map but its grids: a record keeps it as it is.
+    """A site map without its grids, as records keep it.
 
     Attributes:
         pose: of the drone, now.
         corner_m: the centre of the grids' cell (0, 0).
         cell_m: side of a cell.
-        obstacles_m: (N, 2) points where obstacles stand.
-        edges_m: (K, 2) points where the ground ends.
+        obstacles_m: (N, 2) points of obstacles.
+        edges_m: (K, 2) points of the edge of the ground.
         captured_s: capture of the newest view.
-        movers: what moves, where it is now. None of it is among the obstacles.
-        lanes_m: (L, 2) places where something moved lately, and that no view has shown since.
+        movers: the movers; they are not among the obstacles.
+        lanes_m: (L, 2) places where something moved and that no view has shown since.
         objects: obstacles with class, place and size.
         mark: the landing mark; None before it was seen.
         correction: the pose of the dead-reckoned frame in the map's frame.
-        residual_m: mean distance of views' points from where they stand on the map.
-        contradicted_s: for how long views have contradicted the map.
-        restarts: how often the map was begun anew for that.
-        full: whether part of the place lies beyond the grid.
-        untracked_s: for how long the odometry has followed no ground.
+        residual_m: mean distance of views' points from their counterparts on the map.
+        contradicted_s: time for which views have contradicted the map.
+        restarts: number of times the map was begun again because of that.
+        full: whether part of the room lies beyond the grid.
+        untracked_s: time for which the odometry has followed no ground.
     """
 
     pose: Pose2D
@@ -137,8 +137,8 @@ class SiteMapBase:
 class SiteMap(SiteMapBase):
     """Grids around the take-off point, obstacles in them, and obstacles near the drone.
 
-    The frame is the dead-reckoned one: x along yaw 0, y to its right, the origin where the mission
-    began; views have corrected the drone's place in it. All grids have one shape, rows along x and
+    The frame is that of dead reckoning: x along yaw 0, y to its right, the origin where the mission
+    began. Views correct the drone's pose in it. All grids have the same shape, rows along x and
     columns along y.
 
     Attributes:
@@ -146,8 +146,8 @@ class SiteMap(SiteMapBase):
         free: (R, C) cells known to be free to fly: ground, or below a line of sight to the ground.
         outside: (R, C) cells beyond the edge of the ground.
         passed: (R, C) cells within half a metre of the flown path.
-        near: obstacles and edges near the drone, from `pose`, placed by dead reckoning: also those
-            that a few views have seen, and those of unknown range.
+        near: obstacles and edges near the drone, relative to `pose`, placed by dead reckoning;
+            including those that only a few views have seen, and those of unknown range.
     """
 
     seen_s: Floats
@@ -165,27 +165,27 @@ class SiteMap(SiteMapBase):
 
     @property
     def ground(self) -> Flags:
-        """Cells that were seen to be ground."""
+        """Cells in which ground was seen."""
         return np.asarray(np.isfinite(self.seen_s))
 
     @property
     def ground_s(self) -> float:
-        """When a view last showed ground; -inf before any has."""
+        """Capture time of the last view that showed ground; -inf without one."""
         return float(self.seen_s.max(initial=-math.inf))
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
-        """Return the row and column of a place, which may lie outside the grid."""
+        """Return row and column of a place; they may lie outside the grid."""
         return (
             math.floor((x_m - self.corner_m[0]) / self.cell_m + 0.5),
             math.floor((y_m - self.corner_m[1]) / self.cell_m + 0.5),
         )
 
     def lies_on(self, cells: Flags, places_m: Floats) -> Flags:
-        """Return which places lie on cells of one of its grids that are set.
+        """Return which places lie on set cells of a grid.
 
         Args:
             cells: (rows, columns).
-            places_m: (..., 2); those outside the grid, and NaN, lie on none.
+            places_m: (..., 2); False outside the grid and for NaN.
         """
         steps = (places_m - np.array(self.corner_m)) / self.cell_m
         inside = ((steps >= -0.5) & (steps < np.array(cells.shape) - 0.5)).all(axis=-1)
@@ -194,7 +194,7 @@ class SiteMap(SiteMapBase):
         return found
 
     def is_beyond_edge(self, x_m: float, y_m: float) -> bool:
-        """Return whether a place lies beyond the edge of the ground, and further than a margin."""
+        """Return whether a place lies beyond the edge of the ground by more than a margin."""
         return is_beyond_edge(self.outside, *self.cell_of(x_m, y_m), self.cell_m)
 
     def places_m(self) -> Floats:
@@ -207,9 +207,9 @@ def is_beyond_edge(beyond: Flags | NDArray[np.int8], row: int, column: int, cell
     """Return whether a cell and all around it lie beyond the edge of the ground.
 
     Args:
-        beyond: (rows, columns) positive where a cell does.
+        beyond: (rows, columns) positive for cells beyond the edge.
         row: of the cell, which may lie outside the grid.
-        column: likewise.
+        column: of the cell, the same.
         cell_m: side of a cell.
     """
     reach = round(EDGE_MARGIN_M / cell_m)

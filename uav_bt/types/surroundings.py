@@ -1,4 +1,4 @@
-"""The surroundings: fixed sizes, the helipad's fix, obstacles near the drone, the held turn."""
+"""The helipad's fix, obstacles near the drone, and the held turn."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from uav_bt.types.landing_mark import LandingMark
 
 @dataclass(frozen=True, kw_only=True)
 class HelipadFix:
-    """Where the helipad lies, from the body's centre in the heading-aligned horizontal plane."""
+    """Position of the helipad, from the body's centre in the heading-aligned level plane."""
 
-    captured_s: float  # of the frame of the last detection that went in
+    captured_s: float  # of the frame of the last detection used
     forward_m: float
     right_m: float
-    detected: bool  # True: seen in this frame; False: carried by the tracker
+    detected: bool  # True: seen in this frame; False: predicted by the tracker
     confidence: float = 1.0  # 0 to 1, of the last detection
     std_m: float = 0.0  # one standard deviation of the position
     height_m: float = LandingMark.height_m  # of its top above the ground
@@ -37,7 +37,7 @@ class HelipadFix:
         return math.atan2(self.right_m, self.forward_m)
 
 
-# A path past a point abeam may bring it nearer by this and counts as no approach; chosen.
+# A path past a point beside the drone may come nearer to it by this distance; chosen.
 _PASSING_M = 0.02
 
 
@@ -47,18 +47,17 @@ class NearObstacles:
 
     # (N, 2): forward, right, in the heading-aligned level frame
     points_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
-    captured_s: float = -math.inf  # of the newest frame that went in
-    # (K, 2), in the same frame: where obstacles of unknown range are assumed for the time being.
+    captured_s: float = -math.inf  # of the newest frame used
+    # (K, 2), in the same frame: assumed places of obstacles of unknown range.
     assumed_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
-    # (E, 2), in the same frame: where the carpet ends.
+    # (E, 2), in the same frame: points of the carpet's edge.
     edges_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
-    # Obstacles nearer than the nearest visible carpet, whose base was never seen: their bearings
-    # from the heading, clockwise positive, one for each degree that shows them. (M,)
+    # (M,) Bearings of obstacles whose base was never seen, nearer than the nearest visible carpet:
+    # from the heading, clockwise positive, one per degree.
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    # Bearings on which the carpet ends nearer than anything visible. (L,)
+    # (L,) Bearings on which the carpet ends below the view.
     unplaced_edges_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    # How long ago points and edges, or what stands or ends there, were seen last, (N,) and (E,);
-    # empty: not known.
+    # (N,) and (E,) Time since the last sighting of points and edges; empty: unknown.
     points_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     edges_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
@@ -78,7 +77,7 @@ class NearObstacles:
 
     @property
     def nearest_m(self) -> float:
-        """Distance from the body's centre to the nearest point, inf without any."""
+        """Distance from the body's centre to the nearest point, inf without points."""
         if not len(self.points_m):
             return math.inf
         return float(np.hypot(self.points_m[:, 0], self.points_m[:, 1]).min())
@@ -103,9 +102,9 @@ class NearObstacles:
 
         Args:
             forward_m: the end of the path, ahead of the body's centre.
-            right_m: the same, to its right.
-            margin_m: smallest distance of a point to the path.
-            assumed: whether the assumed points count, too.
+            right_m: the end of the path, to the right of the body's centre.
+            margin_m: least distance of a point from the path.
+            assumed: whether assumed points count, too.
         """
         length_m = math.hypot(forward_m, right_m)
         points = np.vstack([self.points_m, self.assumed_m]) if assumed else self.points_m
@@ -118,11 +117,11 @@ class NearObstacles:
         return bool(np.all((then_m >= margin_m) | (then_m >= now_m - _PASSING_M)))
 
     def unplaced_within(self, half_angle_rad: float) -> int:
-        """Return how many bearings of ahead show an obstacle of unknown range."""
+        """Return the number of bearings within an angle that show an obstacle of unknown range."""
         return int(np.count_nonzero(np.abs(self.unplaced_rad) < half_angle_rad))
 
     def ends_within(self, half_angle_rad: float) -> int:
-        """Return on how many bearings of ahead the carpet ends nearer than the view."""
+        """Return the number of bearings within an angle on which the carpet ends below the view."""
         return int(np.count_nonzero(np.abs(self.unplaced_edges_rad) < half_angle_rad))
 
 
@@ -132,17 +131,17 @@ class HeldTurn:
 
     direction: int = 0  # +1 clockwise, -1 counter-clockwise, 0 none
     turned_rad: float = 0.0  # since the last advance, both ways added up
-    relief_turns: int = 0  # detours in vain: the policy is asked as after this number of full turns
+    relief_turns: int = 0  # failed detours; the policy decides as after this number of full turns
 
     @property
     def full_turns(self) -> int:
-        """The number of full turns that found no free path, and of those that count as such."""
+        """Number of full turns without a free path, plus `relief_turns`."""
         return self.relief_turns + int(self.turned_rad / (2.0 * math.pi))
 
 
 MIN_VIEW_HEIGHT_M: Final = 0.05
 """Least height of a camera above a surface, metres; projections raise lower ones to it.
 
-Noise gives a drone that stands a height of zero or less, at which no ground is in view. Chosen:
-half of the body's height, lower than any camera that flies.
+With noise the height of a standing drone can be zero or less, at which no ground is in view.
+Chosen: half of the body's height, lower than any camera in flight.
 """
