@@ -14,14 +14,13 @@ import numpy as np
 from perception.camera.frame_watch import FrameWatch, FrameWatchConfig
 from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
-from uav_bt.app.loading import Mission, check_ceiling, load_mission
+from uav_bt.app.loading import Mission, load_mission
+from uav_bt.app.option_values import is_drone_config, refuse_incomplete
 from uav_bt.app.options import (
     FlightOptions,
     given_options,
-    is_drone_config,
     limits_of,
     mark_of,
-    refuse_incomplete,
     refuse_unusable,
     site_of,
 )
@@ -187,7 +186,11 @@ Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
 
 
 def assemble(
-    tree: Mission, options: FlightOptions | None = None, *, registry: NodeRegistry | None = None
+    tree: Mission,
+    options: FlightOptions | None = None,
+    *,
+    registry: NodeRegistry | None = None,
+    **how: Any,
 ) -> Flight[Drone]:
     """Put a flight together from a tree and options; nothing is connected.
 
@@ -195,13 +198,13 @@ def assemble(
         tree: the mission; one that is given as a `MissionTree` flies itself, once.
         options: how it is flown.
         registry: the nodes that may occur; default: all installed.
+        how: fields of `FlightOptions`, in place of an object or to change one.
 
     Raises:
         InputError: tree, policy, scene, site or drone cannot be used.
     """
-    options = given_options(options)
+    options = given_options(options, how)
     mission = load_mission(tree, options, registry)
-    check_ceiling(mission, limits_of(options))
     drone = make_drone(options)
     check_clearances(site_of(options) or Site(), drone.airframe)
     return Flight(mission, drone, options)

@@ -8,13 +8,14 @@ from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from uav_bt.app.assembly import Flight, Listeners, assemble, frame_judge
 from uav_bt.app.film import flight_video
 from uav_bt.app.interrupts import landing_on_signals
-from uav_bt.app.loading import Mission, load_mission
-from uav_bt.app.options import FlightOptions, as_file, given_options, site_of
+from uav_bt.app.loading import Mission, read_mission
+from uav_bt.app.option_values import as_file
+from uav_bt.app.options import FlightOptions, site_of
 from uav_bt.app.pauses import short_collections
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.site import Site
@@ -54,7 +55,7 @@ def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
         TreeError: the file was refused; the error holds all findings.
         InputError: it is no mission, or a tree that flew before.
     """
-    return load_mission(tree, FlightOptions(), registry)
+    return read_mission(tree, FlightOptions(), registry)
 
 
 def fly(
@@ -68,15 +69,18 @@ def fly(
     on_check: Callable[[Check], None] | None = None,
     controls: Callable[[MissionRunner], AbstractContextManager[None]] | None = None,
     watch: Callable[[str], None] | None = None,
+    **how: Any,
 ) -> FlightReport:
     """Fly a mission and return its report.
+
+        report = app.fly("land_only", scene="val-a", seed=3)
 
     Before a real drone takes off it is checked: battery, link, telemetry, video.
 
     Args:
         tree: a shipped mission's name, a tree file, a `MissionTree` (which flies once), or a tree
             file's text.
-        options: how to fly it.
+        options: how to fly it, as an object that several flights share.
         registry: the nodes that may occur; default: all installed. Own leaves fly without a
             package with `NodeRegistry.installed().with_nodes(Peek)`.
         report: where to write the report as JSON; it is also written when the mission fails.
@@ -88,6 +92,7 @@ def fly(
         watch: read the tree file again whenever it is edited while it flies, and call this with
             what became of it. For simulated drones, and without record, report and video;
             listeners that hold the tree itself go on showing the first one.
+        how: fields of `FlightOptions`, in place of an object or to change one.
 
     Raises:
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
@@ -96,18 +101,13 @@ def fly(
             the drone raises. A listener or a file that fails ends no flight: it stands in the
             report's `lost_outputs`.
     """
-    options = given_options(options)
     _check_listeners(listeners)
-    report, record_file = as_file("report", report), as_file("record", options.record)
-    video = as_file("video", video)
+    flight = assemble(tree, options, registry=registry, **how)
+    report, video = as_file("report", report), as_file("video", video)
+    record_file = as_file("record", flight.options.record)
     outputs = {"report": report, "record": record_file, "video": video}
-    _check_outputs(tree, options, outputs)
-    watched = None if watch is None else reloadable_file(tree, outputs)
-    flight = assemble(tree, options, registry=registry)
-    for file in filter(None, outputs.values()):
-        refuse_inputs(file, tuple(flight.mission.sources), shipped_trees())
-    if watched is not None and flight.drone.live:
-        raise InputError("watch: a tree is replaced in flight on simulated drones only")
+    _check_outputs(flight, outputs)
+    watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
     with ExitStack() as stack:
         record = None
         if record_file is not None:
@@ -136,12 +136,9 @@ def fly(
         return _run(flight, followers, keep, at_hand, next_tree)
 
 
-def _check_outputs(
-    tree: Mission, options: FlightOptions, outputs: Mapping[str, Path | None]
-) -> None:
+def _check_outputs(flight: Flight[Drone], outputs: Mapping[str, Path | None]) -> None:
     """Refuse outputs that cannot be written, or must not be."""
-    read = tuple(tree.sources) if isinstance(tree, MissionTree) else tree
-    inputs = (read, *(getattr(options, name) for name in _FILES_OF_OPTIONS))
+    read = [getattr(flight.options, name) for name in _FILES_OF_OPTIONS]
     files = [(name, file) for name, file in outputs.items() if file is not None]
     for (first, file), (second, other) in combinations(files, 2):
         if same_file(file, other):
@@ -150,7 +147,7 @@ def _check_outputs(
             )
     for _, file in files:
         check_output(file)
-        refuse_inputs(file, inputs, shipped_trees())
+        refuse_inputs(file, [*flight.mission.sources, *read], shipped_trees())
 
 
 def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:

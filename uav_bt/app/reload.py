@@ -8,8 +8,7 @@ from pathlib import Path
 
 from uav_bt.app.assembly import Flight
 from uav_bt.app.file_watch import FileWatch
-from uav_bt.app.loading import Mission, check_ceiling, is_text, load_mission
-from uav_bt.app.options import limits_of
+from uav_bt.app.loading import Mission, is_text, load_mission
 from uav_bt.errors import InputError, TreeError, UavBtError
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
@@ -70,7 +69,6 @@ class TreeReload:
     def _load(self) -> MissionTree:
         flight = self._flight
         tree = load_mission(self._path, flight.options, self._registry)
-        check_ceiling(tree, limits_of(flight.options))
         if tree.sources != flight.mission.sources:
             tree.setup(flight.context)
         return tree
@@ -83,16 +81,20 @@ def _files_of(error: UavBtError) -> Iterator[Path]:
             yield Path(finding.path).resolve()
 
 
-def reloadable_file(tree: Mission, outputs: Mapping[str, Path | None]) -> Path:
+def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | None]) -> Path:
     """Return the tree file that can be watched while it flies.
 
     Args:
         tree: the mission as it was given.
+        drone: what flies.
         outputs: files that the flight writes, by name; None where it does not.
 
     Raises:
-        InputError: it is no file, or an output is wanted: all show one tree.
+        InputError: the mission is no file, the drone is real, or an output is wanted, which would
+            show one tree only.
     """
+    if drone.live:
+        raise InputError("watch: a tree is replaced in flight on simulated drones only")
     if isinstance(tree, MissionTree) or is_text(tree) or not Path(tree).is_file():
         raise InputError(
             f"watch: expected a tree file, which can be edited while it flies, got {tree!r:.80}; "

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from perception.depth.scale import Scale
-from uav_bt.app.options import as_file
+from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.perceive.streams import TimedImage

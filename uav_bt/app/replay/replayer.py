@@ -10,8 +10,9 @@ from typing import Any, Final, Literal
 
 from uav_bt.app.assembly import Flight
 from uav_bt.app.flight_record import RecordedOptions, recorded_options
-from uav_bt.app.loading import Mission, is_text, load_mission
-from uav_bt.app.options import FlightOptions, check_policies
+from uav_bt.app.loading import Mission, is_text, read_mission
+from uav_bt.app.option_values import check_policies
+from uav_bt.app.options import FlightOptions
 from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
@@ -153,7 +154,7 @@ def assemble_recorded(
     if changes.tree is not None:
         # Attributes of nodes that the recorded mission had may name none of this one.
         options = replace(options, tree_folders=changes.tree_folders)
-        mission = load_mission(changes.tree, options, changes.registry)
+        mission = read_mission(changes.tree, options, changes.registry)
     else:
         mission = _recorded_mission(reader, recorded, options, changes.registry)
     flight = Flight(
@@ -196,7 +197,7 @@ def _recorded_mission(
                 "--tree, or with ReplayOptions(tree=...)",
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        return load_mission(files.tree, options, registry, replaced=replaced, lookup=files.lookup)
+        return read_mission(files.tree, options, registry, replaced=replaced, lookup=files.lookup)
 
 
 # --- the runner -----------------------------------------------------------------------------------
