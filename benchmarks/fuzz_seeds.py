@@ -11,6 +11,7 @@ from typing import Final
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin.scene_file import load_scene, scene_names, scene_text
 from uav_bt import app
+from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.groot.btlog import BtlogWriter
 from uav_bt.groot.transitions import Transition
@@ -141,7 +142,8 @@ def _campaign(folder: Path) -> list[Path]:
         what: (PlannedFile(name=what, path=f"/{what}", sha256="0" * 64),)
         for what in ("trees", "scenes")
     }
-    plan = CampaignPlan(**files, flights=5, weights={"unet": "1" * 64}, policies={"a": "b"})
+    options = FlightOptions(policies={"a": "b"})
+    plan = CampaignPlan(**files, flights=5, weights={"unet": "1" * 64}, options=options)
     run = {"began": "2026-11-22", "host": "here"}
     content = {"format": 1, "plan": plan.to_json(), "runs": [run]}
     return _texts("seed.json", json.dumps(content))(folder)

@@ -27,7 +27,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.channels import Quality
-from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.folders import WHICH_TREE, TreeFolders
 from uav_bt.types import LandingMark
 
 
@@ -150,11 +150,7 @@ class FlightOptions:
     )
     tree_id: str | None = field(
         default=None,
-        metadata=about(
-            "Which of the file's trees; default: the one that it names, or that no other uses.",
-            "--tree",
-            metavar="ID",
-        ),
+        metadata=about(WHICH_TREE),
     )
     tree_folders: TreeFolders = field(
         default_factory=TreeFolders,

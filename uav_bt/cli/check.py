@@ -11,8 +11,7 @@ from typing import Final
 import click
 
 from uav_bt.cli.command import Command, note_input
-from uav_bt.cli.lookup_options import lookup_options
-from uav_bt.cli.options import INPUT, format_option, tree_option
+from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Finding, Findings, errors_of
@@ -61,7 +60,7 @@ palette_option = click.option(
 @click.argument("trees", metavar="TREE...", nargs=-1, required=True)
 @tree_option
 @palette_option
-@lookup_options
+@tree_folders_option
 @click.option(
     "--engine",
     "engines",

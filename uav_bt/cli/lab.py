@@ -19,7 +19,7 @@ from uav_bt.app.film import map_of_scene
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import output_option
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import Number
+from uav_bt.cli.values import Number
 from uav_bt.display.lab_map import draw_path_map
 from uav_bt.errors import FileError
 from uav_bt.files import reading, writing

@@ -15,10 +15,10 @@ from uav_bt.app.replay import replay as replay_record
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
 from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight, Span
 from uav_bt.cli.command import Command
-from uav_bt.cli.lookup_options import lookup_options
-from uav_bt.cli.options import INPUT, format_option, output_option, policy_option
+from uav_bt.cli.flight_options import flight_option
+from uav_bt.cli.options import INPUT, format_option, output_option, tree_folders_option
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import Number
+from uav_bt.cli.values import Number
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.record.info import RecordInfo, record_info
@@ -148,8 +148,8 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
 @click.command(cls=Command)
 @_file_argument
 @click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
-@lookup_options
-@policy_option
+@tree_folders_option
+@flight_option("policies")
 @click.option(
     "--masks",
     type=click.Choice(["network", "recorded"]),

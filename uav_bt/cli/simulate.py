@@ -11,9 +11,8 @@ import click
 
 from uav_bt.cli.check import palette_option
 from uav_bt.cli.command import Command
-from uav_bt.cli.lookup_options import lookup_options
-from uav_bt.cli.options import INPUT, format_option, tree_option
-from uav_bt.cli.ranges import Number, WholeNumber
+from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
+from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
@@ -47,7 +46,7 @@ from uav_bt.tree.shipped import resolve_tree
 @format_option("table", "json", help_="json: one object with all ticks.")
 @tree_option
 @palette_option
-@lookup_options
+@tree_folders_option
 @click.pass_context
 def simulate(
     ctx: click.Context,
