@@ -49,7 +49,7 @@ def grouped(name: str, make: Callable[..., Any], **options: Decorator) -> Decora
     return decorate
 
 
-tree_option: Final = click.option("--tree", "tree_id", metavar="ID", help=WHICH_TREE)
+tree_option: Final[Decorator] = click.option("--tree", "tree_id", metavar="ID", help=WHICH_TREE)
 
 _FOLDER: Final = click.Path(exists=True, file_okay=False, path_type=Path)
 

@@ -58,7 +58,7 @@ def test_plans_and_tasks_survive_being_written() -> None:
 )
 def test_what_changes_flights_makes_it_another_campaign(change: dict[str, Any], told: str) -> None:
     before = plan()
-    assert told in "\n".join(replace(before, **change).differences(before))
+    assert told in "\n".join(plan(**change).differences(before))
 
 
 def test_changed_weights_and_versions_are_told_with_both() -> None:
