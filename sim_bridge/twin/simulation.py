@@ -19,6 +19,7 @@ from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.sensors import Sensors, Telemetry
 from uav_bt.types import Command, DroneState, MoveBy, MoverState, Pose
+from uav_bt.types.bounds import clamp
 
 _REMEMBERED_FRAMES = 900  # half a minute of video, for referees that look back
 _CONTACT_MEMORY_S = 0.1  # a tick: a reader once a tick misses no contact
@@ -194,7 +195,7 @@ class Simulation:
         profile = self._profile
         error = self._gimbal_target_rad - self._gimbal_rad
         rate = error / max(profile.gimbal_lag_s, CONTROL_STEP_S)
-        rate = max(-profile.gimbal_rate_radps, min(profile.gimbal_rate_radps, rate))
+        rate = clamp(rate, profile.gimbal_rate_radps)
         self._gimbal_rad += rate * CONTROL_STEP_S
 
     def _sense(self) -> None:

@@ -15,7 +15,6 @@ from uav_bt.app.perceive.streams import (
     CAMERA,
     FOLDER_RATE,
     CameraSource,
-    Image,
     ImageSource,
     TimedImage,
     TimedImages,
@@ -27,6 +26,7 @@ from uav_bt.protocols import Clock
 from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
+from uav_bt.types.arrays import Image
 
 IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 

@@ -11,13 +11,11 @@ from typing import Any, Final, Protocol
 import av
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.display.video.video_file import FILM
 from uav_bt.errors import FileError, InputError
 from uav_bt.protocols import Clock
-
-Image = NDArray[np.uint8]
+from uav_bt.types.arrays import Image
 
 FOLDER_RATE: Final = 10.0  # images a second where it is unknown: a mission's tick
 
