@@ -12,11 +12,10 @@ from typing import Any, Final
 
 from uav_bt.app.assembly import Flight, Listeners, assemble, frame_judge
 from uav_bt.app.film import flight_video
-from uav_bt.app.interrupts import landing_on_signals
+from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, read_mission
 from uav_bt.app.option_values import as_file
 from uav_bt.app.options import FlightOptions, site_of
-from uav_bt.app.pauses import short_collections
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP

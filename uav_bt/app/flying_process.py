@@ -1,7 +1,8 @@
-"""Signals while a mission flies: the first lands the drone, the second ends the program."""
+"""The process while a mission flies: signals land the drone, garbage collections stay short."""
 
 from __future__ import annotations
 
+import gc
 import signal
 import threading
 from collections.abc import Iterator
@@ -62,3 +63,18 @@ def landing_on_signals(runner: MissionRunner) -> Iterator[None]:
         yield
     finally:
         stop.restore()
+
+
+@contextmanager
+def short_collections() -> Iterator[None]:
+    """Let the collector look only at what is made while this lasts.
+
+    What libraries and networks made when they were loaded lives on for ever, and a full collection
+    that walks through all of it stops every thread for more than a tenth of a second.
+    """
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
