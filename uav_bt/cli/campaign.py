@@ -80,13 +80,12 @@ class Place:
         help="Flights of each tree in each scene, one seed each; default: 10.",
     ),
     seed_from=click.option(
-        "--seed-from", type=WholeNumber(min=0), default=0, show_default=True, help="The first seed."
+        "--seed-from", type=WholeNumber(min=0), default=0, help="The first seed."
     ),
     timeout_s=click.option(
         "--timeout-s",
         type=Number(min=0.0, min_open=True),
         default=CampaignPlan.timeout_s,
-        show_default=True,
         help="Wall time after which a flight counts as hung.",
     ),
     record=click.option(
@@ -102,7 +101,6 @@ class Place:
         "--backend",
         type=click.Choice(["local", "dask"]),
         default="local",
-        show_default=True,
         help="This machine's cores, or a Dask cluster.",
     ),
     address=click.option("--address", metavar="HOST:PORT", help="Address of the Dask scheduler."),

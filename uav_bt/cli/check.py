@@ -193,7 +193,6 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
     "start",
     type=click.Choice(list(STARTERS)),
     default="hover",
-    show_default=True,
     help="hover: up, look round, down; land: find the helipad, land; explore: the whole mission.",
 )
 def new(*, file: Path, start: str) -> None:

@@ -28,7 +28,6 @@ from uav_bt.plugins import need
         "--flights",
         type=WholeNumber(min=1),
         default=96,
-        show_default=True,
         help="Minimum in all, shared evenly over scenes and profiles.",
     ),
     scenes=click.option(
@@ -37,6 +36,7 @@ from uav_bt.plugins import need
         metavar="SCENE",
         multiple=True,
         default=TRAINING_SCENES,
+        show_default=False,
         help="Scene to begin with, by name or file. Repeatable; default: all training scenes.",
     ),
     profiles=click.option(
@@ -45,12 +45,12 @@ from uav_bt.plugins import need
         type=click.Choice(["ideal", "lab", "harsh", "lab-instant", "harsh-instant"]),
         multiple=True,
         default=("lab", "harsh"),
+        show_default=False,
         help="How imperfect the twin is. Repeatable; default: lab and harsh.",
     ),
     layouts=click.option(
         "--layouts/--no-layouts",
         default=True,
-        show_default=True,
         help="Vary the boxes, too, in all flights but the first of each scene; light always "
         "varies.",
     ),

@@ -39,7 +39,6 @@ _scores_option = output_option("--out", "Write the scores there too, as JSON.")
 @click.option(
     "--model",
     default="unet",
-    show_default=True,
     help="'unet', 'unet-fp32', 'teacher', a teacher's .safetensors file, or an ONNX network.",
 )
 @click.option(
@@ -52,7 +51,6 @@ _scores_option = output_option("--out", "Write the scores there too, as JSON.")
     "--lowered",
     type=Number(min=0.0, max=1.0),
     default=0.0,
-    show_default=True,
     help="Share of the images whose camera is lowered further, as at the carpet's edge.",
 )
 @flight_option("image_size_px")
@@ -90,20 +88,17 @@ def segmentation(
 @click.option(
     "--model",
     default="depth",
-    show_default=True,
     help="'depth', 'depth-fp32', an ONNX network, or 'contact': masks and geometry, no network.",
 )
 @click.option(
     "--masks",
     type=click.Choice(["unet", "exact"]),
     default="unet",
-    show_default=True,
     help="Class maps: the network's, as in a flight, or the twin's exact ones.",
 )
 @click.option(
     "--tables",
     default="pairs,distance,sensitivity,corridor",
-    show_default=True,
     metavar="NAMES",
     help="The tables, with commas between.",
 )
@@ -142,13 +137,13 @@ def depth(
     metavar="FILE",
     type=INPUT,
     default=SHIPPED_STUDENT,
+    show_default=False,
     help="A control student's ONNX file; the shipped one if not given.",
 )
 @click.option(
     "--views",
     type=WholeNumber(min=1),
     default=2000,
-    show_default=True,
     help="Number of views that are scored.",
 )
 @click.option(

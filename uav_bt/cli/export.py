@@ -29,7 +29,6 @@ def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--precision",
             type=click.Choice(["int8", "fp32"]),
             default="int8",
-            show_default=True,
             help="8-bit integers or floats.",
         ),
         click.option(

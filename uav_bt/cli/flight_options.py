@@ -34,7 +34,7 @@ def flight_option(name: str, **changes: Any) -> Decorator:
     elif name in _FORMS:
         attributes |= _FORMS[name]
     else:
-        attributes |= {"default": default, "show_default": default is not None}
+        attributes["default"] = default
     if about.file is not None:
         attributes["type"] = INPUT if about.file == "read" else OutputFile(about.suffix)
     elif about.least is not None:
@@ -50,7 +50,6 @@ _FORMS: Final[Mapping[str, Mapping[str, Any]]] = {
     "image_size_px": {
         "callback": image_size,
         "default": "{}x{}".format(*FlightOptions.image_size_px),
-        "show_default": True,
     },
     "policies": {"callback": node_policies, "multiple": True},
 }

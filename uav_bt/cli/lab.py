@@ -77,7 +77,6 @@ def _line(scene: Scene) -> str:
     "--square-mm",
     type=Number(min=0.0, min_open=True),
     default=20.0,
-    show_default=True,
     help="Edge of one square of the board.",
 )
 @output_option("--out", "The camera file.", default=Path("camera.yaml"))

@@ -108,7 +108,6 @@ def output_option(
         metavar="FILE",
         type=OutputFile(suffix),
         default=default,
-        show_default=default is not None,
         help=help_,
     )
 
@@ -125,6 +124,5 @@ def format_option(*choices: str, help_: str) -> Decorator:
         "format_",
         type=click.Choice(choices),
         default=choices[0],
-        show_default=True,
         help=help_,
     )

@@ -46,14 +46,12 @@ def _options(
         "--height-m",
         type=Number(min=0.0, min_open=True, max=100.0),
         default=1.5,
-        show_default=True,
         help="Height of the camera above the carpet, for all frames.",
     ),
     gimbal_deg=click.option(
         "--gimbal-deg",
         type=Number(min=-90.0, max=90.0),
         default=-30.0,
-        show_default=True,
         help="Pitch of the camera, for all frames: 0 level, negative down.",
     ),
     telemetry=click.option(
@@ -65,13 +63,11 @@ def _options(
     model=click.option(
         "--model",
         default="depth",
-        show_default=True,
         help="Depth network: 'depth', an ONNX file, or 'contact' (masks and geometry, no network).",
     ),
     segmentation=click.option(
         "--segmentation",
         default="unet",
-        show_default=True,
         help="Segmentation: 'unet', 'teacher', or an ONNX file.",
     ),
     classes=click.option(
@@ -84,7 +80,6 @@ def _options(
         "--every",
         type=WholeNumber(min=1),
         default=1,
-        show_default=True,
         help="Process only one in this many frames.",
     ),
     seconds=click.option(

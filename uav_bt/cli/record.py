@@ -80,7 +80,6 @@ def _text(found: RecordInfo) -> str:
     "--speed",
     type=Number(0.1, 100.0),
     default=1.0,
-    show_default=True,
     help="How many times faster than the flight the video runs.",
 )
 @click.option(

@@ -201,7 +201,7 @@ _LAB: Final = LazyGroup(
 
 @click.group(
     cls=_Root,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
     lazy={
         "fly": ("uav_bt.cli.fly:fly", "Fly a mission."),
         "check": ("uav_bt.cli.check:check", "Check tree files and report all that is wrong."),

@@ -28,7 +28,6 @@ def _port(name: str, what: str) -> Decorator:
         name,
         type=WholeNumber(0, 65_535),
         default=getattr(Ports, name),
-        show_default=True,
         help=f"{what}; 0 takes a free one.",
     )
 
@@ -51,11 +50,16 @@ def _port(name: str, what: str) -> Decorator:
         "video_rate_hz",
         type=Number(0.1, 240.0),
         default=30.0,
-        show_default=True,
         help="Frames of video a second, at most.",
     ),
     video=click.option(
-        "--no-video", "video", is_flag=True, flag_value=False, default=True, help="Serve no video."
+        "--no-video",
+        "video",
+        is_flag=True,
+        flag_value=False,
+        default=True,
+        show_default=False,
+        help="Serve no video.",
     ),
     gps=click.option(
         "--gps/--no-gps",
@@ -77,7 +81,6 @@ def _port(name: str, what: str) -> Decorator:
 @click.option(
     "--address",
     default="127.0.0.1",
-    show_default=True,
     help="Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... At any address other "
     "than 127.x.x.x, everybody who can reach it can fly the drone.",
 )
@@ -86,10 +89,9 @@ def _port(name: str, what: str) -> Decorator:
     "battery_percent",
     type=WholeNumber(0, 100),
     default=100,
-    show_default=True,
     help="The battery's charge at first, per cent.",
 )
-@click.option("--name", default="ANAFI-loopback", show_default=True, help="Its product name.")
+@click.option("--name", default="ANAFI-loopback", help="Its product name.")
 @click.option("--verbose", is_flag=True, help="Log connections and damaged messages, too.")
 @grouped(
     "ports",

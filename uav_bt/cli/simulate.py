@@ -33,14 +33,12 @@ from uav_bt.tree.shipped import resolve_tree
     "--ticks",
     type=WholeNumber(min=1),
     default=1000,
-    show_default=True,
     help="Stop after this many ticks.",
 )
 @click.option(
     "--tick-s",
     type=Number(min=0.0, min_open=True, max=3600.0),
     default=0.1,
-    show_default=True,
     help="Seconds between two ticks, for timers.",
 )
 @format_option("table", "json", help_="json: one object with all ticks.")

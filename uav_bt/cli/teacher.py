@@ -25,7 +25,6 @@ from uav_bt.learning.views import TRAINING_SCENES, ViewPlan
     "--port",
     type=WholeNumber(0, 65535),
     default=0,
-    show_default=True,
     help="Port of the page; 0 takes a free one.",
 )
 def pick(*, folder: Path, picks: Path, port: int) -> None:
@@ -60,7 +59,6 @@ def pick(*, folder: Path, picks: Path, port: int) -> None:
     "--total",
     type=WholeNumber(min=1),
     default=6500,
-    show_default=True,
     help="Picks that are drawn in the twin in all.",
 )
 def teacher(

@@ -52,7 +52,6 @@ from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
         "--loss",
         type=click.Choice(["cross_entropy", "bce_dice"]),
         default="cross_entropy",
-        show_default=True,
         help="The loss that is minimised.",
     ),
 )
@@ -60,7 +59,6 @@ from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
     "--workers",
     type=WholeNumber(min=1),
     default=1,
-    show_default=True,
     help="Processes that make masks of the twin's images.",
 )
 def segmentation(
@@ -113,13 +111,11 @@ def segmentation(
     "--labels",
     type=click.Choice(["contact", "none"]),
     default="contact",
-    show_default=True,
     help="Labels beside the frames: depth from masks and geometry, or none.",
 )
 @click.option(
     "--photometric/--no-photometric",
     default=True,
-    show_default=True,
     help="Learn from the photometric loss between neighbouring frames, too.",
 )
 @click.option(
@@ -131,7 +127,6 @@ def segmentation(
 @click.option(
     "--validate/--no-validate",
     default=True,
-    show_default=True,
     help="Score the network on the twin's validation scenes as it learns.",
 )
 @grouped(
@@ -141,7 +136,6 @@ def segmentation(
         "--pose",
         type=click.Choice(["telemetry", "network"]),
         default="telemetry",
-        show_default=True,
         help="Source of the camera's movement between frames.",
     ),
     seed=flight_option("seed"),

@@ -47,14 +47,12 @@ def _config(*, near_weight: float, **others: Any) -> dict[str, Any]:
         "--views",
         type=WholeNumber(1, 5),
         default=3,
-        show_default=True,
         help="Frames in a window: the present one and earlier ones.",
     ),
     spacing_s=click.option(
         "--spacing-s",
         type=Number(min=0.0, min_open=True),
         default=0.5,
-        show_default=True,
         help="Time between the views of a window.",
     ),
 )
@@ -72,7 +70,6 @@ def _config(*, near_weight: float, **others: Any) -> dict[str, Any]:
         "--near-weight",
         type=Number(min=0.0, min_open=True),
         default=2.0,
-        show_default=True,
         help="How much more often views near obstacles are drawn than others.",
     ),
     seed=flight_option("seed"),

@@ -56,7 +56,6 @@ def drawn_options(views: int, seed: int = 0) -> Decorator:
             "--views",
             type=WholeNumber(min=1),
             default=views,
-            show_default=True,
             help="Images of each scene.",
         ),
         seed=flight_option("seed", default=seed),
@@ -75,7 +74,6 @@ def run_option(name: str, content: str) -> Decorator:
         metavar="DIR",
         type=FOLDER,
         default=RUNS / name,
-        show_default=True,
         help=f"Where {content} are kept; the same command continues a training from there.",
     )
 
@@ -86,7 +84,6 @@ def device_option() -> Decorator:
         "--device",
         type=click.Choice(["cpu", "cuda"]),
         default="cpu",
-        show_default=True,
         help="Where PyTorch trains; 'cuda' needs a GPU and a PyTorch built for it.",
     )
 
@@ -97,7 +94,6 @@ def batch_option(default: int, what: str) -> Decorator:
         "--batch",
         type=WholeNumber(min=2),
         default=default,
-        show_default=True,
         help=f"{what} in a step.",
     )
 
@@ -108,6 +104,5 @@ def steps_option(default: int) -> Decorator:
         "--steps",
         type=WholeNumber(min=1),
         default=default,
-        show_default=True,
         help="Steps of training.",
     )
