@@ -52,7 +52,7 @@ def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
 
     Raises:
         TreeError: the file was refused; the error holds all findings.
-        InputError: it is no mission, or a tree that flew before.
+        InputError: `tree` is not a mission, or it flew before.
     """
     return read_mission(tree, FlightOptions(), registry)
 
@@ -79,19 +79,19 @@ def fly(
     Args:
         tree: a shipped mission's name, a tree file, a `MissionTree` (which flies once), or a tree
             file's text.
-        options: how to fly it, as an object that several flights share.
+        options: Options that several flights share. Default: only `how`.
         registry: the nodes that may occur; default: all installed. Own leaves fly without a
             package with `NodeRegistry.installed().with_nodes(Peek)`.
         report: where to write the report as JSON; it is also written when the mission fails.
         video: where to write a film of the flight, an mp4 file; it, too, is written when the
             mission fails. `film.flight_video` has options.
-        listeners: make what follows the flight tick by tick (displays, logs).
+        listeners: Functions that make tick listeners of the flight (displays, logs).
         on_check: called with each line of the check before take-off.
-        controls: what a person has at hand while the mission flies, a keyboard for instance.
-        watch: read the tree file again whenever it is edited while it flies, and call this with
-            what became of it. For simulated drones, and without record, report and video;
+        controls: Controls of a person while the mission flies, such as a keyboard.
+        watch: Read the tree file again whenever it is edited while it flies, and call this with
+            the result. For simulated drones, and without record, report and video;
             listeners that hold the tree itself go on showing the first one.
-        how: fields of `FlightOptions`, in place of an object or to change one.
+        how: Fields of `FlightOptions`. They replace those of `options`.
 
     Raises:
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
@@ -136,7 +136,7 @@ def fly(
 
 
 def _check_outputs(flight: Flight[Drone], outputs: Mapping[str, Path | None]) -> None:
-    """Refuse outputs that cannot be written, or must not be."""
+    """Refuse outputs that cannot be written, or that are inputs."""
     read = [getattr(flight.options, name) for name in _FILES_OF_OPTIONS]
     files = [(name, file) for name, file in outputs.items() if file is not None]
     for (first, file), (second, other) in combinations(files, 2):
@@ -175,7 +175,7 @@ def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], No
     for each in checks:
         if on_check is not None:
             on_check(each)
-    if not flight.options.rehearse:  # nothing takes off: what is wrong is only shown
+    if not flight.options.rehearse:  # nothing takes off: faults are only shown
         refuse_faults(checks)
 
 
@@ -190,9 +190,9 @@ def _run(
 
     Args:
         flight: its drone is connected.
-        listeners: make what follows the flight.
-        keep: what writes the report somewhere, by its name.
-        controls: what a person has at hand.
+        listeners: Make tick listeners of the flight.
+        keep: Writers of the report, by output.
+        controls: Controls of a person.
         next_tree: asked between two ticks for a tree that flies from then on.
     """
     log = FlightLog(_coverage(flight.drone), _map_check(flight))
@@ -217,7 +217,7 @@ def _run(
         for what, write in keep.items():
             try:
                 write(result)
-            except (FileError, OSError) as fault:  # the result is worth more than one of its files
+            except (FileError, OSError) as fault:  # a failed output must not lose the report
                 result = replace(result, lost_outputs={**result.lost_outputs, what: str(fault)})
         return result
 
@@ -235,20 +235,20 @@ def _run(
 
 
 def _coverage(drone: Drone) -> CoveredGround | None:
-    """Return what measures a flight's coverage; None where nobody knows the ground."""
+    """Return the measurement of a flight's coverage. None: the ground is unknown."""
     ground = None if drone.referee is None else drone.referee.ground()
     return None if ground is None else CoveredGround(ground, drone.camera)
 
 
 def _map_check(flight: Flight[Drone]) -> MapCheck | None:
-    """Return what compares the mission's map with the truth; None where nobody knows the ground."""
+    """Return the comparison of the mission's map with the truth. None: the ground is unknown."""
     referee, board = flight.drone.referee, flight.context.board
     ground = None if referee is None else referee.ground()
     return None if ground is None else MapCheck(ground, lambda: board.read(SITE_MAP).value)
 
 
 def _profile(flight: Flight[Drone]) -> str | None:
-    """Return how imperfect a simulated drone is, where its profile has a name."""
+    """Return the name of a simulated drone's profile. None: it has no name."""
     given = flight.options.drone
     if isinstance(given, str):
         return None if flight.drone.referee is None else flight.options.profile

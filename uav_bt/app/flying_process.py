@@ -17,7 +17,7 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class _Stop:
-    """What a signal does, from the first to the third."""
+    """Actions of the first, the second and the third signal."""
 
     def __init__(self, runner: MissionRunner) -> None:
         self._runner = runner
@@ -67,10 +67,10 @@ def landing_on_signals(runner: MissionRunner) -> Iterator[None]:
 
 @contextmanager
 def short_collections() -> Iterator[None]:
-    """Let the collector look only at what is made while this lasts.
+    """Keep garbage collections short: only objects made inside are searched.
 
-    What libraries and networks made when they were loaded lives on for ever, and a full collection
-    that walks through all of it stops every thread for more than a tenth of a second.
+    Objects of libraries and loaded networks live until the process ends. A full collection that
+    searches them all stops every thread for more than a tenth of a second.
     """
     gc.collect()
     gc.freeze()

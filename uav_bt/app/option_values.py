@@ -18,11 +18,11 @@ _ABSENT: Final = object()
 
 @dataclass(frozen=True, kw_only=True)
 class Declared:
-    """What is said once about an option, besides its name, type and default.
+    """Declaration of an option, besides its name, type and default.
 
     Attributes:
         help: One or two sentences.
-        flag: The command line's word for it, with dashes. None: there is none.
+        flag: The command line's option, with dashes. None: Python only.
         metavar: The command line's placeholder for the value.
         least: Smallest value of a whole number.
         choices: The values that may be given. Empty: any of the type.
@@ -42,12 +42,12 @@ class Declared:
         """Return a value in its usual type: a number as `int`, a file as `Path`.
 
         Args:
-            name: of the option.
-            value: what was given.
-            default: of the option.
+            name: Name of the option.
+            value: Value from the caller.
+            default: Default of the option.
 
         Raises:
-            InputError: the declaration does not allow the value.
+            InputError: The declaration does not allow the value.
         """
         if self.file is not None:
             file = as_file(name, value)
@@ -74,7 +74,7 @@ def class_name(value: object) -> str:
 
 
 def is_drone_config(drone: object) -> bool:
-    """Return whether it makes a drone rather than is one."""
+    """Return whether an object is a drone's configuration, not a drone."""
     return callable(getattr(drone, "create", None))
 
 
@@ -82,12 +82,12 @@ def as_file(name: str, value: object, expected: str = "a file") -> Path | None:
     """Return a file's path; None for None.
 
     Args:
-        name: what it is, for the message.
-        value: what was given.
-        expected: what should have been.
+        name: Name of the value in the message.
+        value: Value from the caller.
+        expected: Description of a valid value.
 
     Raises:
-        InputError: it is neither text nor path, or empty.
+        InputError: The value is neither text nor path, or it is empty.
     """
     if value is None or isinstance(value, Path):
         return value
@@ -97,10 +97,10 @@ def as_file(name: str, value: object, expected: str = "a file") -> Path | None:
 
 
 def check_policies(policies: object) -> None:
-    """Refuse what cannot be leaf policies by node.
+    """Refuse a value that is not a mapping from nodes to leaf policies.
 
     Raises:
-        InputError: it is no mapping, or one of them has no `decide`.
+        InputError: The value is not a mapping, or a policy lacks `decide`.
     """
     if not isinstance(policies, Mapping):
         refuse("policies", "policies by node, such as {'Explore': 'corridor'}", policies)
@@ -112,10 +112,10 @@ def check_policies(policies: object) -> None:
 
 
 def check_drone(drone: object) -> None:
-    """Refuse what is neither a drone's name, nor a configuration, nor a drone.
+    """Refuse a value that is not a drone's name, a configuration or a drone.
 
     Raises:
-        InputError: it is something else, or lacks members of the protocol.
+        InputError: The value has another type, or lacks members of the protocol.
     """
     expected = "a drone's name, a configuration with `create`, or a Drone"
     if isinstance(drone, str) and drone:
@@ -130,11 +130,11 @@ def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
     """Refuse a drone that lacks members of the protocol.
 
     Args:
-        drone: the object.
-        expected: for the message.
+        drone: Object to check.
+        expected: Description of a valid value.
 
     Raises:
-        InputError: it lacks some; the message lists them.
+        InputError: The object lacks members; the message lists them.
     """
     missing = list(_missing(Drone, drone))
     if missing:
@@ -145,7 +145,7 @@ def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
 
 
 def _missing(protocol: type, value: object) -> Iterator[str]:
-    """Yield the members that an object lacks; none is read: an unconnected drone has no camera."""
+    """Yield the members that an object lacks, without reading them: unconnected drones raise."""
     for name in vars(protocol):
         if not name.startswith("_") and inspect.getattr_static(value, name, _ABSENT) is _ABSENT:
             yield name
@@ -155,15 +155,15 @@ def whole_number(name: str, value: object, least: int) -> int:
     """Return a whole number as `int`.
 
     Args:
-        name: the value's name in the message.
-        value: an `int` or an integer of NumPy.
-        least: the smallest that is taken.
+        name: Name of the value in the message.
+        value: An `int` or an integer of NumPy.
+        least: Smallest valid value.
 
     Raises:
-        InputError: it is no whole number, or a smaller one.
+        InputError: The value is not a whole number, or it is too small.
     """
     try:
-        number = operator.index(value)  # type: ignore[arg-type]  # that is what is asked
+        number = operator.index(value)  # type: ignore[arg-type]  # other types raise TypeError
     except TypeError:
         number = least - 1
     if number < least or isinstance(value, bool):
@@ -175,7 +175,7 @@ def image_size(value: object) -> tuple[int, int]:
     """Return width and height in pixels.
 
     Raises:
-        InputError: these are not two whole numbers from 1.
+        InputError: The value is not a pair of whole numbers from 1.
     """
     sides = tuple(value) if isinstance(value, Iterable) else ()
     if len(sides) != 2:
@@ -188,13 +188,13 @@ def expect(name: str, value: object, kind: type | UnionType, expected: str) -> N
     """Refuse a value of another type.
 
     Args:
-        name: the value's name in the message.
-        value: what was given.
-        kind: the type.
-        expected: what should have been given.
+        name: Name of the value in the message.
+        value: Value from the caller.
+        kind: Expected type.
+        expected: Description of a valid value.
 
     Raises:
-        InputError: it has another type.
+        InputError: The value has another type.
     """
     if not isinstance(value, kind):
         refuse(name, expected, value)
@@ -204,12 +204,12 @@ def refuse(name: str, expected: str, value: object) -> NoReturn:
     """Refuse a value.
 
     Args:
-        name: the value's name in the message.
-        expected: what should have been given.
-        value: what was given.
+        name: Name of the value in the message.
+        expected: Description of a valid value.
+        value: Value from the caller.
 
     Raises:
-        InputError: always.
+        InputError: Always.
     """
     got = f"{value!r:.80}"
     if isinstance(value, type):

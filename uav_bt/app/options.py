@@ -32,7 +32,7 @@ from uav_bt.types import LandingMark
 
 
 def declared(name: str) -> tuple[Declared, Any]:
-    """Return what was declared about a field of `FlightOptions`, and its default."""
+    """Return the declaration and the default of a field of `FlightOptions`."""
     one = FlightOptions.__dataclass_fields__[name]
     default = one.default if one.default_factory is MISSING else one.default_factory()
     return one.metadata["declared"], default
@@ -98,8 +98,8 @@ class FlightOptions:
     movers: int = field(
         default=0,
         metadata=about(
-            "Number of people and carts, drawn from the seed, that move in the twin's scene "
-            "besides its own; 8 together at most.",
+            "Number of people and carts, drawn from the seed, that are added to the "
+            "movers of the twin's scene; 8 together at most.",
             "--movers",
             metavar="N",
             least=0,
@@ -212,14 +212,14 @@ class FlightOptions:
 
     @property
     def drone_name(self) -> str:
-        """What reports and records call the drone: its name, or its class."""
+        """Name of the drone in reports and records: its name, or its class."""
         return self.drone if isinstance(self.drone, str) else class_name(self.drone)
 
     @cached_property
     def policy_objects(self) -> dict[str, LeafPolicy]:
-        """The policies that were given as objects, by the names that trees and reports have.
+        """Policies that were given as objects, by their names in trees and reports.
 
-        That is the class; the second object of one class gets `#2`.
+        The name is the class; the second object of one class gets `#2`.
         """
         found: dict[str, LeafPolicy] = {}
         for policy in self.policies.values():
@@ -257,11 +257,11 @@ def given_options(options: FlightOptions | None, how: Mapping[str, Any]) -> Flig
     """Return the options of a flight, from an object or from its fields.
 
     Args:
-        options: the object; None: the defaults.
-        how: values of its fields by name, which replace the object's.
+        options: Object with the options. None: defaults.
+        how: Values by field name. They replace the object's.
 
     Raises:
-        InputError: it is something else, or there is no such field.
+        InputError: `options` has another type, or a field does not exist.
     """
     expect("options", options, FlightOptions | None, "FlightOptions(...)")
     names = [each.name for each in fields(FlightOptions)]
@@ -274,16 +274,16 @@ def given_options(options: FlightOptions | None, how: Mapping[str, Any]) -> Flig
 def refuse_unusable(
     options: FlightOptions, drone: str, usable: Collection[str], *, remedy: str = ""
 ) -> None:
-    """Refuse options that set up the drone in a way that this drone has not.
+    """Refuse options that this drone does not support.
 
     Args:
-        options: of a flight; one at its default is not asked for.
-        drone: the drone, as the message's subject.
-        usable: names of the options that the drone can use.
-        remedy: the end of the message: what to do instead.
+        options: Options of a flight. Defaults are never refused.
+        drone: Subject of the message.
+        usable: Names of the options that the drone supports.
+        remedy: End of the message with the remedy.
 
     Raises:
-        InputError: an option cannot be used.
+        InputError: The drone does not support an option.
     """
     for each in fields(options):
         value = getattr(options, each.name)
@@ -292,17 +292,17 @@ def refuse_unusable(
 
 
 def site_of(options: FlightOptions) -> Site | None:
-    """Return the site, which options hold read."""
+    """Return the site that was read from the options' site file."""
     return options.site if isinstance(options.site, Site) else None
 
 
 def limits_of(options: FlightOptions) -> Limits:
-    """Return what no command may exceed: the site's limits, where there is one."""
+    """Return the limits of all commands. A site's limits replace the options'."""
     site = site_of(options)
     return options.limits if site is None else site.limits
 
 
 def mark_of(options: FlightOptions) -> LandingMark:
-    """Return the size of the landing mark: the site's, where there is one."""
+    """Return the size of the landing mark, from the site if it has one."""
     site = site_of(options)
     return LandingMark() if site is None or site.mark is None else site.mark

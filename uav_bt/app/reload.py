@@ -18,15 +18,15 @@ from uav_bt.tree.loading.findings import Finding
 class TreeReload:
     """Gives a runner the tree of a file that was edited: one of its `next_tree`.
 
-    The new tree is loaded as the first was, with the same options and nodes, and is set up for the
-    same mission. One that is refused is reported, and no other takes the old one's place.
+    The new tree is loaded with the options and nodes of the first one, and is set up for the same
+    mission. A tree that is refused is reported, and the present one flies on.
 
     Args:
         flight: connected; its tree is that of the file.
         path: the tree file.
-        registry: the nodes that may occur; default: all installed.
-        note: called with what became of each edit.
-        timer: the wall clock that the files are looked at by, seconds.
+        registry: Nodes that the tree may use. Default: all installed.
+        note: Called with the result of each edit.
+        timer: Wall clock for polling the files, seconds.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class TreeReload:
         self._watch = FileWatch(self._contents(flight.mission), timer=timer)
 
     def __call__(self) -> MissionTree | None:
-        """Return the tree of the edited file; None while there is none that can be flown."""
+        """Return the tree of the edited file. None: there is no new tree to fly."""
         if not self._watch.changed():
             return None
         try:
@@ -63,7 +63,7 @@ class TreeReload:
         return tree
 
     def _contents(self, tree: MissionTree) -> dict[Path, bytes]:
-        """Return what was read for a tree; a link to its file may be changed, too."""
+        """Return the files that a tree was read from, with a link to its file."""
         return {self._path: next(iter(tree.sources.values())), **tree.sources}
 
     def _load(self) -> MissionTree:
@@ -86,7 +86,7 @@ def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | No
 
     Args:
         tree: the mission as it was given.
-        drone: what flies.
+        drone: Drone that flies.
         outputs: files that the flight writes, by name; None where it does not.
 
     Raises:

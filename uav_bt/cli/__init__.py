@@ -23,7 +23,7 @@ def main() -> None:
     try:
         uav_bt()
     finally:
-        _end_at_once()  # what is left is the interpreter's own end
+        _end_at_once()  # only the interpreter's shutdown is left
 
 
 def _end_at_once() -> None:

@@ -57,7 +57,7 @@ class Place:
     def open(self) -> Backend:
         """Return what flies."""
         if self.address is not None:
-            from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415  (an extra of its own)
+            from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415  (another extra)
 
             return DaskBackend(self.address)
         return LocalBackend(self.workers)

@@ -126,7 +126,7 @@ def _reports(
     lookup: Lookup,
     engines: tuple[str, ...],
 ) -> Iterator[tuple[Path, tuple[Finding, ...]]]:
-    """Yield what is found in each file that a TREE stands for."""
+    """Yield the findings of each file of a TREE."""
     try:
         files = tree_files(tree)
         if Path(tree).is_dir():
@@ -142,8 +142,8 @@ def _reports(
         ]
         for path in files
     }
-    # What another file of the folder has wrong is in its own report, unless it is wrong only in
-    # the way that this file uses it.
+    # Findings in another file of the folder are in that file's report, except those that depend on
+    # this file's use of it.
     own = {_matter(each) for path, some in found.items() for each in some if each.path == str(path)}
     for path, some in found.items():
         yield (
@@ -153,7 +153,7 @@ def _reports(
 
 
 def _matter(finding: Finding) -> tuple[object, ...]:
-    """Return what a finding is about; the node's path depends on the tree that is looked at."""
+    """Return the subject of a finding, without the node's path, which depends on the tree."""
     return finding.path, finding.position, finding.severity, finding.message
 
 

@@ -36,7 +36,7 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     """Return a port whose neighbour exists, too.
 
     Raises:
-        BadParameter: it is none.
+        BadParameter: It is not a port.
     """
     if value is None:
         return None
@@ -183,7 +183,7 @@ def fly(
 
 
 def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
-    """Refuse what a tree that changes in flight cannot be combined with.
+    """Refuse options that cannot be combined with a tree that changes in flight.
 
     Raises:
         UsageError: a real drone, a shipped mission's name, or an output that shows one tree.
@@ -203,7 +203,7 @@ def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
 
 
 def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str]) -> None:
-    """Say what was written and what was not."""
+    """Print the written outputs and the lost ones."""
     for what, path in written.items():
         if path is not None and Path(path).is_file():
             click.echo(f"{what}: {path}")
@@ -212,7 +212,7 @@ def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str
 
 
 def _closed(outputs: ExitStack) -> dict[str, str]:
-    """Close what was written beside the flight; return what could not be, and why."""
+    """Close the outputs; return those that failed, with reasons."""
     try:
         outputs.close()
     except (FileError, OSError) as fault:

@@ -1,4 +1,4 @@
-"""Options that several commands take, and what checks their values."""
+"""Options that several commands take, and groups of options as one object."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def output_option(
 
 
 def format_option(*choices: str, help_: str) -> Decorator:
-    """Return the option for the form of what is printed, the parameter `format_`.
+    """Return the option for the output format, the parameter `format_`.
 
     Args:
         choices: the forms; the first is the default.

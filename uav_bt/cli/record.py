@@ -1,4 +1,4 @@
-"""`uav-bt record info`, `view` and `replay`: what is done with the record of a flight."""
+"""`uav-bt record info`, `view` and `replay`: commands for records of flights."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _file_argument = click.argument("file", type=INPUT)
 @_file_argument
 @format_option("text", "json", help_="text is for people; json is one object.")
 def info(*, file: Path, format_: str) -> None:
-    """Print what is in a record: duration, rates, losses, and whether it is whole."""
+    """Print the content of a record: duration, rates, losses, and whether it is whole."""
     found = record_info(file)
     click.echo(json.dumps(asdict(found), indent=2) if format_ == "json" else _text(found))
 
@@ -169,9 +169,9 @@ def replay(
 ) -> None:
     """Feed recorded frames through perception and tree, and print what differs.
 
-    What is decided now changes nothing of what was seen then. Exits with 0 when statuses and
+    New decisions do not change the recorded frames. Exits with 0 when statuses and
     commands are the recorded ones (of a lossy record: within the tolerance that is printed), 1 when
-    they differ, and 2 when the record or what was given is refused.
+    they differ, and 2 when the record or an option is refused.
     """
     if tree is None and tree_folders != TreeFolders():
         raise click.UsageError("a record has its own tree files: folders are for another --tree")

@@ -27,7 +27,7 @@ from uav_bt.tree.shipped import resolve_tree
     metavar="FILE",
     type=INPUT,
     required=True,
-    help="What the leaves answer (YAML).",
+    help="Answers of the leaves (YAML).",
 )
 @click.option(
     "--ticks",
@@ -58,7 +58,7 @@ def simulate(
     registry: NodeRegistry,
     tree_folders: TreeFolders,
 ) -> None:
-    """Tick a tree file with leaves that answer what a script says.
+    """Tick a tree file with leaves that answer by a script.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Nothing flies: this shows which
     leaves run when, what is halted, and what the variables hold. Exits with 0 when the root

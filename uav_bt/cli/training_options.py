@@ -30,7 +30,7 @@ class Drawn:
     seed: int
 
     def of(self, plan: Plan) -> Plan:
-        """Return a plan with these values in place of its own."""
+        """Return a plan with these values."""
         scenes = self.scenes or plan.scenes
         return replace(plan, scenes=scenes, views=self.views, seed=self.seed)
 
@@ -67,7 +67,7 @@ def run_option(name: str, content: str) -> Decorator:
 
     Args:
         name: of its default, a folder in `RUNS`.
-        content: what is kept there.
+        content: Description of the folder's content.
     """
     return click.option(
         "--run",

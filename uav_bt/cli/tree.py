@@ -1,4 +1,4 @@
-"""`uav-bt tree`: what tree files are made of, and what they look like."""
+"""`uav-bt tree`: nodes, drawings and schema of tree files."""
 
 from __future__ import annotations
 

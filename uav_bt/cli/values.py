@@ -16,7 +16,7 @@ class WholeNumber(click.IntRange):
     name = "integer"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number; fails when it is none, or out of range."""
+        """Return the number; fails when it is not a number, or out of range."""
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter:
@@ -29,7 +29,7 @@ class Number(click.FloatRange):
     name = "number"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number; fails when it is none, or out of range."""
+        """Return the number; fails when it is not a number, or out of range."""
         try:
             number = super().convert(value, param, ctx)
         except click.BadParameter:
@@ -55,7 +55,7 @@ def image_size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[
     """Return width and height in pixels of a WIDTHxHEIGHT.
 
     Raises:
-        BadParameter: it is none.
+        BadParameter: It is not a size.
     """
     match = re.fullmatch(r"([1-9]\d{0,4})[xX]([1-9]\d{0,4})", value)
     if match is None:

@@ -43,7 +43,7 @@ def open_source(
 
     Raises:
         FileError: there is no such file or folder, or it holds no images.
-        InputError: the camera's number is none.
+        InputError: the camera's number is invalid.
         ShapeError: the folder holds another number of images than there are times.
     """
     if text.startswith(CAMERA):
@@ -141,7 +141,7 @@ class FolderSource:
         except OSError as error:
             self.skipped.append(f"{path.name}: cannot be read: {error.strerror}")
             return None
-        # OpenCV raises on an empty buffer, and returns nothing for what is no image.
+        # OpenCV raises on an empty buffer, and returns None for other data.
         bgr = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
         if bgr is None:
             self.skipped.append(f"{path.name}: is not a readable image")

@@ -1,4 +1,4 @@
-"""What every source of frames gives, and those that stream: a video file, a live camera."""
+"""Protocol of frame sources, and the streams among them: video files and live cameras."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ImageSource(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is, for messages."""
+        """Name of the source in messages."""
         ...
 
     @property
@@ -54,11 +54,11 @@ class ImageSource(Protocol):
 
     @property
     def skipped(self) -> Sequence[str]:
-        """What could not be used so far, and why."""
+        """Images that were skipped so far, with the reasons."""
         ...
 
     def images(self, every: int = 1) -> TimedImages:
-        """Iterate over every n-th image; what cannot be read is left out and reported."""
+        """Iterate over every n-th image. Unreadable images are skipped and reported."""
         ...
 
 
@@ -161,7 +161,7 @@ CAMERA: Final = "camera:"  # before a device's number
 
 
 class CameraSource:
-    """A live camera, by OpenCV; without an end of its own.
+    """A live camera, read by OpenCV. It never ends.
 
     Args:
         number: of the device.

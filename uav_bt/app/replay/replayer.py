@@ -36,7 +36,7 @@ _NOT_TICKED: Final = (Status.IDLE.name, "INVALID")  # as older records have it
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayOptions:
-    """What is different this time, or is not in the record.
+    """Changes of a replay, and values that are not in the record.
 
     Attributes:
         tree: another mission, or the one that was composed in Python; None: the recorded one.
@@ -65,7 +65,7 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
 
     Args:
         record: the MCAP file.
-        options: what is different this time, and what is not in the record.
+        options: Changes, and values that are not in the record.
 
     Raises:
         FileError: the record cannot be read or replayed.
@@ -85,7 +85,7 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
         with flight.connected():
             flight.runner([comparison]).run()
     except NodeFailedError as error:
-        ended = str(error)  # a replayed change may well fail; that is what it is tried for
+        ended = str(error)  # a replayed change may fail
     end = reader.end
     return ReplayReport(
         record=str(record),
@@ -130,7 +130,7 @@ def assemble_recorded(
 
     Args:
         reader: of the record.
-        changes: what is different this time.
+        changes: Changes of this replay.
 
     Returns:
         The flight, and whose class maps it gets.
