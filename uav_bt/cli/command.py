@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import click
 
-from uav_bt.cli import let_work_clean_up
+from uav_bt.cli.interrupts import let_work_clean_up
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, check_output_folder
 from uav_bt.inputs import refuse_inputs, same_file

@@ -17,9 +17,9 @@ from uav_bt import app
 from uav_bt.app import film
 from uav_bt.app.options import mark_of
 from uav_bt.app.view.live import ViewListeners, live_view
-from uav_bt.cli import stopped_by
 from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_options
+from uav_bt.cli.interrupts import stopped_by
 from uav_bt.cli.keys import pilot_keys
 from uav_bt.cli.options import grouped, output_option
 from uav_bt.display.status import OrderLines, summary

@@ -14,7 +14,7 @@ from typing import Any, Final
 import click
 
 import uav_bt as package
-from uav_bt.cli import stopped_by
+from uav_bt.cli.interrupts import stopped_by
 from uav_bt.errors import UavBtError, did_you_mean
 from uav_bt.plugins import check_packages, missing_extra
 
