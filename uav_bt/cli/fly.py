@@ -68,11 +68,6 @@ class Outputs:
 
 @click.command(cls=Command)
 @click.argument("tree")
-@flight_options(
-    *("tree_id", "tree_folders", "scene", "seed", "drone", "site", "rehearse", "profile"),
-    *("movers", "policies", "camera", "record", "record_quality", "realtime"),
-    *("image_size_px", "inference_threads"),
-)
 @grouped(
     "outputs",
     Outputs,
@@ -81,6 +76,11 @@ class Outputs:
     btlog=output_option(
         "--btlog", "Log what each node does: a .btlog file, which Groot2 replays.", suffix=".btlog"
     ),
+)
+@flight_options(
+    *("tree_id", "tree_folders", "scene", "seed", "drone", "site", "rehearse", "profile"),
+    *("movers", "policies", "camera", "record", "record_quality", "realtime"),
+    *("image_size_px", "inference_threads"),
 )
 @click.option(
     "--view",

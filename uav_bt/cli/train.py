@@ -82,6 +82,7 @@ def segmentation(
     from perception.segmentation.training.run import TrainingConfig  # noqa: PLC0415  (torch)
     from uav_bt.learning.training import train_segmentation  # noqa: PLC0415  (torch)
 
+    training = TrainingConfig(**config)  # refuses an absent GPU before masks are made
     teacher_path = SHIPPED_TEACHER if teacher_path is None else teacher_path
     load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
     plan = replace(UNetPlan(), views=drawn.of(replace(UNetPlan().views, scenes=TRAINING_SCENES)))
@@ -94,7 +95,7 @@ def segmentation(
         train_segmentation(
             images,
             out,
-            config=TrainingConfig(**config),
+            config=training,
             checkpoint=run / "checkpoint.safetensors",
             advance=advance,
         )

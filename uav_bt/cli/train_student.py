@@ -97,13 +97,14 @@ def student(
     from perception.control.training.run import ControlTrainingConfig  # noqa: PLC0415  (torch)
     from uav_bt.learning import diary, training  # noqa: PLC0415  (torch and matplotlib)
 
+    loop = ControlTrainingConfig(**config)  # refuses an absent GPU before records are read
     kept = views_kept or run / "views"
     learnt, others = split_records(records, held_out)
     with progress_bars() as advance:
         score = training.train_student(
             read_advised_flights(learnt, net, kept, advance=advance),
             out,
-            config=ControlTrainingConfig(**config),
+            config=loop,
             net_config=net,
             start=start or training.UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",
