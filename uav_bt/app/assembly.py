@@ -204,7 +204,19 @@ def assemble(
         InputError: Tree, policy, scene, site or drone was refused.
     """
     options = given_options(options, how)
-    mission = load_mission(tree, options, registry)
+    return join(load_mission(tree, options, registry), options)
+
+
+def join(mission: MissionTree, options: FlightOptions) -> Flight[Drone]:
+    """Return a flight of a loaded mission with a new drone; nothing is connected.
+
+    Args:
+        mission: Tree that was loaded with the options.
+        options: Options of the flight.
+
+    Raises:
+        InputError: Drone or site was refused.
+    """
     drone = make_drone(options)
     check_clearances(site_of(options) or Site(), drone.airframe)
     return Flight(mission, drone, options)

@@ -10,12 +10,12 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
 
-from uav_bt.app.assembly import Flight, Listeners, assemble, frame_judge
+from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
 from uav_bt.app.film import flight_video
 from uav_bt.app.flying_process import landing_on_signals, short_collections
-from uav_bt.app.loading import Mission, read_mission
+from uav_bt.app.loading import Mission, load_mission, read_mission
 from uav_bt.app.option_values import as_file
-from uav_bt.app.options import FlightOptions, site_of
+from uav_bt.app.options import FlightOptions, given_options, site_of
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
@@ -101,11 +101,13 @@ def fly(
             report's `lost_outputs`.
     """
     _check_listeners(listeners)
-    flight = assemble(tree, options, registry=registry, **how)
+    options = given_options(options, how)
+    mission = load_mission(tree, options, registry)
     report, video = as_file("report", report), as_file("video", video)
-    record_file = as_file("record", flight.options.record)
+    record_file = as_file("record", options.record)
     outputs = {"report": report, "record": record_file, "video": video}
-    _check_outputs(flight, outputs)
+    _check_outputs(mission, options, outputs)
+    flight = join(mission, options)
     watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
     with ExitStack() as stack:
         record = None
@@ -135,9 +137,11 @@ def fly(
         return _run(flight, followers, keep, at_hand, next_tree)
 
 
-def _check_outputs(flight: Flight[Drone], outputs: Mapping[str, Path | None]) -> None:
+def _check_outputs(
+    mission: MissionTree, options: FlightOptions, outputs: Mapping[str, Path | None]
+) -> None:
     """Refuse outputs that cannot be written, or that are inputs."""
-    read = [getattr(flight.options, name) for name in _FILES_OF_OPTIONS]
+    read = [getattr(options, name) for name in _FILES_OF_OPTIONS]
     files = [(name, file) for name, file in outputs.items() if file is not None]
     for (first, file), (second, other) in combinations(files, 2):
         if same_file(file, other):
@@ -146,7 +150,7 @@ def _check_outputs(flight: Flight[Drone], outputs: Mapping[str, Path | None]) ->
             )
     for _, file in files:
         check_output(file)
-        refuse_inputs(file, [*flight.mission.sources, *read], shipped_trees())
+        refuse_inputs(file, [*mission.sources, *read], shipped_trees())
 
 
 def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
