@@ -14,10 +14,9 @@ from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
 from behaviours.path.margins import Margins
 from behaviours.path.movers_ahead import outlines_m
 from behaviours.path.nearby import RecentObstacles
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import SiteMap
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Place = tuple[float, float]
 
 _LINE_SAMPLES: Final = 10  # samples of a straight line; it is about 0.6 m long (FollowConfig)

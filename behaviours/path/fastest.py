@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from uav_bt.types.arrays import Floats
+
 Cell = tuple[int, int]
 
 

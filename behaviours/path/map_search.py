@@ -25,10 +25,9 @@ from behaviours.path.next_viewpoint import (
 from behaviours.path.passages import ClearanceMaps
 from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Corridor, NearObstacles
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapMark, SiteMap
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Course = FollowLeg | Rotate | Done
 """The answers of `MapSearch`."""
 

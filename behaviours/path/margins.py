@@ -10,12 +10,10 @@ import enum
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import NARROWER_M, Clearances, LandingMark
-
-Floats = NDArray[np.float64]
+from uav_bt.types.arrays import Floats
 
 
 class Passage(enum.Enum):

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import MapMover
-
-Floats = NDArray[np.float64]
 
 _RIM: Final = 12  # points on the circle of a mover
 

@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.types import NearObstacles
+from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import SiteMap
-
-Floats = NDArray[np.float64]
 
 
 def _nothing() -> Floats:

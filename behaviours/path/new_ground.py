@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.fastest import FastestPaths
-
-Floats = NDArray[np.float64]
+from uav_bt.types.arrays import Floats
 
 _STEPS: Final = tuple(product((-1, 0, 1), repeat=2))  # (0, 0): at the start
 

@@ -14,8 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.clearance import ClearanceMap, Flags, Floats
-from uav_bt.types import CameraModel
+from behaviours.path.clearance import ClearanceMap
+from uav_bt.types import CameraModel, wrap_angles
+from uav_bt.types.arrays import Flags, Floats
 
 _SOLID_CELLS: Final = 1.5  # a ray ends this near to a point of an obstacle
 
@@ -240,12 +241,8 @@ def _times_s(clearance: ClearanceMap, places: NDArray[np.intp], config: Viewpoin
     last_rad = np.arctan2(places[:, 1] - columns, places[:, 0] - rows)
     last_rad = np.where(came_from >= 0, last_rad, yaw_rad)
     azimuths = 2.0 * math.pi * np.arange(config.bearings) / config.bearings
-    turn_rad = np.abs(_wrapped(first_rad - yaw_rad))[:, None]
-    turn_rad = turn_rad + np.abs(_wrapped(azimuths - last_rad[:, None]))
+    turn_rad = np.abs(wrap_angles(first_rad - yaw_rad))[:, None]
+    turn_rad = turn_rad + np.abs(wrap_angles(azimuths - last_rad[:, None]))
     return np.asarray(
         clearance.fastest.time_s[tuple(places.T)][:, None] + turn_rad / config.yaw_rate_radps
     )
-
-
-def _wrapped(angle_rad: Floats) -> Floats:
-    return np.asarray((angle_rad + math.pi) % (2.0 * math.pi) - math.pi)

@@ -15,8 +15,9 @@ from typing import Final
 
 import numpy as np
 
-from behaviours.path.clearance import ClearanceMap, Floats, Route
+from behaviours.path.clearance import ClearanceMap, Route
 from behaviours.path.new_ground import passed_for_the_first_time
+from uav_bt.types.arrays import Floats
 
 _AHEAD_CELLS: Final = 4  # on a path: the first turn points there
 

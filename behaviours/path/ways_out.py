@@ -9,8 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from behaviours.path.clearance import ClearanceMap, Flags
-from behaviours.path.movers_ahead import Floats, MoversAheadConfig, gap_m
+from behaviours.path.clearance import ClearanceMap
+from behaviours.path.movers_ahead import MoversAheadConfig, gap_m
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapMover, SiteMap
 
 _AROUND_M: Final = 0.15  # beside a mover's circle: the error of its points

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from behaviours.path.clearance import Floats
 from behaviours.path.following import FollowConfig, follow
 from behaviours.path.gimbal_pointing import GimbalConfig, ground_share
 from behaviours.path.margins import Margins, Passage
@@ -18,6 +17,7 @@ from behaviours.path.survey import SurveyConfig, best_route, new_ground_per_seco
 from uav_bt.answers import Answer, Blocked, Done, Rotate
 from uav_bt.errors import MissionError
 from uav_bt.protocols import PolicyView
+from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import SiteMap
 
 

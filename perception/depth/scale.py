@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 
 from uav_bt.classes import CARPET
 from uav_bt.errors import ShapeError, ValueRangeError
-
-Floats = NDArray[np.float32]
+from uav_bt.types.arrays import Floats32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +34,7 @@ class Scale:
     shift_m: float = 0.0
     confidence: float = 1.0  # 0 to 1
 
-    def apply(self, relative: Floats) -> Floats:
+    def apply(self, relative: Floats32) -> Floats32:
         """Return metres, (H, W) float32, of relative depth."""
         return np.asarray(np.float32(self.factor) * relative + np.float32(self.shift_m))
 
@@ -65,17 +64,17 @@ class CarpetSample:
     """Carpet pixels with both depths."""
 
     pixels: NDArray[np.intp]  # (N, 2) column, row
-    known_m: Floats  # (N,) along the optical axis, from the ground plane
-    predicted: Floats  # (N,) along the optical axis, in the network's unit
+    known_m: Floats32  # (N,) along the optical axis, from the ground plane
+    predicted: Floats32  # (N,) along the optical axis, in the network's unit
 
     def __len__(self) -> int:
         return len(self.known_m)
 
 
 def sample_carpet(
-    relative: Floats,
+    relative: Floats32,
     ids: NDArray[np.uint8],
-    ground_m: Floats,
+    ground_m: Floats32,
     generator: np.random.Generator,
     config: ScaleConfig | None = None,
 ) -> CarpetSample | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.mapping.landmarks import Landmarks
-from perception.mapping.tables import Flags, Floats
+from uav_bt.types.arrays import Flags, Floats
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.mapping.contact_scan import NO_CLASS
-from perception.mapping.tables import Flags, Floats
 from perception.mapping.view import View
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_HELIPAD
 from uav_bt.errors import ValueRangeError
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import is_beyond_edge
 
 

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from perception.mapping.tables import Flags, Floats, PointTable, first_in_cells
+from perception.mapping.tables import PointTable, first_in_cells
 from perception.mapping.view import View
 from uav_bt.classes import BACKGROUND
+from uav_bt.types.arrays import Flags, Floats
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,8 +9,8 @@ import numpy as np
 from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
 
-from perception.mapping.tables import Flags, Floats
 from uav_bt.errors import ValueRangeError
+from uav_bt.types.arrays import Flags, Floats
 
 
 @dataclass(frozen=True, kw_only=True)

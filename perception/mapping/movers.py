@@ -17,7 +17,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.optimize import linear_sum_assignment
 
 from perception.mapping.mover_track import MoverConfig, MoverTrack
-from perception.mapping.tables import Flags, Floats
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapMover
 
 _FAR = 1e6  # cost of a pair that must not be assigned

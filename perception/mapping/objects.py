@@ -10,9 +10,9 @@ import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from perception.mapping.landmarks import Landmarks
-from perception.mapping.tables import Floats
 from uav_bt.classes import standing_classes
 from uav_bt.types import rotation
+from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import MapObject
 
 

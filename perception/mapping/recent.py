@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.mapping.contact_scan import NO_CLASS
-from perception.mapping.tables import Flags, Floats, PointTable, first_in_cells
+from perception.mapping.tables import PointTable, first_in_cells
 from perception.mapping.view import View
 from uav_bt.classes import GROUP_CARPET
-from uav_bt.types import NearObstacles
+from uav_bt.types import NearObstacles, wrap_angles
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.dead_reckoning import OdometryPose
 
 
@@ -148,8 +149,8 @@ class RecentLayer:
             points_age_s=age_s[is_base],
             edges_age_s=age_s[is_edge],
             captured_s=self._newest_s,
-            unplaced_rad=_wrapped(self._unplaced_rad - pose.yaw_rad),
-            unplaced_edges_rad=_wrapped(self._unplaced_edges_rad - pose.yaw_rad),
+            unplaced_rad=wrap_angles(self._unplaced_rad - pose.yaw_rad),
+            unplaced_edges_rad=wrap_angles(self._unplaced_edges_rad - pose.yaw_rad),
         )
 
     def _drop_where_ground_shows(self, view: View) -> None:
@@ -212,7 +213,3 @@ class RecentLayer:
         order = np.lexsort((-points.until_s, points.kinds))  # of one kind the newest first
         first = first_in_cells(points.xy_m[order], self._config.cell_m)
         self._points = points.take(order[first])
-
-
-def _wrapped(angles_rad: Floats) -> Floats:
-    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)

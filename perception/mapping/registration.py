@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from perception.mapping.landmarks import Landmarks
-from perception.mapping.tables import Floats
 from perception.mapping.view import View
 from uav_bt.classes import BACKGROUND
 from uav_bt.types import Pose2D
+from uav_bt.types.arrays import Floats
 
 _CLASSES_APART_M: Final = 1000.0  # wider than any place
 

@@ -29,9 +29,9 @@ from perception.mapping.movers import MoverTracker
 from perception.mapping.objects import find_objects
 from perception.mapping.recent import RecentLayer, RecentLayerConfig
 from perception.mapping.registration import Registration, RegistrationConfig
-from perception.mapping.tables import Floats
 from perception.mapping.view import View, ViewConfig
 from uav_bt.types import HelipadFix
+from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import MapObject, SiteMap
 

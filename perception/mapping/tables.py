@@ -6,11 +6,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Rows = NDArray[np.intp]
+from uav_bt.types.arrays import Flags, Floats, Indices
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,7 +23,7 @@ class PointTable:
     def __len__(self) -> int:
         return len(self.xy_m)
 
-    def take(self, which: Flags | Rows) -> Self:
+    def take(self, which: Flags | Indices) -> Self:
         """Return the chosen rows.
 
         Args:
@@ -42,7 +39,7 @@ class PointTable:
         return type(self)(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
 
 
-def first_in_cells(xy_m: Floats, cell_m: float) -> Rows:
+def first_in_cells(xy_m: Floats, cell_m: float) -> Indices:
     """Return the row of the first point in each cell of a grid, ordered by cell.
 
     Args:

@@ -14,9 +14,9 @@ from perception.mapping.contact_scan import (
     find_bases,
     scan_ground,
 )
-from perception.mapping.tables import Flags, Floats
 from uav_bt.classes import GROUP_CARPET
 from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.projection import project
 
 MIN_HEIGHT_M: Final = 0.05  # chosen; a lower camera counts as this high: a division needs it

@@ -18,11 +18,10 @@ from scipy.spatial.transform import Rotation
 from perception.odometry.visual import GroundView, OdometryConfig, ground_motion
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel, Pose2D
+from uav_bt.types.arrays import Floats
 from uav_bt.types.projection import camera_axes
 
 FOOTAGE_SIZE_PX: Final = (320, 256)  # width, height: SC-Depth's size for indoor video
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.types import (
     CameraModel,
@@ -24,10 +23,8 @@ from uav_bt.types import (
     rotate_points,
     rotation,
 )
+from uav_bt.types.arrays import Floats, Image
 from uav_bt.types.projection import ground_points, project
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,6 +20,7 @@ from av.video.reformatter import ColorRange, Colorspace
 from numpy.typing import NDArray
 
 from uav_bt.types import Attitude, DroneState, Frame
+from uav_bt.types.bounds import clamp
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +70,7 @@ def _attitude(quaternion: Any) -> Attitude | None:
     w, x, y, z = w / length, x / length, y / length, z / length
     return Attitude(
         roll_rad=math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-        pitch_rad=math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))),
+        pitch_rad=math.asin(clamp(2.0 * (w * y - z * x), 1.0)),
         yaw_rad=math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
     )
 

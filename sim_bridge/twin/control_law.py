@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Reference
 from sim_bridge.twin.sensors import Estimate
+from uav_bt.types.bounds import clamp, limit_length
 
 # Gains of the position loop: critically damped at 2 rad/s, far below the bandwidth of the thrust.
 _POSITION_GAIN: Final = 4.0  # 1/s2
@@ -43,14 +43,12 @@ def demand(reference: Reference, estimate: Estimate, profile: Profile) -> Demand
     ]
     # Corrections may exceed the limits of the reference, but the tilt stays bounded.
     flat_limit = 2.0 * profile.max_acceleration_mps2
-    flat = math.hypot(wanted[0], wanted[1])
-    share = min(1.0, flat_limit / flat) if flat else 1.0
-    rise_limit = 2.0 * profile.max_climb_acceleration_mps2
-    rise = max(-rise_limit, min(rise_limit, wanted[2]))
+    flat = limit_length(wanted[0], wanted[1], flat_limit)
+    rise = clamp(wanted[2], 2.0 * profile.max_climb_acceleration_mps2)
     turn = _YAW_GAIN * reference.yaw_error(estimate.yaw_rad) + _YAW_RATE_GAIN * (
         reference.yaw_rate_radps - estimate.yaw_rate_radps
     )
     return Demand(
-        acceleration_mps2=(wanted[0] * share, wanted[1] * share, rise),
+        acceleration_mps2=(*flat, rise),
         yaw_acceleration_radps2=turn,
     )

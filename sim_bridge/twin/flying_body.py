@@ -15,6 +15,7 @@ import mujoco
 
 from sim_bridge.twin.model import HULL_MASS_KG, PHYSICS_STEP_S, LabModel
 from uav_bt.types import MoverState, Pose, rotate
+from uav_bt.types.bounds import clamp
 
 STEPS_PER_CONTROL = 2
 CONTROL_STEP_S = STEPS_PER_CONTROL * PHYSICS_STEP_S
@@ -67,7 +68,7 @@ class FlyingBody:
         """Return the present motion."""
         x, y, z, qw, qx, qy, qz = self._position.tolist()
         vx, vy, vz, _, wy, wz = self._velocity.tolist()
-        sine = max(-1.0, min(1.0, 2.0 * (qw * qy - qz * qx)))
+        sine = clamp(2.0 * (qw * qy - qz * qx), 1.0)
         roll = math.atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy))
         yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         pitch_down = math.asin(sine)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from sim_bridge.twin.profile import Profile
 from uav_bt.types import wrap_angle
+from uav_bt.types.bounds import clamp
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +31,7 @@ class ReferenceConfig:
 
 
 def _towards(value: float, target: float, step: float) -> float:
-    return value + max(-step, min(step, target - value))
+    return value + clamp(target - value, step)
 
 
 class Reference:

@@ -19,6 +19,7 @@ from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.sensors import Sensors, Telemetry
 from uav_bt.types import Command, DroneState, MoveBy, MoverState, Pose
+from uav_bt.types.bounds import clamp
 
 _REMEMBERED_FRAMES = 900  # 30 s of video, for the referee
 _CONTACT_MEMORY_S = 0.1  # one tick: a reader once a tick gets all contacts
@@ -194,7 +195,7 @@ class Simulation:
         profile = self._profile
         error = self._gimbal_target_rad - self._gimbal_rad
         rate = error / max(profile.gimbal_lag_s, CONTROL_STEP_S)
-        rate = max(-profile.gimbal_rate_radps, min(profile.gimbal_rate_radps, rate))
+        rate = clamp(rate, profile.gimbal_rate_radps)
         self._gimbal_rad += rate * CONTROL_STEP_S
 
     def _sense(self) -> None:

@@ -15,7 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Image = NDArray[np.uint8]  # (H, W, 3), RGB
+from uav_bt.types.arrays import Image
+
 Place = tuple[float, float, float]  # x and y in tile units, rotation in radians
 
 TILE_M = 0.32  # edge of a tile of a side or roof

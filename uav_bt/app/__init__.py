@@ -2,7 +2,7 @@
 
 Example:
     >>> from uav_bt import app
-    >>> report = app.fly("land_only", app.FlightOptions(scene="train-a", seed=7))
+    >>> report = app.fly("land_only", scene="train-a", seed=7)
     >>> report.outcome
     'success'
 """

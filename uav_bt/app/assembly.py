@@ -1,4 +1,4 @@
-"""How a flight is put together: the one place that joins mission, drone, policies and masks."""
+"""Assembly of a flight from mission, drone, policies and masks."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ import numpy as np
 from perception.camera.frame_watch import FrameWatch, FrameWatchConfig
 from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
-from uav_bt.app.loading import Mission, check_ceiling, load_mission
+from uav_bt.app.loading import Mission, load_mission
+from uav_bt.app.option_values import is_drone_config, refuse_incomplete
 from uav_bt.app.options import (
     FlightOptions,
     given_options,
-    is_drone_config,
     limits_of,
     mark_of,
-    refuse_incomplete,
     refuse_unusable,
     site_of,
 )
@@ -70,15 +69,15 @@ class ExactSegmenter:
 
 
 class Flight(Generic[DroneT]):
-    """A mission with everything that it is flown with; nothing is connected yet.
+    """A mission with its drone, options and policies; nothing is connected yet.
 
     Args:
-        mission: the loaded tree.
-        drone: what flies.
-        options: how.
-        judge: decides when the flight has ended; default: as the options say.
-        segmenter: class maps in place of the networks'; default: as the options say.
-        make_runner: makes the runner; takes what `MissionRunner` does.
+        mission: Loaded tree.
+        drone: Drone that flies the mission.
+        options: Options of the flight.
+        judge: Decides when the flight has ended. Default: from the options.
+        segmenter: Source of class maps in place of a network. Default: from the options.
+        make_runner: Makes the runner, with the parameters of `MissionRunner`.
     """
 
     def __init__(
@@ -105,10 +104,10 @@ class Flight(Generic[DroneT]):
 
     @cached_property
     def context(self) -> MissionContext:
-        """What the leaves are handed; the drone must be connected.
+        """Context of the mission's leaves; the drone must be connected.
 
         Raises:
-            InputError: exact masks are wanted of a drone without a referee.
+            InputError: Exact masks need a drone with a referee.
         """
         site = site_of(self.options)
         return MissionContext(
@@ -149,14 +148,14 @@ class Flight(Generic[DroneT]):
 
         Raises:
             DroneError: the drone cannot be reached.
-            InputError: a leaf cannot use what it was given.
+            InputError: A leaf refused its ports.
         """
         try:
             self.drone.connect()
             self.mission.setup(self.context)
             yield
         finally:
-            # The flight is over: whatever goes wrong with saying good-bye changes nothing of it.
+            # The flight is over: a failing shutdown or disconnect does not change its result.
             try:
                 self.mission.shutdown()
             except NodeFailedError as error:
@@ -167,11 +166,11 @@ class Flight(Generic[DroneT]):
     def runner(
         self, listeners: Sequence[TickListener], next_tree: NextTree | None = None
     ) -> MissionRunner:
-        """Return what flies the mission; the drone is connected.
+        """Return the runner of the mission; the drone is connected.
 
         Args:
-            listeners: what follows the flight tick by tick.
-            next_tree: asked between two ticks for a tree that flies from then on.
+            listeners: Listeners that get each tick.
+            next_tree: Called between ticks; returns a tree that replaces the present one.
         """
         config, tick_s = self.options.runner, self.drone.tick_s
         return self._make_runner(
@@ -190,32 +189,48 @@ class Flight(Generic[DroneT]):
 
 
 Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
-"""Makes what follows a flight tick by tick, once its drone is connected and its tree set up."""
+"""Makes tick listeners of a flight, once its drone is connected and its tree set up."""
 
 
 def assemble(
-    tree: Mission, options: FlightOptions | None = None, *, registry: NodeRegistry | None = None
+    tree: Mission,
+    options: FlightOptions | None = None,
+    *,
+    registry: NodeRegistry | None = None,
+    **how: Any,
 ) -> Flight[Drone]:
     """Put a flight together from a tree and options; nothing is connected.
 
     Args:
-        tree: the mission; one that is given as a `MissionTree` flies itself, once.
-        options: how it is flown.
-        registry: the nodes that may occur; default: all installed.
+        tree: Mission. A `MissionTree` flies once.
+        options: Options of the flight.
+        registry: Nodes that the tree may use. Default: all installed.
+        how: Fields of `FlightOptions`. They replace those of `options`.
 
     Raises:
-        InputError: tree, policy, scene, site or drone cannot be used.
+        InputError: Tree, policy, scene, site or drone was refused.
     """
-    options = given_options(options)
-    mission = load_mission(tree, options, registry)
-    check_ceiling(mission, limits_of(options))
+    options = given_options(options, how)
+    return join(load_mission(tree, options, registry), options)
+
+
+def join(mission: MissionTree, options: FlightOptions) -> Flight[Drone]:
+    """Return a flight of a loaded mission with a new drone; nothing is connected.
+
+    Args:
+        mission: Tree that was loaded with the options.
+        options: Options of the flight.
+
+    Raises:
+        InputError: Drone or site was refused.
+    """
     drone = make_drone(options)
     check_clearances(site_of(options) or Site(), drone.airframe)
     return Flight(mission, drone, options)
 
 
 def frame_judge(drone: Drone) -> FrameJudge:
-    """Return what says, before a flight and in it, why an image cannot be flown by."""
+    """Return the check of images: it explains why an image is unusable for flight."""
     return FrameWatch(FrameWatchConfig(still_s=_STILL_S) if drone.live else None)
 
 
@@ -248,7 +263,7 @@ def _named_drone(options: FlightOptions) -> Drone:
 
 
 def _given_drone(options: FlightOptions) -> Drone:
-    """Return the drone that was given, or the one that its configuration makes."""
+    """Return the drone of the options, or the one that their configuration makes."""
     drone: Any = options.drone
     if not is_drone_config(drone):
         return drone  # type: ignore[no-any-return]  # the options have checked it
@@ -264,9 +279,9 @@ def _field_names(config: type) -> set[str]:
 
 
 def drone_settings(options: FlightOptions) -> dict[str, Any]:
-    """Return what options say about a drone, by the name of a field of its config class.
+    """Return the options that set up a drone, by field name of its config class.
 
-    None: the drone's own default holds.
+    None: the drone's default holds.
     """
     return {
         "scene": options.scene,

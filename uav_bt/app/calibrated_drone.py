@@ -1,4 +1,4 @@
-"""A drone whose camera a person has calibrated: frames undistorted, intrinsics as measured."""
+"""A drone with a calibrated camera: frames are undistorted, intrinsics come from a file."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class CalibratedDrone(DroneWrapper):
     """Flies another drone, with a camera file in place of the intrinsics that it reports."""
 
     def __init__(self, drone: Drone, camera_file: Path) -> None:
-        """Keep both; the file is read when the size of the frames is known.
+        """Keep both. The file is read when the size of the frames is known.
 
         Args:
-            drone: what flies; not connected yet.
+            drone: Drone that flies; not connected yet.
             camera_file: made by `uav-bt lab calibrate`, at any size of the frames' aspect.
         """
         super().__init__(drone)

@@ -1,4 +1,4 @@
-"""What is installed here and what it is good for. Nothing is sent anywhere."""
+"""Check of the installed packages and their use. Nothing is sent anywhere."""
 
 from __future__ import annotations
 

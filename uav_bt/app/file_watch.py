@@ -1,4 +1,4 @@
-"""Which files were edited: polled by date and size, and then by what is in them."""
+"""Watch for edited files: dates and sizes are polled, then contents compared."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _Stamp = tuple[int, int, int]
 
 
 class FileWatch:
-    """Notices that files have another content; a file that is gone is waited for.
+    """Notices that the content of files has changed. A missing file is awaited.
 
-    Editors that write a new file and rename it are noticed as those that write into the old one.
+    Editors may write into the file, or write a new one and rename it.
 
     Args:
-        contents: of the files, by path, as they are known.
-        timer: the wall clock, seconds.
+        contents: Present contents of the files, by path.
+        timer: Wall clock, seconds.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class FileWatch:
         self._stamps: dict[Path, _Stamp] = {}
 
     def add(self, paths: Iterable[Path]) -> None:
-        """Watch further files from what they hold now on; those that cannot be read are left."""
+        """Watch further files from their present content on. Unreadable files are skipped."""
         for path in paths:
             if path not in self._digests and (digest := _digest(path)) is not None:
                 self._digests[path] = digest
@@ -51,7 +51,7 @@ class FileWatch:
         if now_s < self._next_s:
             return False
         self._next_s = now_s + _POLL_S
-        # All are looked at: what several files hold is one change.
+        # All files are checked: edits of several files count as one change.
         return sum(self._has_changed(path) for path in self._digests) > 0
 
     def _has_changed(self, path: Path) -> bool:
@@ -67,7 +67,7 @@ class FileWatch:
 
 
 def _stamp(path: Path) -> _Stamp | None:
-    """Return what tells a file's versions apart without reading it; None where there is none."""
+    """Return date, size and inode of a file. None: there is no such file."""
     try:
         now = path.stat()
     except OSError:
@@ -76,8 +76,8 @@ def _stamp(path: Path) -> _Stamp | None:
 
 
 def _digest(path: Path) -> bytes | None:
-    """Return the hash of a file's content; None where there is no file to read."""
-    if _stamp(path) is None:  # a pipe would be waited for
+    """Return the hash of a file's content. None: there is no file to read."""
+    if _stamp(path) is None:  # reading a pipe would block
         return None
     try:
         with path.open("rb") as file:

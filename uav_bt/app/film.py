@@ -158,13 +158,13 @@ def panes_of(
     title: str,
     limit_s: float | None,
 ) -> Panes:
-    """Return what draws a flight's video.
+    """Return the drawing of a flight's video.
 
     Args:
-        board: what the mission knows in the tick that is drawn.
+        board: Board of the mission in the drawn tick.
         camera: intrinsics at the frames' size.
         tree: the mission; None where some of its nodes are not installed.
-        lab_map: what stands in the lab; None where it is not known.
+        lab_map: Map of the lab. None: unknown.
         title: a line above the map.
         limit_s: when the flight is ended at the latest, from the take-off command.
     """
@@ -197,7 +197,7 @@ def corridor_of(tree: MissionTree) -> CorridorConfig | None:
 
 
 def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
-    """Return what marks the pixels inside the corridor that a tree asks for.
+    """Return a function that marks the pixels inside a tree's corridor.
 
     Args:
         tree: the mission.
@@ -230,7 +230,7 @@ def flight_video(
 
     Args:
         path: the mp4 file; it appears, whole, at the end, also when the flight fails.
-        speed: the video runs so many times faster than the mission.
+        speed: Speed of the video relative to the mission.
         title: a line above the map; the mission, the scene and the seed when empty.
 
     Raises:

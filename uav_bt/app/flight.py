@@ -8,14 +8,14 @@ from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from uav_bt.app.assembly import Flight, Listeners, assemble, frame_judge
+from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
 from uav_bt.app.film import flight_video
-from uav_bt.app.interrupts import landing_on_signals
-from uav_bt.app.loading import Mission, load_mission
-from uav_bt.app.options import FlightOptions, as_file, given_options, site_of
-from uav_bt.app.pauses import short_collections
+from uav_bt.app.flying_process import landing_on_signals, short_collections
+from uav_bt.app.loading import Mission, load_mission, read_mission
+from uav_bt.app.option_values import as_file
+from uav_bt.app.options import FlightOptions, given_options, site_of
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
@@ -52,9 +52,9 @@ def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
 
     Raises:
         TreeError: the file was refused; the error holds all findings.
-        InputError: it is no mission, or a tree that flew before.
+        InputError: `tree` is not a mission, or it flew before.
     """
-    return load_mission(tree, FlightOptions(), registry)
+    return read_mission(tree, FlightOptions(), registry)
 
 
 def fly(
@@ -68,26 +68,30 @@ def fly(
     on_check: Callable[[Check], None] | None = None,
     controls: Callable[[MissionRunner], AbstractContextManager[None]] | None = None,
     watch: Callable[[str], None] | None = None,
+    **how: Any,
 ) -> FlightReport:
     """Fly a mission and return its report.
+
+        report = app.fly("land_only", scene="val-a", seed=3)
 
     Before a real drone takes off it is checked: battery, link, telemetry, video.
 
     Args:
         tree: a shipped mission's name, a tree file, a `MissionTree` (which flies once), or a tree
             file's text.
-        options: how to fly it.
+        options: Options that several flights share. Default: only `how`.
         registry: the nodes that may occur; default: all installed. Own leaves fly without a
             package with `NodeRegistry.installed().with_nodes(Peek)`.
         report: where to write the report as JSON; it is also written when the mission fails.
         video: where to write a film of the flight, an mp4 file; it, too, is written when the
             mission fails. `film.flight_video` has options.
-        listeners: make what follows the flight tick by tick (displays, logs).
+        listeners: Functions that make tick listeners of the flight (displays, logs).
         on_check: called with each line of the check before take-off.
-        controls: what a person has at hand while the mission flies, a keyboard for instance.
-        watch: read the tree file again whenever it is edited while it flies, and call this with
-            what became of it. For simulated drones, and without record, report and video;
+        controls: Controls of a person while the mission flies, such as a keyboard.
+        watch: Read the tree file again whenever it is edited while it flies, and call this with
+            the result. For simulated drones, and without record, report and video;
             listeners that hold the tree itself go on showing the first one.
+        how: Fields of `FlightOptions`. They replace those of `options`.
 
     Raises:
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
@@ -96,18 +100,15 @@ def fly(
             the drone raises. A listener or a file that fails ends no flight: it stands in the
             report's `lost_outputs`.
     """
-    options = given_options(options)
     _check_listeners(listeners)
-    report, record_file = as_file("report", report), as_file("record", options.record)
-    video = as_file("video", video)
+    options = given_options(options, how)
+    mission = load_mission(tree, options, registry)
+    report, video = as_file("report", report), as_file("video", video)
+    record_file = as_file("record", options.record)
     outputs = {"report": report, "record": record_file, "video": video}
-    _check_outputs(tree, options, outputs)
-    watched = None if watch is None else reloadable_file(tree, outputs)
-    flight = assemble(tree, options, registry=registry)
-    for file in filter(None, outputs.values()):
-        refuse_inputs(file, tuple(flight.mission.sources), shipped_trees())
-    if watched is not None and flight.drone.live:
-        raise InputError("watch: a tree is replaced in flight on simulated drones only")
+    _check_outputs(mission, options, outputs)
+    flight = join(mission, options)
+    watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
     with ExitStack() as stack:
         record = None
         if record_file is not None:
@@ -137,11 +138,10 @@ def fly(
 
 
 def _check_outputs(
-    tree: Mission, options: FlightOptions, outputs: Mapping[str, Path | None]
+    mission: MissionTree, options: FlightOptions, outputs: Mapping[str, Path | None]
 ) -> None:
-    """Refuse outputs that cannot be written, or must not be."""
-    read = tuple(tree.sources) if isinstance(tree, MissionTree) else tree
-    inputs = (read, *(getattr(options, name) for name in _FILES_OF_OPTIONS))
+    """Refuse outputs that cannot be written, or that are inputs."""
+    read = [getattr(options, name) for name in _FILES_OF_OPTIONS]
     files = [(name, file) for name, file in outputs.items() if file is not None]
     for (first, file), (second, other) in combinations(files, 2):
         if same_file(file, other):
@@ -150,7 +150,7 @@ def _check_outputs(
             )
     for _, file in files:
         check_output(file)
-        refuse_inputs(file, inputs, shipped_trees())
+        refuse_inputs(file, [*mission.sources, *read], shipped_trees())
 
 
 def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
@@ -179,7 +179,7 @@ def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], No
     for each in checks:
         if on_check is not None:
             on_check(each)
-    if not flight.options.rehearse:  # nothing takes off: what is wrong is only shown
+    if not flight.options.rehearse:  # nothing takes off: faults are only shown
         refuse_faults(checks)
 
 
@@ -194,9 +194,9 @@ def _run(
 
     Args:
         flight: its drone is connected.
-        listeners: make what follows the flight.
-        keep: what writes the report somewhere, by its name.
-        controls: what a person has at hand.
+        listeners: Make tick listeners of the flight.
+        keep: Writers of the report, by output.
+        controls: Controls of a person.
         next_tree: asked between two ticks for a tree that flies from then on.
     """
     log = FlightLog(_coverage(flight.drone), _map_check(flight))
@@ -221,7 +221,7 @@ def _run(
         for what, write in keep.items():
             try:
                 write(result)
-            except (FileError, OSError) as fault:  # the result is worth more than one of its files
+            except (FileError, OSError) as fault:  # a failed output must not lose the report
                 result = replace(result, lost_outputs={**result.lost_outputs, what: str(fault)})
         return result
 
@@ -239,20 +239,20 @@ def _run(
 
 
 def _coverage(drone: Drone) -> CoveredGround | None:
-    """Return what measures a flight's coverage; None where nobody knows the ground."""
+    """Return the measurement of a flight's coverage. None: the ground is unknown."""
     ground = None if drone.referee is None else drone.referee.ground()
     return None if ground is None else CoveredGround(ground, drone.camera)
 
 
 def _map_check(flight: Flight[Drone]) -> MapCheck | None:
-    """Return what compares the mission's map with the truth; None where nobody knows the ground."""
+    """Return the comparison of the mission's map with the truth. None: the ground is unknown."""
     referee, board = flight.drone.referee, flight.context.board
     ground = None if referee is None else referee.ground()
     return None if ground is None else MapCheck(ground, lambda: board.read(SITE_MAP).value)
 
 
 def _profile(flight: Flight[Drone]) -> str | None:
-    """Return how imperfect a simulated drone is, where its profile has a name."""
+    """Return the name of a simulated drone's profile. None: it has no name."""
     given = flight.options.drone
     if isinstance(given, str):
         return None if flight.drone.referee is None else flight.options.profile

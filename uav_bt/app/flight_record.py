@@ -1,6 +1,6 @@
-"""A flight's record, composed: what stands in it beside the ticks, written and read again.
+"""Facts in a flight's record beside its ticks, written and read again.
 
-`app.fly(tree, FlightOptions(record=Path("flight.mcap")))` does all of the writing.
+`app.fly(tree, record="flight.mcap")` does all of the writing.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from uav_bt.types import Airframe
 
 
 def flight_facts(flight: Flight[Drone]) -> FlightFacts:
-    """Return what is known of a flight before it begins.
+    """Return the facts of a flight that are known before it begins.
 
     Args:
         flight: its drone is connected.
@@ -82,7 +82,7 @@ def _plain(value: object) -> object:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedOptions:
-    """What replays and views take from a record; defaults hold for what an older one lacks."""
+    """Options in a record, for replays and views. Defaults replace values that old records lack."""
 
     scene: str | None = None
     drone: str = ""
@@ -156,7 +156,7 @@ class FlightRecord:
         self._recorder: FlightRecorder | None = None
 
     def begin(self, flight: Flight[Drone]) -> tuple[FlightRecorder]:
-        """Open the file; return what listens to the ticks.
+        """Open the file; return the tick listener.
 
         Args:
             flight: its drone is connected, its tree set up and not ticked yet.

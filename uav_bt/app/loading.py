@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
-from uav_bt.app.options import FlightOptions, site_of
+from uav_bt.app.options import FlightOptions, limits_of, site_of
 from uav_bt.app.site import Site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, HELIPAD, Key
 from uav_bt.errors import InputError
@@ -36,6 +36,24 @@ def is_text(tree: Mission) -> TypeGuard[str]:
 
 
 def load_mission(
+    tree: Mission, options: FlightOptions, registry: NodeRegistry | None = None
+) -> MissionTree:
+    """Load the tree of a flight: as `read_mission`, and within the flight's limits.
+
+    Args:
+        tree: the mission.
+        options: how it is flown.
+        registry: the nodes that may occur; default: all installed.
+
+    Raises:
+        InputError: the tree was refused, or its flight height lies above the ceiling.
+    """
+    mission = read_mission(tree, options, registry)
+    _check_ceiling(mission, limits_of(options))
+    return mission
+
+
+def read_mission(
     tree: Mission,
     options: FlightOptions,
     registry: NodeRegistry | None = None,
@@ -151,7 +169,7 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey) -> None:
                 )
 
 
-def check_ceiling(mission: MissionTree, limits: Limits) -> None:
+def _check_ceiling(mission: MissionTree, limits: Limits) -> None:
     """Refuse a tree that is to fly higher than it may.
 
     Args:

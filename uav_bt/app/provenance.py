@@ -1,4 +1,4 @@
-"""Where results come from: code, packages, networks; one answer for records and campaigns."""
+"""Origin of results for records and campaigns: code, packages, networks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import uav_bt
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.tree import MissionTree
 
-# What decides over a flight's numbers, ours first.
+# Packages that affect a flight's numbers, ours first.
 _PACKAGES: Final = (
     *("uav-bt", "numpy", "py_trees", "opencv-python-headless", "openvino", "mujoco"),
     *("scikit-learn", "filterpy"),
@@ -92,7 +92,7 @@ def _files_meant(value: object) -> list[Path]:
     for name in (value, value.partition(":")[2]):  # of a policy: NAME:FILE
         if name and Path(name).is_file():
             return [Path(name)]
-    # A network's name; what flies is the ONNX file, where there is one.
+    # A network's name; the ONNX file flies, where there is one.
     shipped = [SHIPPED_WEIGHTS / f"{value}{suffix}" for suffix in (".onnx", ".safetensors")]
     return [file for file in shipped if file.is_file()][:1]
 

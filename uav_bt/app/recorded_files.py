@@ -30,7 +30,7 @@ def tree_files(mission: MissionTree) -> Iterator[Attachment]:
 
 
 def tree_facts(mission: MissionTree) -> dict[str, str]:
-    """Return what the metadata holds about these files."""
+    """Return the metadata entries of these files."""
     names = _names(mission)
     inclusions = [
         [names[one.path], one.package, one.name, names[target]]
@@ -40,7 +40,7 @@ def tree_facts(mission: MissionTree) -> dict[str, str]:
 
 
 def _names(mission: MissionTree) -> dict[Path, str]:
-    """Return what the files of a tree are called in a record."""
+    """Return the names of a tree's files in a record."""
     folder, names = mission.path.parent, {}
     for number, path in enumerate(mission.sources):
         if path.is_relative_to(folder):
@@ -85,7 +85,7 @@ def recorded_files(reader: RecordReader, folder: Path) -> RecordedFiles:
     return RecordedFiles(
         tree=tree,
         scene=files.get(_SCENE_FILE),
-        # Of the library only what was used is there, so no tree stands in two of these files.
+        # A record holds only the used files of the library, so no tree is in two of them.
         lookup=Lookup(Library(others), included=_inclusions(reader, files)),
     )
 

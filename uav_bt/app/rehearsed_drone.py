@@ -31,7 +31,7 @@ from uav_bt.types import (
     Velocity,
 )
 
-_TAKE_OFF_S: Final = 3.0  # what an ANAFI takes to hover a metre up
+_TAKE_OFF_S: Final = 3.0  # time in which an ANAFI climbs to 1 m
 _TAKE_OFF_M: Final = 1.0
 _LANDING_S: Final = 3.0
 _PACE_MPS: Final = 0.5
@@ -41,7 +41,7 @@ _PACE_RADPS: Final = 0.8
 @dataclass(frozen=True, kw_only=True)
 class _Pretence:
     flying: FlyingState = FlyingState.LANDED
-    until_s: float = math.inf  # when what is under way is over
+    until_s: float = math.inf  # end of the present movement
     altitude_m: float = 0.0
     climb_mps: float = 0.0
     move: MoveBy | None = None
@@ -72,7 +72,7 @@ class RehearsedDrone(DroneWrapper):
         self._drone.connect()
 
     def observe(self) -> Observation:
-        """Return what is seen, at the height that is pretended."""
+        """Return the drone's observation, at the pretended height."""
         seen = self._drone.observe()
         self._pass_time(self.clock.now())
         return Observation(

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from uav_bt.app.assembly import Flight
 from uav_bt.app.file_watch import FileWatch
-from uav_bt.app.loading import Mission, check_ceiling, is_text, load_mission
-from uav_bt.app.options import limits_of
+from uav_bt.app.loading import Mission, is_text, load_mission
 from uav_bt.errors import InputError, TreeError, UavBtError
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
@@ -19,15 +18,15 @@ from uav_bt.tree.loading.findings import Finding
 class TreeReload:
     """Gives a runner the tree of a file that was edited: one of its `next_tree`.
 
-    The new tree is loaded as the first was, with the same options and nodes, and is set up for the
-    same mission. One that is refused is reported, and no other takes the old one's place.
+    The new tree is loaded with the options and nodes of the first one, and is set up for the same
+    mission. A tree that is refused is reported, and the present one flies on.
 
     Args:
         flight: connected; its tree is that of the file.
         path: the tree file.
-        registry: the nodes that may occur; default: all installed.
-        note: called with what became of each edit.
-        timer: the wall clock that the files are looked at by, seconds.
+        registry: Nodes that the tree may use. Default: all installed.
+        note: Called with the result of each edit.
+        timer: Wall clock for polling the files, seconds.
     """
 
     def __init__(
@@ -46,7 +45,7 @@ class TreeReload:
         self._watch = FileWatch(self._contents(flight.mission), timer=timer)
 
     def __call__(self) -> MissionTree | None:
-        """Return the tree of the edited file; None while there is none that can be flown."""
+        """Return the tree of the edited file. None: there is no new tree to fly."""
         if not self._watch.changed():
             return None
         try:
@@ -64,13 +63,12 @@ class TreeReload:
         return tree
 
     def _contents(self, tree: MissionTree) -> dict[Path, bytes]:
-        """Return what was read for a tree; a link to its file may be changed, too."""
+        """Return the files that a tree was read from, with a link to its file."""
         return {self._path: next(iter(tree.sources.values())), **tree.sources}
 
     def _load(self) -> MissionTree:
         flight = self._flight
         tree = load_mission(self._path, flight.options, self._registry)
-        check_ceiling(tree, limits_of(flight.options))
         if tree.sources != flight.mission.sources:
             tree.setup(flight.context)
         return tree
@@ -83,16 +81,20 @@ def _files_of(error: UavBtError) -> Iterator[Path]:
             yield Path(finding.path).resolve()
 
 
-def reloadable_file(tree: Mission, outputs: Mapping[str, Path | None]) -> Path:
+def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | None]) -> Path:
     """Return the tree file that can be watched while it flies.
 
     Args:
         tree: the mission as it was given.
+        drone: Drone that flies.
         outputs: files that the flight writes, by name; None where it does not.
 
     Raises:
-        InputError: it is no file, or an output is wanted: all show one tree.
+        InputError: the mission is no file, the drone is real, or an output is wanted, which would
+            show one tree only.
     """
+    if drone.live:
+        raise InputError("watch: a tree is replaced in flight on simulated drones only")
     if isinstance(tree, MissionTree) or is_text(tree) or not Path(tree).is_file():
         raise InputError(
             f"watch: expected a tree file, which can be edited while it flies, got {tree!r:.80}; "

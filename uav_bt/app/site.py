@@ -44,9 +44,9 @@ class Site:
         take_off_surface_m: height of the surface that the drone takes off from, above the ground.
         camera: a camera file; None: the drone's own intrinsics.
         model: the segmentation network's name or file; None: as the tree says.
-        classes: file that says what that network's classes mean.
+        classes: Class-mapping file of that network.
         ground: names of the classes that the drone may fly over and scale depth by.
-        limits: what no command may exceed.
+        limits: Limits of all commands.
         mark: size of the landing mark; None: the paper's, at the height in the tree.
         clearances: distances that routes keep.
         preflight: least battery and link of a real drone before it takes off.

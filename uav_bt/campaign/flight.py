@@ -26,19 +26,7 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
         InputError: the flight was refused before anything flew.
     """
     task = FlightTask.from_json(values)
-    options = app.FlightOptions(
-        scene=task.scene_path,
-        seed=task.seed,
-        profile=task.profile,
-        policies=task.policies,
-        image_size_px=task.image_size_px,
-        exact_masks=task.exact_masks,
-        movers=task.movers,
-        tree_id=task.tree_id,
-        tree_folders=task.tree_folders,
-        record=None if task.record is None else Path(task.record),
-        record_quality=task.record_quality,  # type: ignore[arg-type]  # the plan's maker checked it
-    )
+    options = task.flight_options()
     keeper = PathKeeper()
 
     began_s = time.perf_counter()
@@ -53,10 +41,10 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
                 raise
             flight = json.loads(written.read_text(encoding="utf-8"))  # tells of the fault, too
     flight |= {"scene": task.scene, "tree": task.tree}
-    if task.exact_masks:
+    if options.exact_masks:
         flight["exact_masks"] = True
-    if task.movers:
-        flight["movers"] = task.movers
+    if options.movers:
+        flight["movers"] = options.movers
     flight["path"] = keeper.points
     flight["wall_s"] = round(time.perf_counter() - began_s, 3)
     return flight

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any, Final
 
+from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.tree.loading.folders import TreeFolders
+
+SHARED: Final = (
+    *("profile", "image_size_px", "exact_masks", "movers"),
+    *("tree_id", "tree_folders", "policies", "record_quality"),
+)
+"""Fields of `FlightOptions` that all flights of a campaign have in common."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,67 +29,75 @@ class PlannedFile:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightTask:
-    """One flight of a campaign; travels to the process that flies it as JSON."""
+    """One flight of a campaign; travels to the process that flies it as JSON.
 
-    tree: str  # its name
+    Attributes:
+        tree: Name of the tree.
+        tree_path: Its file, or a shipped mission's name.
+        scene: Name of the scene.
+        scene_path: Its file, or a shipped scene's name.
+        seed: Seed of everything random.
+        record: File that the flight's record is written to. None: no record.
+        options: What the campaign's flights have in common, the fields in `SHARED`.
+    """
+
+    tree: str
     tree_path: str
-    scene: str  # its name
+    scene: str
     scene_path: str
     seed: int
-    profile: str
-    image_size_px: tuple[int, int]  # width, height
-    exact_masks: bool
-    policies: dict[str, str]  # by node
-    movers: int = 0  # drawn from the seed
-    tree_id: str | None = None  # which tree of the file; None: the one that it names
-    tree_folders: TreeFolders = field(default_factory=TreeFolders)  # absolute
-    record: str | None = None  # where to write the flight's record
-    record_quality: str = "lossless"  # of its images
+    record: str | None = None
+    options: FlightOptions = field(default_factory=FlightOptions)
 
     @property
     def key(self) -> FlightKey:
         """What tells it apart from the others."""
         return self.tree, self.scene, self.seed
 
+    def flight_options(self) -> FlightOptions:
+        """Return how this flight is flown."""
+        return replace(self.options, scene=self.scene_path, seed=self.seed, record=self.record)
+
     def to_json(self) -> dict[str, Any]:
         """Return the task as plain JSON values."""
-        return {**asdict(self), "tree_folders": self.tree_folders.to_json()}
+        return _flat(self)
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> FlightTask:
         """Return the task that `to_json` wrote."""
-        width, height = values["image_size_px"]
-        folders = TreeFolders(**values["tree_folders"])
-        return cls(**{**values, "image_size_px": (width, height), "tree_folders": folders})
+        return cls(**_with_options(values))
 
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignPlan:
-    """Every tree in every scene with every seed, all flown the same way."""
+    """Every tree in every scene with every seed, all flown the same way.
+
+    Attributes:
+        trees: Trees that are flown.
+        scenes: Scenes that each of them is flown in.
+        flights: Number of flights of each tree in each scene, one seed each.
+        seed_from: First seed.
+        options: How all are flown, by the fields in `SHARED`. The tree folders are absolute; the
+            trees' hashes are of the texts in these folders, too.
+        record: Whether each flight's record is kept.
+        timeout_s: Wall time after which a flight counts as hung. A flight of 300 s takes two
+            minutes on a busy core (chosen).
+        weights: SHA-256 by file of the networks that the trees load.
+        versions: Versions of packages that flights depend on.
+    """
 
     trees: tuple[PlannedFile, ...]
     scenes: tuple[PlannedFile, ...]
-    flights: int  # of each tree in each scene, one seed each
+    flights: int
     seed_from: int = 0
-    profile: str = "lab"  # how imperfect the twin is
-    image_size_px: tuple[int, int] = (640, 360)  # width, height
-    exact_masks: bool = False  # fly on the referee's masks instead of a network
-    movers: int = 0  # drawn from each flight's seed, beside the scene's own
-    tree_id: str | None = None  # which tree of every file; None: the one that each names
-    # Where else trees and included files are, absolute; the trees' hashes are of those texts, too.
-    tree_folders: TreeFolders = field(default_factory=TreeFolders)
-    policies: dict[str, str] = field(default_factory=dict)  # by node
-    record: bool = False  # keep a record of every flight
-    record_quality: str = "lossless"  # of its images
-    # Wall time of one flight. A flight of 300 s takes two minutes on a busy core; what takes longer
-    # than this hangs.
+    options: FlightOptions = field(default_factory=FlightOptions)
+    record: bool = False
     timeout_s: float = 900.0
-    weights: dict[str, str] = field(default_factory=dict)  # SHA-256 by file of what the trees load
-    versions: dict[str, str] = field(default_factory=dict)  # of packages that flights depend on
+    weights: dict[str, str] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.movers < 0:
-            raise ValueRangeError(f"movers: expected a whole number from 0, got {self.movers}")
+        _check_shared(self.options)
         if self.flights < 1 or self.seed_from < 0:
             raise ValueRangeError(
                 "a campaign needs at least one flight and seeds from 0, got "
@@ -115,14 +130,7 @@ class CampaignPlan:
                         scene=scene.name,
                         scene_path=scene.path,
                         seed=seed,
-                        profile=self.profile,
-                        image_size_px=self.image_size_px,
-                        exact_masks=self.exact_masks,
-                        movers=self.movers,
-                        tree_id=self.tree_id,
-                        tree_folders=self.tree_folders,
-                        policies=self.policies,
-                        record_quality=self.record_quality,
+                        options=self.options,
                     )
 
     def differences(self, before: CampaignPlan) -> list[str]:
@@ -136,17 +144,19 @@ class CampaignPlan:
         for what in ("trees", "scenes"):
             now, then = ({f.name: f.sha256 for f in getattr(p, what)} for p in (self, before))
             found += _compared(what.removesuffix("s"), then, now)
-        for what in ("weights", "versions", "policies"):
+        for what in ("weights", "versions"):
             found += _compared(what, getattr(before, what), getattr(self, what))
+        found += _compared("policies", before.options.policy_names, self.options.policy_names)
+        flat, flat_before = _flat(self), _flat(before)
         for what in ("seed_from", "profile", "image_size_px", "exact_masks", "movers", "tree_id"):
-            now, then = getattr(self, what), getattr(before, what)
+            now, then = flat[what], flat_before[what]
             if now != then:
                 found.append(f"{what}: was {then}, now {now}")
         return found
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as plain JSON values."""
-        return {**asdict(self), "tree_folders": self.tree_folders.to_json()}
+        return _flat(self)
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> CampaignPlan:
@@ -156,16 +166,56 @@ class CampaignPlan:
             InputError: these are not the values of a plan.
         """
         try:
-            width, height = values["image_size_px"]
             files = {
                 what: tuple(PlannedFile(**one) for one in values[what])
                 for what in ("trees", "scenes")
             }
-            folders = TreeFolders(**values.get("tree_folders", {}))
-            size = (int(width), int(height))
-            return cls(**{**values, **files, "image_size_px": size, "tree_folders": folders})
+            return cls(**{**_with_options(values), **files})
         except (InputError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"not a campaign's plan: {type(error).__name__}: {error}") from error
+
+
+def _check_shared(options: FlightOptions) -> None:
+    """Refuse options that a plan does not keep.
+
+    Raises:
+        InputError: one is given, or a policy is an object.
+    """
+    left = replace(options, **{name: getattr(FlightOptions(), name) for name in SHARED})
+    for each in fields(options):
+        if getattr(left, each.name) != getattr(FlightOptions(), each.name):
+            raise InputError(
+                f"a campaign takes no {each.name}, only {', '.join(SHARED)}; "
+                "fly with app.fly(...) instead"
+            )
+    if options.policy_objects:
+        raise InputError(
+            "a campaign's policies are names of installed policies, because each flight has a "
+            f"process of its own; got {next(iter(options.policy_objects))}"
+        )
+
+
+def _flat(planned: FlightTask | CampaignPlan) -> dict[str, Any]:
+    """Return plain JSON values; those of the options stand beside the others."""
+    shared = {name: getattr(planned.options, name) for name in SHARED}
+    shared |= {
+        "policies": planned.options.policy_names,
+        "tree_folders": planned.options.tree_folders.to_json(),
+    }
+    values = {each.name: getattr(planned, each.name) for each in fields(planned)}
+    del values["options"]
+    for what in ("trees", "scenes"):
+        if what in values:
+            values[what] = [asdict(file) for file in values[what]]
+    return {**shared, **values}
+
+
+def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what `_flat` wrote with one `options`; a plan of before may lack some."""
+    shared = {name: values[name] for name in SHARED if name in values}
+    folders = TreeFolders(**shared.pop("tree_folders", {}))
+    others = {name: value for name, value in values.items() if name not in SHARED}
+    return {**others, "options": FlightOptions(**shared, tree_folders=folders)}
 
 
 def _compared(what: str, then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:

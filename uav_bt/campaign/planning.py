@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 import glob
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -14,52 +14,53 @@ from typing import Any
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app import provenance
 from uav_bt.app.loading import load_mission
-from uav_bt.app.options import FlightOptions
+from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
 from uav_bt.tree import MissionTree
-from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.shipped import shipped_missions
 
 
 def make_plan(
     trees: Sequence[str | Path],
+    options: FlightOptions | None = None,
     *,
     scenes: Sequence[str] = ("val-*",),
     flights: int = 10,
-    policies: Mapping[str, str] | None = None,
-    tree_id: str | None = None,
-    tree_folders: TreeFolders | None = None,
+    seed_from: int = 0,
+    record: bool = False,
+    timeout_s: float = CampaignPlan.timeout_s,
     **how: Any,
 ) -> CampaignPlan:
     """Return the plan of a campaign; everything it names was read.
 
     Args:
         trees: tree files, or names of shipped missions.
+        options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`.
         scenes: names of shipped scenes, scene files, or patterns (`test-*`) of either.
         flights: of each tree in each scene, one seed each.
-        policies: leaf policies by node, for every tree that has the node.
-        tree_id: which tree of every file; default: the one that each names.
-        tree_folders: where else trees and included files are that the tree files do not hold.
-        how: further fields of `CampaignPlan`.
+        seed_from: the first seed.
+        record: keep a record of every flight.
+        timeout_s: wall time after which a flight counts as hung.
+        how: fields of `FlightOptions`, in place of an object or to change one.
 
     Raises:
         InputError: a tree, a scene or a policy cannot be used, or a number is out of range.
     """
-    folders = (tree_folders or TreeFolders()).absolute()
-    options = FlightOptions(policies=policies or {}, tree_id=tree_id, tree_folders=folders)
+    options = given_options(options, how)
+    options = replace(options, tree_folders=options.tree_folders.absolute())
     missions = [load_mission(tree, options) for tree in trees]
     return CampaignPlan(
         trees=tuple(map(_planned_tree, missions)),
         scenes=tuple(_planned_scene(name) for name in _scenes(scenes)),
         flights=flights,
-        policies=dict(policies or {}),
-        tree_id=tree_id,
-        tree_folders=folders,
+        seed_from=seed_from,
+        options=options,
+        record=record,
+        timeout_s=timeout_s,
         weights=provenance.weights_of(*missions),
         versions=provenance.package_versions(),
-        **how,
     )
 
 
@@ -73,11 +74,9 @@ def plan_of(folder: Path) -> CampaignPlan:
     before, _ = read_plan(folder)
     plan = make_plan(
         [tree.path for tree in before.trees],
+        before.options,
         scenes=[glob.escape(scene.path) for scene in before.scenes],
         flights=before.flights,
-        policies=before.policies,
-        tree_id=before.tree_id,
-        tree_folders=before.tree_folders,
     )
     return replace(
         before,

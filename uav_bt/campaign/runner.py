@@ -46,7 +46,7 @@ def flown_line(task: FlightTask, answer: Mapping[str, Any]) -> dict[str, Any]:
         "scene": task.scene,
         "seed": task.seed,
         "tree": task.tree,
-        "profile": task.profile,
+        "profile": task.options.profile,
         "outcome": Outcome.ERROR.value,
         "reason": answer[FAILED],
         "details": answer.get("details", ""),

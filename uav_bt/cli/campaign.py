@@ -3,58 +3,108 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
 from uav_bt import campaign as campaigns
+from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import CampaignResult
-from uav_bt.campaign.plan import CampaignPlan
+from uav_bt.campaign.plan import SHARED, CampaignPlan
 from uav_bt.campaign.report.statistics import by_tree, summarise
 from uav_bt.campaign.runner import Backend, LocalBackend
 from uav_bt.cli.command import Command
-from uav_bt.cli.lookup_options import lookup_options
-from uav_bt.cli.options import (
-    FOLDER,
-    RUNS,
-    image_size_option,
-    movers_option,
-    policy_option,
-    profile_option,
-    tree_option,
-    workers_option,
-)
+from uav_bt.cli.flight_options import flight_options
+from uav_bt.cli.options import FOLDER, RUNS, grouped, workers_option
 from uav_bt.cli.progress import campaign_progress
-from uav_bt.cli.ranges import Number, WholeNumber
+from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
-from uav_bt.tree.loading.folders import TreeFolders
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flown:
+    """Which flights a campaign has; None: not given."""
+
+    scenes: tuple[str, ...]
+    flights: int | None
+    seed_from: int
+    timeout_s: float
+    record: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where flights are flown.
+
+    Attributes:
+        workers: Number of flights at a time. None: one for each core.
+        backend: local or dask.
+        address: Address of the Dask scheduler.
+    """
+
+    workers: int | None
+    backend: str
+    address: str | None
+
+    def __post_init__(self) -> None:
+        if self.backend == "dask" and self.workers is not None:
+            raise click.UsageError("--workers is for this machine; a cluster knows its own")
+        if (self.backend == "dask") != (self.address is not None):
+            raise click.UsageError("--backend dask and --address belong together")
+
+    def open(self) -> Backend:
+        """Return what flies."""
+        if self.address is not None:
+            from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415  (another extra)
+
+            return DaskBackend(self.address)
+        return LocalBackend(self.workers)
 
 
 @click.command(cls=Command)
 @click.argument("trees", metavar="TREE...", nargs=-1)
-@click.option(
-    "--scenes",
-    metavar="GLOB",
-    multiple=True,
-    help="Scenes by name, file or pattern, with commas between. Repeatable; default: val-*.",
+@grouped(
+    "flown",
+    Flown,
+    scenes=click.option(
+        "--scenes",
+        metavar="GLOB",
+        multiple=True,
+        help="Scenes by name, file or pattern, with commas between. Repeatable; default: val-*.",
+    ),
+    flights=click.option(
+        "--flights",
+        type=WholeNumber(min=1),
+        help="Flights of each tree in each scene, one seed each; default: 10.",
+    ),
+    seed_from=click.option(
+        "--seed-from", type=WholeNumber(min=0), default=0, help="The first seed."
+    ),
+    timeout_s=click.option(
+        "--timeout-s",
+        type=Number(min=0.0, min_open=True),
+        default=CampaignPlan.timeout_s,
+        help="Wall time after which a flight counts as hung.",
+    ),
+    record=click.option(
+        "--record", is_flag=True, help="Keep a record of every flight in DIR/records."
+    ),
 )
-@click.option(
-    "--flights",
-    type=WholeNumber(min=1),
-    help="Flights of each tree in each scene, one seed each; default: 10.",
+@flight_options(*(name for name in SHARED if name != "record_quality"))
+@grouped(
+    "place",
+    Place,
+    workers=workers_option,
+    backend=click.option(
+        "--backend",
+        type=click.Choice(["local", "dask"]),
+        default="local",
+        help="This machine's cores, or a Dask cluster.",
+    ),
+    address=click.option("--address", metavar="HOST:PORT", help="Address of the Dask scheduler."),
 )
-@click.option(
-    "--seed-from", type=WholeNumber(min=0), default=0, show_default=True, help="The first seed."
-)
-@workers_option
-@profile_option
-@click.option("--exact-masks", is_flag=True, help="Fly on exact masks instead of a network's.")
-@movers_option
-@tree_option
-@lookup_options
-@image_size_option
-@policy_option
 @click.option(
     "--out",
     metavar="DIR",
@@ -68,22 +118,6 @@ from uav_bt.tree.loading.folders import TreeFolders
     help="Continue the campaign in this folder, with the plan that is kept there.",
 )
 @click.option(
-    "--backend",
-    type=click.Choice(["local", "dask"]),
-    default="local",
-    show_default=True,
-    help="This machine's cores, or a Dask cluster.",
-)
-@click.option("--address", metavar="HOST:PORT", help="Address of the Dask scheduler.")
-@click.option(
-    "--timeout-s",
-    type=Number(min=0.0, min_open=True),
-    default=900.0,
-    show_default=True,
-    help="Wall time after which a flight counts as hung.",
-)
-@click.option("--record", is_flag=True, help="Keep a record of every flight in DIR/records.")
-@click.option(
     "--fail-under",
     metavar="PERCENT",
     type=Number(min=0.0, max=100.0),
@@ -94,23 +128,11 @@ def campaign(
     ctx: click.Context,
     *,
     trees: tuple[str, ...],
-    scenes: tuple[str, ...],
-    flights: int | None,
-    seed_from: int,
-    workers: int | None,
-    profile: str,
-    exact_masks: bool,
-    movers: int,
-    tree_id: str | None,
-    tree_folders: TreeFolders,
-    image_size: tuple[int, int],
-    policies: dict[str, str],
+    flown: Flown,
+    flight: FlightOptions,
+    place: Place,
     out: Path | None,
     resume: Path | None,
-    backend: str,
-    address: str | None,
-    timeout_s: float,
-    record: bool,
     fail_under: float | None,
 ) -> None:
     """Fly missions many times and keep every flight.
@@ -129,34 +151,23 @@ def campaign(
     Exits with 0 when all flights were flown, whatever their outcome (but see --fail-under), with 1
     when it was stopped, and with 2 when something given was refused.
     """  # noqa: D301  (click needs the backspace)
-    if backend == "dask" and workers is not None:
-        raise click.UsageError("--workers is for this machine; a cluster knows its own")
-    if (backend == "dask") != (address is not None):
-        raise click.UsageError("--backend dask and --address belong together")
     if resume is not None:
         _only_resume(ctx)
-    elif not trees:
-        raise click.UsageError("which TREE is to be flown? or --resume DIR")
-    if resume is not None:
         plan, folder = campaigns.plan_of(resume), resume
-    else:
+    elif trees:
         plan = campaigns.make_plan(
             trees,
-            scenes=scenes or ("val-*",),
-            flights=flights or 10,
-            policies=policies,
-            seed_from=seed_from,
-            profile=profile,
-            image_size_px=image_size,
-            exact_masks=exact_masks,
-            movers=movers,
-            tree_id=tree_id,
-            tree_folders=tree_folders,
-            timeout_s=timeout_s,
-            record=record,
+            flight,
+            scenes=flown.scenes or ("val-*",),
+            flights=flown.flights or 10,
+            seed_from=flown.seed_from,
+            timeout_s=flown.timeout_s,
+            record=flown.record,
         )
         folder = out or RUNS / "-".join(Path(tree.name).stem for tree in plan.trees)
-    result = _fly(ctx, plan, folder, _backend(workers, address))
+    else:
+        raise click.UsageError("which TREE is to be flown? or --resume DIR")
+    result = _fly(ctx, plan, folder, place.open())
     _print_result(result, folder)
     good = sum(flight["outcome"] == "success" for flight in result.flights)
     if fail_under is not None and 100.0 * good / len(result.flights) < fail_under:
@@ -177,14 +188,6 @@ def _only_resume(ctx: click.Context) -> None:
         raise click.UsageError(
             f"--resume takes the plan from its folder, so leave out {', '.join(given)}"
         )
-
-
-def _backend(workers: int | None, address: str | None) -> Backend:
-    if address is not None:
-        from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415  (an extra of its own)
-
-        return DaskBackend(address)
-    return LocalBackend(workers)
 
 
 def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend) -> CampaignResult:

@@ -11,8 +11,7 @@ from typing import Final
 import click
 
 from uav_bt.cli.command import Command, note_input
-from uav_bt.cli.lookup_options import lookup_options
-from uav_bt.cli.options import INPUT, format_option, tree_option
+from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Finding, Findings, errors_of
@@ -60,7 +59,7 @@ palette_option = click.option(
 @click.argument("trees", metavar="TREE...", nargs=-1, required=True)
 @tree_option
 @palette_option
-@lookup_options
+@tree_folders_option
 @format_option(
     "text",
     "json",
@@ -116,7 +115,7 @@ def _reports(
     tree_id: str | None,
     lookup: Lookup,
 ) -> Iterator[tuple[Path, tuple[Finding, ...]]]:
-    """Yield what is found in each file that a TREE stands for."""
+    """Yield the findings of each file of a TREE."""
     try:
         files = tree_files(tree)
         if Path(tree).is_dir():
@@ -132,8 +131,8 @@ def _reports(
         ]
         for path in files
     }
-    # What another file of the folder has wrong is in its own report, unless it is wrong only in
-    # the way that this file uses it.
+    # Findings in another file of the folder are in that file's report, except those that depend on
+    # this file's use of it.
     own = {_matter(each) for path, some in found.items() for each in some if each.path == str(path)}
     for path, some in found.items():
         yield (
@@ -143,7 +142,7 @@ def _reports(
 
 
 def _matter(finding: Finding) -> tuple[object, ...]:
-    """Return what a finding is about; the node's path depends on the tree that is looked at."""
+    """Return the subject of a finding, without the node's path, which depends on the tree."""
     return finding.path, finding.position, finding.severity, finding.message
 
 
@@ -183,7 +182,6 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
     "start",
     type=click.Choice(list(STARTERS)),
     default="hover",
-    show_default=True,
     help="hover: up, look round, down; land: find the helipad, land; explore: the whole mission.",
 )
 def new(*, file: Path, start: str) -> None:

@@ -3,54 +3,59 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import (
-    FOLDER,
-    RUNS,
-    image_size_option,
-    policy_option,
-    seed_option,
-    workers_option,
-)
+from uav_bt.cli.flight_options import flight_option
+from uav_bt.cli.options import FOLDER, RUNS, grouped, workers_option
 from uav_bt.cli.progress import campaign_progress
-from uav_bt.cli.ranges import WholeNumber
+from uav_bt.cli.values import WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.learning import collecting
+from uav_bt.learning.views import TRAINING_SCENES
 from uav_bt.plugins import need
 
 
 @click.command(cls=Command)
 @click.argument("tree", metavar="TREE")
-@click.option(
-    "--flights",
-    type=WholeNumber(min=1),
-    default=96,
-    show_default=True,
-    help="Minimum in all, shared evenly over scenes and profiles.",
-)
-@click.option(
-    "--scene",
-    "scenes",
-    metavar="SCENE",
-    multiple=True,
-    help="Scene to begin with, by name or file. Repeatable; default: all training scenes.",
-)
-@click.option(
-    "--profile",
-    "profiles",
-    type=click.Choice(["ideal", "lab", "harsh", "lab-instant", "harsh-instant"]),
-    multiple=True,
-    help="How imperfect the twin is. Repeatable; default: lab and harsh.",
-)
-@click.option(
-    "--layouts/--no-layouts",
-    default=True,
-    show_default=True,
-    help="Vary the boxes, too, in all flights but the first of each scene; light always varies.",
+@grouped(
+    "chosen",
+    dict,
+    flights=click.option(
+        "--flights",
+        type=WholeNumber(min=1),
+        default=96,
+        help="Minimum in all, shared evenly over scenes and profiles.",
+    ),
+    scenes=click.option(
+        "--scene",
+        "scenes",
+        metavar="SCENE",
+        multiple=True,
+        default=TRAINING_SCENES,
+        show_default=False,
+        help="Scene to begin with, by name or file. Repeatable; default: all training scenes.",
+    ),
+    profiles=click.option(
+        "--profile",
+        "profiles",
+        type=click.Choice(["ideal", "lab", "harsh", "lab-instant", "harsh-instant"]),
+        multiple=True,
+        default=("lab", "harsh"),
+        show_default=False,
+        help="How imperfect the twin is. Repeatable; default: lab and harsh.",
+    ),
+    layouts=click.option(
+        "--layouts/--no-layouts",
+        default=True,
+        help="Vary the boxes, too, in all flights but the first of each scene; light always "
+        "varies.",
+    ),
+    seed=flight_option("seed"),
+    image_size_px=flight_option("image_size_px"),
 )
 @click.option(
     "--student",
@@ -58,9 +63,7 @@ from uav_bt.plugins import need
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="Let this control student (ONNX) fly in place of every policy of the tree.",
 )
-@seed_option()
-@image_size_option
-@policy_option
+@flight_option("policies")
 @workers_option
 @click.option(
     "--out",
@@ -73,13 +76,8 @@ def collect(
     ctx: click.Context,
     *,
     tree: str,
-    flights: int,
-    scenes: tuple[str, ...],
-    profiles: tuple[str, ...],
-    layouts: bool,
+    chosen: dict[str, Any],
     student: Path | None,
-    seed: int,
-    image_size: tuple[int, int],
     policies: dict[str, str],
     workers: int | None,
     out: Path | None,
@@ -96,17 +94,7 @@ def collect(
         # Absolute: workers have another working directory.
         flying = collecting.nodes_under_policy(tree)
         policies = {**dict.fromkeys(flying, f"student:{student.resolve()}"), **policies}
-    default = collecting.CollectionPlan(tree=tree)
-    plan = collecting.CollectionPlan(
-        tree=tree,
-        flights=flights,
-        scenes=scenes or default.scenes,
-        profiles=profiles or default.profiles,
-        layouts=layouts,
-        seed=seed,
-        policies=policies,
-        image_size_px=image_size,
-    )
+    plan = collecting.CollectionPlan(tree=tree, policies=policies, **chosen)
     folder = out or RUNS / f"collected-{Path(tree).stem}"
     with campaign_progress(len(plan)) as progress:
         try:

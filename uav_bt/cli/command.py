@@ -1,4 +1,4 @@
-"""What every command does first: it refuses outputs that cannot or must not be written."""
+"""Base of all commands: it refuses outputs that cannot or must not be written."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class OutputFile(click.Path):
 
 
 class OutputFolder(click.Path):
-    """A folder that the command writes into; it is made where there is none."""
+    """A folder that the command writes into; it is made if it does not exist."""
 
     def __init__(self) -> None:
         super().__init__(file_okay=False, path_type=Path)

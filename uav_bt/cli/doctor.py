@@ -1,4 +1,4 @@
-"""`uav-bt doctor`: what is installed, and what can be reached when asked."""
+"""`uav-bt doctor`: check of installed packages and, on request, of a drone."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from uav_bt.mission.preflight import Check, check_drone
 )
 @click.pass_context
 def doctor(ctx: click.Context, *, drone: str | None) -> None:
-    """Report what is installed and what works.
+    """Check the installation.
 
     Exits with 1 when something that uav-bt needs is wrong; extras are a choice.
     """

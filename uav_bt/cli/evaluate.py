@@ -20,18 +20,11 @@ from perception.segmentation.teacher import load_teacher
 from uav_bt.classes import CLASS_NAMES, GROUP_NAMES
 from uav_bt.cli.command import Command
 from uav_bt.cli.depth_tables import depth_report
-from uav_bt.cli.options import (
-    FOLDER,
-    INPUT,
-    image_size_option,
-    output_option,
-    profile_option,
-    records_argument,
-    seed_option,
-    views_option,
-)
+from uav_bt.cli.flight_options import flight_option
+from uav_bt.cli.options import FOLDER, INPUT, output_option, records_argument
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import Number, WholeNumber
+from uav_bt.cli.training_options import Drawn, drawn_options
+from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.files import writing
 from uav_bt.learning import evaluation
 from uav_bt.learning.dataset import read_advised_flights, records_of
@@ -46,7 +39,6 @@ _scores_option = output_option("--out", "Write the scores there too, as JSON.")
 @click.option(
     "--model",
     default="unet",
-    show_default=True,
     help="'unet', 'unet-fp32', 'teacher', a teacher's .safetensors file, or an ONNX network.",
 )
 @click.option(
@@ -59,24 +51,20 @@ _scores_option = output_option("--out", "Write the scores there too, as JSON.")
     "--lowered",
     type=Number(min=0.0, max=1.0),
     default=0.0,
-    show_default=True,
     help="Share of the images whose camera is lowered further, as at the carpet's edge.",
 )
-@image_size_option
-@profile_option
-@views_option(100)
-@seed_option(2)
+@flight_option("image_size_px")
+@flight_option("profile")
+@drawn_options(views=100, seed=2)
 @_scores_option
 def segmentation(
     *,
     model: str,
     classes: Path | None,
     lowered: float,
-    image_size: tuple[int, int],
+    image_size_px: tuple[int, int],
     profile: str,
-    scenes: tuple[str, ...],
-    views: int,
-    seed: int,
+    drawn: Drawn,
     out: Path | None,
 ) -> None:
     """Score a segmentation against the twin's exact class ids; on the testing scenes by default.
@@ -84,18 +72,13 @@ def segmentation(
     The score is the intersection over union over all pixels, by class and by navigation group.
     """
     segment = _segmenter(model, classes)
-    plan = ViewPlan(
-        scenes=scenes or TESTING_SCENES,
-        views=views,
-        size_px=image_size,
-        profile=profile,
-        lowered=lowered,
-        seed=seed,
+    plan = drawn.of(
+        ViewPlan(scenes=TESTING_SCENES, size_px=image_size_px, profile=profile, lowered=lowered)
     )
     with progress_bars() as advance:
         score = evaluation.evaluate_segmentation(segment, plan, advance=advance)
-    result = {"model": model, "scenes": list(plan.scenes), "views": views, "seed": seed}
-    result |= {"image_size": list(image_size), "profile": profile, "lowered": lowered}
+    result = {"model": model, "scenes": list(plan.scenes), "views": plan.views, "seed": plan.seed}
+    result |= {"image_size": list(image_size_px), "profile": profile, "lowered": lowered}
     result |= _figures(score)
     _show(result)
     _write(result, out)
@@ -105,34 +88,28 @@ def segmentation(
 @click.option(
     "--model",
     default="depth",
-    show_default=True,
     help="'depth', 'depth-fp32', an ONNX network, or 'contact': masks and geometry, no network.",
 )
 @click.option(
     "--masks",
     type=click.Choice(["unet", "exact"]),
     default="unet",
-    show_default=True,
     help="Class maps: the network's, as in a flight, or the twin's exact ones.",
 )
 @click.option(
     "--tables",
     default="pairs,distance,sensitivity,corridor",
-    show_default=True,
     metavar="NAMES",
     help="The tables, with commas between.",
 )
-@views_option(170)
-@seed_option(21)
+@drawn_options(views=170, seed=21)
 @_scores_option
 def depth(
     *,
     model: str,
     masks: Literal["unet", "exact"],
     tables: str,
-    scenes: tuple[str, ...],
-    views: int,
-    seed: int,
+    drawn: Drawn,
     out: Path | None,
 ) -> None:
     """Measure metric depth against the twin's exact depth; on the testing scenes by default.
@@ -141,9 +118,7 @@ def depth(
     the camera, what wrong telemetry and masks cost, and what the safety corridor sees.
     """
     network = None if model == "contact" else load_depth_estimator(model, threads=2)
-    plan = ImagePlan(
-        views=DepthViewPlan(scenes=scenes or TESTING_SCENES, views=views, seed=seed), masks=masks
-    )
+    plan = ImagePlan(views=drawn.of(DepthViewPlan(scenes=TESTING_SCENES)), masks=masks)
     wanted = [name.strip() for name in tables.split(",") if name.strip()]
     with progress_bars() as advance:
         measured = evaluation.evaluate_depth(
@@ -162,13 +137,13 @@ def depth(
     metavar="FILE",
     type=INPUT,
     default=SHIPPED_STUDENT,
+    show_default=False,
     help="A control student's ONNX file; the shipped one if not given.",
 )
 @click.option(
     "--views",
     type=WholeNumber(min=1),
     default=2000,
-    show_default=True,
     help="Number of views that are scored.",
 )
 @click.option(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +10,16 @@ import click
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import INPUT, RUNS, output_option, seed_option, views_option
+from uav_bt.cli.options import INPUT, RUNS, output_option
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.training_options import Drawn, drawn_options
 from uav_bt.learning.exporting import CALIBRATION_VIEWS, Network, Precision, export_network
 from uav_bt.plugins import need
 
 
 def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in (
-        seed_option(5),
-        views_option(50),
+        drawn_options(views=50, seed=5),
         output_option(
             "--out",
             f"The ONNX file; {RUNS}/NETWORK-PRECISION.onnx if not given.",
@@ -30,7 +29,6 @@ def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--precision",
             type=click.Choice(["int8", "fp32"]),
             default="int8",
-            show_default=True,
             help="8-bit integers or floats.",
         ),
         click.option(
@@ -72,16 +70,19 @@ def _export(
     weights: Path | None,
     precision: Precision,
     out: Path | None,
-    scenes: tuple[str, ...],
-    views: int,
-    seed: int,
+    drawn: Drawn,
 ) -> None:
     need("train", "torch", "onnx", "onnxruntime", "nncf")
     path = out or RUNS / f"{name}-{precision}.onnx"
-    plan = replace(
-        CALIBRATION_VIEWS, scenes=scenes or CALIBRATION_VIEWS.scenes, views=views, seed=seed
-    )
+    plan = drawn.of(CALIBRATION_VIEWS)
     with progress_bars() as advance:
         source = weights or SHIPPED_WEIGHTS / f"{name}.safetensors"
-        export_network(network, source, path, precision=precision, views=plan, advance=advance)
+        export_network(
+            network,
+            source,
+            path,
+            precision=precision,
+            views=plan,
+            advance=advance,
+        )
     click.echo(f"network in {precision}: {path}, {path.stat().st_size / 1e6:.1f} MB")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final, Literal
@@ -15,25 +16,13 @@ from rich.console import Console
 from uav_bt import app
 from uav_bt.app import film
 from uav_bt.app.options import mark_of
-from uav_bt.app.site import load_site
 from uav_bt.app.view.live import ViewListeners, live_view
 from uav_bt.cli.command import Command
+from uav_bt.cli.flight_options import flight_options
 from uav_bt.cli.interrupts import stopped_by
 from uav_bt.cli.keys import pilot_keys
-from uav_bt.cli.lookup_options import lookup_options
-from uav_bt.cli.options import (
-    INPUT,
-    image_size_option,
-    movers_option,
-    output_option,
-    policy_option,
-    profile_option,
-    seed_option,
-    threads_option,
-    tree_option,
-)
-from uav_bt.display.orders import OrderLines
-from uav_bt.display.status import summary
+from uav_bt.cli.options import grouped, output_option
+from uav_bt.display.status import OrderLines, summary
 from uav_bt.errors import FileError, MissionError
 from uav_bt.groot import GrootConfig, watched_live
 from uav_bt.mission.judge import Outcome
@@ -47,7 +36,7 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     """Return a port whose neighbour exists, too.
 
     Raises:
-        BadParameter: it is none.
+        BadParameter: It is not a port.
     """
     if value is None:
         return None
@@ -62,54 +51,37 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     return int(value)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Outputs:
+    """Files that a flight is written to, besides its record; None: no such file.
+
+    Attributes:
+        report: JSON file of the report.
+        video: mp4 file.
+        btlog: Log of the nodes' statuses.
+    """
+
+    report: Path | None
+    video: Path | None
+    btlog: Path | None
+
+
 @click.command(cls=Command)
 @click.argument("tree")
-@tree_option
-@lookup_options
-@click.option("--scene", metavar="SCENE", help="The twin's lab: a shipped scene or a YAML file.")
-@seed_option()
-@click.option(
-    "--drone",
-    metavar="NAME[:ADDRESS]",
-    default="twin",
-    show_default=True,
-    help="The drone that flies: twin, anafi[:HOST[:PORT]], sphinx[:HOST[:PORT]], or another "
-    "that is installed.",
+@grouped(
+    "outputs",
+    Outputs,
+    report=output_option("--report", "Write the flight's report there, as JSON."),
+    video=output_option("--video", "Make a video of the flight: an mp4 file.", suffix=".mp4"),
+    btlog=output_option(
+        "--btlog", "Log what each node does: a .btlog file, which Groot2 replays.", suffix=".btlog"
+    ),
 )
-@click.option(
-    "--site",
-    metavar="FILE",
-    type=INPUT,
-    help="A site file: heights, camera, classes and limits of the place.",
+@flight_options(
+    *("tree_id", "tree_folders", "scene", "seed", "drone", "site", "rehearse", "profile"),
+    *("movers", "policies", "camera", "record", "record_quality", "realtime"),
+    *("image_size_px", "inference_threads"),
 )
-@click.option(
-    "--rehearse",
-    is_flag=True,
-    help="Motors off: perception and tree see the live video, and show what would be sent.",
-)
-@profile_option
-@movers_option
-@policy_option
-@click.option(
-    "--camera",
-    metavar="FILE",
-    type=INPUT,
-    help="A camera file of `uav-bt lab calibrate`: frames are undistorted with it.",
-)
-@output_option("--report", "Write the flight's report there, as JSON.")
-@output_option(
-    "--record",
-    "Keep the flight's record: an MCAP file, for viewers and for replay.",
-    suffix=".mcap",
-)
-@click.option(
-    "--quality",
-    type=click.Choice(["lossless", "high"]),
-    default="lossless",
-    show_default=True,
-    help="Quality of the record's images: exact, or small.",
-)
-@output_option("--video", "Make a video of the flight: an mp4 file.", suffix=".mp4")
 @click.option(
     "--view",
     metavar="[WHERE]",
@@ -117,9 +89,6 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     is_flag=False,
     flag_value="window",
     help="Show the flight in Rerun: in a window, or with `web` in a browser on this machine.",
-)
-@output_option(
-    "--btlog", "Log what each node does: a .btlog file, which Groot2 replays.", suffix=".btlog"
 )
 @click.option(
     "--groot",
@@ -129,41 +98,21 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     callback=_groot_port,
     help=f"Let Groot2 on this machine watch, on port {_GROOT_PORT} or PORT and on the next one.",
 )
-@click.option("--realtime", is_flag=True, help="Fly the twin no faster than real time.")
 @click.option(
     "--watch",
     is_flag=True,
     help="Read TREE again whenever it is edited while it flies; for the twin.",
 )
-@image_size_option
-@threads_option
 @click.pass_context
 def fly(
     ctx: click.Context,
     *,
     tree: str,
-    tree_id: str | None,
-    tree_folders: app.TreeFolders,
-    scene: str | None,
-    seed: int,
-    drone: str,
-    profile: str,
-    movers: int,
-    policies: dict[str, str],
-    camera: Path | None,
-    site: Path | None,
-    rehearse: bool,
-    report: Path | None,
-    record: Path | None,
-    quality: Literal["lossless", "high"],
-    video: Path | None,
+    flight: app.FlightOptions,
+    outputs: Outputs,
     view: Literal["window", "web"] | None,
-    btlog: Path | None,
     groot: int | None,
-    realtime: bool,
     watch: bool,
-    image_size: tuple[int, int],
-    threads: int,
 ) -> None:
     """Fly a mission.
 
@@ -182,31 +131,13 @@ def fly(
       uav-bt fly mission.xml --watch --realtime
       uav-bt fly hover_and_look --drone anafi --site site.yaml --rehearse
     """  # noqa: D301  (click needs the backspace)
+    files = {"record": flight.record, **asdict(outputs)}
     if watch:
-        outputs = {"report": report, "record": record, "video": video, "btlog": btlog}
-        _check_watch(tree, drone, {**outputs, "view": view, "groot": groot})
-    options = app.FlightOptions(
-        tree_id=tree_id,
-        tree_folders=tree_folders,
-        scene=scene,
-        seed=seed,
-        drone=drone,
-        profile=profile,
-        movers=movers,
-        policies=policies,
-        image_size_px=image_size,
-        camera=camera,
-        site=None if site is None else load_site(site),
-        rehearse=rehearse,
-        realtime=realtime,
-        inference_threads=threads,
-        record=record,
-        record_quality=quality,
-    )
+        _check_watch(tree, flight.drone_name, {**files, "view": view, "groot": groot})
     with ExitStack() as stack:
         watchers: list[app.Listeners] = [
             stack.enter_context(film.live_status()),
-            lambda _: [OrderLines(click.echo)] if rehearse else [],
+            lambda _: [OrderLines(click.echo)] if flight.rehearse else [],
         ]
         viewed = None
         if view is not None:
@@ -214,33 +145,35 @@ def fly(
             viewed = ctx.with_resource(live_view(web=view == "web", on_url=click.echo))
             watchers.append(viewed)
         follow = stack.enter_context(
-            watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
+            watched_live(
+                btlog=outputs.btlog, groot=None if groot is None else GrootConfig(port=groot)
+            )
         )
-        watchers.append(lambda flight: follow(flight.mission, flight.context))
-        flights: list[object] = []
+        watchers.append(lambda flown: follow(flown.mission, flown.context))
+        begun: list[object] = []
 
-        def begin(flight: app.Flight[Drone]) -> tuple[()]:
-            flights.append(flight)
+        def begin(flown: app.Flight[Drone]) -> tuple[()]:
+            begun.append(flown)
             return ()
 
         watchers.append(begin)
         try:
             flown = app.fly(
                 tree,
-                options,
-                report=report,
-                video=video,
+                flight,
+                report=outputs.report,
+                video=outputs.video,
                 listeners=watchers,
                 on_check=click.echo,
                 controls=pilot_keys,
                 watch=partial(click.echo, err=True) if watch else None,
             )
         except KeyboardInterrupt as stop:
-            when = "again while it landed" if flights else "before take-off: nothing flew"
+            when = "again while it landed" if begun else "before take-off: nothing flew"
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
-        Console().print(summary(flown, mark_of(options)))
+        Console().print(summary(flown, mark_of(flight)))
         lost = {**flown.lost_outputs, **_closed(stack)}
-    _name_files({"report": report, "record": record, "video": video, "btlog": btlog}, lost)
+    _name_files(files, lost)
     if viewed is not None and view == "web":
         _wait_for(viewed)
     if flown.airborne_at_end:
@@ -250,7 +183,7 @@ def fly(
 
 
 def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
-    """Refuse what a tree that changes in flight cannot be combined with.
+    """Refuse options that cannot be combined with a tree that changes in flight.
 
     Raises:
         UsageError: a real drone, a shipped mission's name, or an output that shows one tree.
@@ -269,17 +202,17 @@ def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
             )
 
 
-def _name_files(written: Mapping[str, Path | None], lost: Mapping[str, str]) -> None:
-    """Say what was written and what was not."""
+def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str]) -> None:
+    """Print the written outputs and the lost ones."""
     for what, path in written.items():
-        if path is not None and path.is_file():
+        if path is not None and Path(path).is_file():
             click.echo(f"{what}: {path}")
     for what, why in lost.items():
         click.echo(f"Error: {what} was lost: {why}", err=True)
 
 
 def _closed(outputs: ExitStack) -> dict[str, str]:
-    """Close what was written beside the flight; return what could not be, and why."""
+    """Close the outputs; return those that failed, with reasons."""
     try:
         outputs.close()
     except (FileError, OSError) as fault:

@@ -22,7 +22,7 @@ KEYS_HELP: Final = (
 
 
 def obey(key: str, runner: MissionRunner) -> None:
-    """Do what a key stands for; other keys do nothing.
+    """Carry out the action of a key; other keys do nothing.
 
     Args:
         key: one character.
@@ -39,7 +39,7 @@ def obey(key: str, runner: MissionRunner) -> None:
 
 @contextmanager
 def pilot_keys(runner: MissionRunner) -> Iterator[None]:
-    """Name the keys and obey them while a mission flies; without a terminal there are none."""
+    """Print the keys and obey them while a mission flies. Without a terminal this does nothing."""
     if sys.stdin is None or not sys.stdin.isatty():  # None: the standard input was closed
         yield
         return

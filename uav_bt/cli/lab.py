@@ -23,7 +23,7 @@ from uav_bt.app.film import map_of_scene
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, output_option
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import Number
+from uav_bt.cli.values import Number
 from uav_bt.display.lab_map import draw_path_map
 from uav_bt.errors import FileError
 from uav_bt.files import writing
@@ -80,7 +80,6 @@ def _line(scene: Scene) -> str:
     "--square-mm",
     type=Number(min=0.0, min_open=True),
     default=20.0,
-    show_default=True,
     help="Edge of one square of the board.",
 )
 @output_option("--out", "The camera file.", default=Path("camera.yaml"))

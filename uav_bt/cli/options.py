@@ -1,8 +1,8 @@
-"""Options that several commands take, and what checks their values."""
+"""Options that several commands take, and groups of options as one object."""
 
 from __future__ import annotations
 
-import re
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -10,7 +10,8 @@ from typing import Any, Final
 import click
 
 from uav_bt.cli.command import OutputFile, OutputFolder
-from uav_bt.cli.ranges import WholeNumber
+from uav_bt.cli.values import WholeNumber, ros_packages
+from uav_bt.tree.loading.folders import WHICH_TREE, TreeFolders
 
 INPUT: Final = click.Path(dir_okay=False, path_type=Path)
 FOLDER: Final = OutputFolder()
@@ -20,88 +21,72 @@ records_argument = click.argument(
     "records", nargs=-1, required=True, metavar="RECORDS...", type=click.Path(path_type=Path)
 )
 
-_Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-def _image_size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
-    """Return width and height in pixels of a WIDTHxHEIGHT.
+def grouped(name: str, make: Callable[..., Any], **options: Decorator) -> Decorator:
+    """Return a decorator that adds options and hands the command one object of their values.
 
-    Raises:
-        BadParameter: it is none.
+        @grouped("training", Training, seed=seed_option(), steps=steps_option(4000))
+
+    Args:
+        name: the command's parameter for the object.
+        make: takes the options' values by name and returns the object.
+        options: click's decorators by the parameter that each of them adds, in the help's order.
     """
-    match = re.fullmatch(r"([1-9]\d{0,4})[xX]([1-9]\d{0,4})", value)
-    if match is None:
-        raise click.BadParameter(f"expected a size such as 640x360, got '{value}'", ctx, param)
-    return int(match[1]), int(match[2])
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(command)
+        def with_object(*args: Any, **values: Any) -> Any:
+            given = {each: values.pop(each) for each in options}
+            return command(*args, **{name: make(**given)}, **values)
+
+        decorated: Callable[..., Any] = with_object
+        for option in reversed(options.values()):
+            decorated = option(decorated)
+        return decorated
+
+    return decorate
 
 
-def _node_policies(
-    ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
-) -> dict[str, str]:
-    """Return the names of policies by node of several NODE=NAME.
+tree_option: Final[Decorator] = click.option("--tree", "tree_id", metavar="ID", help=WHICH_TREE)
 
-    Raises:
-        BadParameter: one is malformed, or two are about the same node.
-    """
-    policies: dict[str, str] = {}
-    for value in values:
-        node, _, policy = value.rpartition("=")
-        if not (node and policy):
-            raise click.BadParameter(
-                f"expected NODE=NAME, such as Explore=segmentation, got '{value}'", ctx, param
-            )
-        if node in policies:
-            raise click.BadParameter(f"node '{node}' is given two policies", ctx, param)
-        policies[node] = policy
-    return policies
+_FOLDER: Final = click.Path(exists=True, file_okay=False, path_type=Path)
 
 
-image_size_option = click.option(
-    "--image-size",
-    metavar="WxH",
-    callback=_image_size,
-    default="640x360",
-    show_default=True,
-    help="Size of the camera's frames, 16:9.",
+def _folders(
+    libraries: tuple[Path, ...], include_root: Path | None, packages: dict[str, Path]
+) -> TreeFolders:
+    return TreeFolders(trees=libraries, include_root=include_root, packages=packages)
+
+
+tree_folders_option: Final = grouped(
+    "tree_folders",
+    _folders,
+    libraries=click.option(
+        "--trees",
+        "libraries",
+        metavar="DIR",
+        type=_FOLDER,
+        multiple=True,
+        help="Look for trees that a file does not hold in the files of this folder. Repeatable.",
+    ),
+    include_root=click.option(
+        "--include-root",
+        metavar="DIR",
+        type=_FOLDER,
+        help="Files may be included from this folder and below, not only from beside the file.",
+    ),
+    packages=click.option(
+        "--ros-pkg",
+        "packages",
+        metavar="NAME=DIR",
+        multiple=True,
+        callback=ros_packages,
+        help='The folder of a ROS package, for <include ros_pkg="NAME"/>. Repeatable.',
+    ),
 )
-tree_option = click.option(
-    "--tree",
-    "tree_id",
-    metavar="ID",
-    help="Which of the file's trees; default: the one that it names, or that no other uses.",
-)
-policy_option = click.option(
-    "--policy",
-    "policies",
-    metavar="NODE=NAME",
-    multiple=True,
-    callback=_node_policies,
-    help="Let a node, by name or path, use another leaf policy. Repeatable.",
-)
-profile_option = click.option(
-    "--profile",
-    metavar="NAME",
-    default="lab",
-    show_default=True,
-    help="How imperfect the twin is: ideal, lab or harsh; lab-instant and harsh-instant have "
-    "telemetry without delay.",
-)
-movers_option = click.option(
-    "--movers",
-    metavar="N",
-    type=WholeNumber(min=0),
-    default=0,
-    show_default=True,
-    help="So many people and carts, drawn from the seed, move in the twin's scene besides its own; "
-    "8 together at most.",
-)
-threads_option = click.option(
-    "--threads",
-    type=WholeNumber(min=1),
-    default=1,
-    show_default=True,
-    help="Threads of the networks' inference.",
-)
+
 workers_option = click.option(
     "--workers", type=WholeNumber(min=1), help="Flights at a time; default: all cores."
 )
@@ -109,7 +94,7 @@ workers_option = click.option(
 
 def output_option(
     name: str, help_: str, *, default: Path | None = None, suffix: str = ""
-) -> _Decorator:
+) -> Decorator:
     """Return an option for a file that will be written.
 
     Args:
@@ -123,13 +108,12 @@ def output_option(
         metavar="FILE",
         type=OutputFile(suffix),
         default=default,
-        show_default=default is not None,
         help=help_,
     )
 
 
-def format_option(*choices: str, help_: str) -> _Decorator:
-    """Return the option for the form of what is printed, the parameter `format_`.
+def format_option(*choices: str, help_: str) -> Decorator:
+    """Return the option for the output format, the parameter `format_`.
 
     Args:
         choices: the forms; the first is the default.
@@ -140,90 +124,5 @@ def format_option(*choices: str, help_: str) -> _Decorator:
         "format_",
         type=click.Choice(choices),
         default=choices[0],
-        show_default=True,
         help=help_,
-    )
-
-
-def seed_option(default: int = 0) -> _Decorator:
-    """Return the option for the seed."""
-    return click.option(
-        "--seed",
-        type=WholeNumber(min=0),
-        default=default,
-        show_default=True,
-        help="Seed of everything random.",
-    )
-
-
-def views_option(default: int) -> _Decorator:
-    """Return the options for which images of the twin are drawn, and how many of each scene."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        scenes = click.option(
-            "--scene",
-            "scenes",
-            metavar="SCENE",
-            multiple=True,
-            help="Draw images of this scene, by name or file, not of the default ones. Repeatable.",
-        )
-        views = click.option(
-            "--views",
-            type=WholeNumber(min=1),
-            default=default,
-            show_default=True,
-            help="Images of each scene.",
-        )
-        return scenes(views(command))
-
-    return decorate
-
-
-def run_option(name: str, content: str) -> _Decorator:
-    """Return the option for the folder of a training.
-
-    Args:
-        name: of its default, a folder in `RUNS`.
-        content: what is kept there.
-    """
-    return click.option(
-        "--run",
-        metavar="DIR",
-        type=FOLDER,
-        default=RUNS / name,
-        show_default=True,
-        help=f"Where {content} are kept; the same command continues a training from there.",
-    )
-
-
-def device_option() -> _Decorator:
-    """Return the option for the device that a network is trained on."""
-    return click.option(
-        "--device",
-        type=click.Choice(["cpu", "cuda"]),
-        default="cpu",
-        show_default=True,
-        help="Where PyTorch trains; 'cuda' needs a GPU and a PyTorch built for it.",
-    )
-
-
-def batch_option(default: int, what: str) -> _Decorator:
-    """Return the option for the size of a batch; `what` it is made of."""
-    return click.option(
-        "--batch",
-        type=WholeNumber(min=2),
-        default=default,
-        show_default=True,
-        help=f"{what} in a step.",
-    )
-
-
-def steps_option(default: int) -> _Decorator:
-    """Return the option for the steps of a training."""
-    return click.option(
-        "--steps",
-        type=WholeNumber(min=1),
-        default=default,
-        show_default=True,
-        help="Steps of training.",
     )

@@ -4,79 +4,91 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import click
 
 from uav_bt.app.perceive import PerceiveOptions, PerceiveSummary
 from uav_bt.app.perceive import perceive as perceive_source
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import INPUT, output_option, threads_option
+from uav_bt.cli.flight_options import flight_option
+from uav_bt.cli.options import INPUT, grouped, output_option
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import Number, WholeNumber
+from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
+
+
+def _options(
+    *, gimbal_deg: float, seconds: float | None, inference_threads: int, **others: Any
+) -> PerceiveOptions:
+    return PerceiveOptions(
+        gimbal_pitch_rad=math.radians(gimbal_deg),
+        longest_s=seconds,
+        threads=inference_threads,
+        **others,
+    )
 
 
 @click.command(cls=Command)
 @click.argument("source")
 @output_option("--out", "Write the overlays there: an mp4 file.", suffix=".mp4")
 @output_option("--json", "Write one JSON object a frame there, a line each.")
-@click.option(
-    "--camera",
-    type=INPUT,
-    metavar="FILE",
-    help="Camera file of `uav-bt lab calibrate`; without it, the ANAFI's video is assumed.",
+@grouped(
+    "options",
+    _options,
+    camera=click.option(
+        "--camera",
+        type=INPUT,
+        metavar="FILE",
+        help="Camera file of `uav-bt lab calibrate`; without it, the ANAFI's video is assumed.",
+    ),
+    height_m=click.option(
+        "--height-m",
+        type=Number(min=0.0, min_open=True, max=100.0),
+        default=1.5,
+        help="Height of the camera above the carpet, for all frames.",
+    ),
+    gimbal_deg=click.option(
+        "--gimbal-deg",
+        type=Number(min=-90.0, max=90.0),
+        default=-30.0,
+        help="Pitch of the camera, for all frames: 0 level, negative down.",
+    ),
+    telemetry=click.option(
+        "--telemetry",
+        type=INPUT,
+        metavar="FILE",
+        help="Record of the same flight, from `uav-bt fly --record`: height and gimbal by frame.",
+    ),
+    model=click.option(
+        "--model",
+        default="depth",
+        help="Depth network: 'depth', an ONNX file, or 'contact' (masks and geometry, no network).",
+    ),
+    segmentation=click.option(
+        "--segmentation",
+        default="unet",
+        help="Segmentation: 'unet', 'teacher', or an ONNX file.",
+    ),
+    classes=click.option(
+        "--classes",
+        type=INPUT,
+        metavar="FILE",
+        help="Class-mapping file of a foreign segmentation network.",
+    ),
+    every=click.option(
+        "--every",
+        type=WholeNumber(min=1),
+        default=1,
+        help="Process only one in this many frames.",
+    ),
+    seconds=click.option(
+        "--seconds",
+        type=Number(min=0.0, min_open=True),
+        help="Stop after this much of the source.",
+    ),
+    inference_threads=flight_option("inference_threads"),
 )
-@click.option(
-    "--height-m",
-    type=Number(min=0.0, min_open=True, max=100.0),
-    default=1.5,
-    show_default=True,
-    help="Height of the camera above the carpet, for all frames.",
-)
-@click.option(
-    "--gimbal-deg",
-    type=Number(min=-90.0, max=90.0),
-    default=-30.0,
-    show_default=True,
-    help="Pitch of the camera, for all frames: 0 level, negative down.",
-)
-@click.option(
-    "--telemetry",
-    type=INPUT,
-    metavar="FILE",
-    help="Record of the same flight, from `uav-bt fly --record`: height and gimbal by frame.",
-)
-@click.option(
-    "--model",
-    default="depth",
-    show_default=True,
-    help="Depth network: 'depth', an ONNX file, or 'contact' (masks and geometry, no network).",
-)
-@click.option(
-    "--segmentation",
-    default="unet",
-    show_default=True,
-    help="Segmentation: 'unet', 'teacher', or an ONNX file.",
-)
-@click.option(
-    "--classes",
-    type=INPUT,
-    metavar="FILE",
-    help="Class-mapping file of a foreign segmentation network.",
-)
-@click.option(
-    "--every",
-    type=WholeNumber(min=1),
-    default=1,
-    show_default=True,
-    help="Process only one in this many frames.",
-)
-@click.option(
-    "--seconds",
-    type=Number(min=0.0, min_open=True),
-    help="Stop after this much of the source.",
-)
-@threads_option
 @click.pass_context
 def perceive(
     ctx: click.Context,
@@ -84,16 +96,7 @@ def perceive(
     source: str,
     out: Path | None,
     json: Path | None,
-    camera: Path | None,
-    height_m: float,
-    gimbal_deg: float,
-    telemetry: Path | None,
-    model: str,
-    segmentation: str,
-    classes: Path | None,
-    every: int,
-    seconds: float | None,
-    threads: int,
+    options: PerceiveOptions,
 ) -> None:
     """Show what perception makes of a video: masks, depth in metres, corridor, helipad.
 
@@ -101,18 +104,6 @@ def perceive(
     record of `uav-bt fly --record`, which brings its camera and telemetry along. Ctrl-C keeps what
     was written and exits with 1.
     """
-    options = PerceiveOptions(
-        camera=camera,
-        height_m=height_m,
-        gimbal_pitch_rad=math.radians(gimbal_deg),
-        telemetry=telemetry,
-        model=model,
-        segmentation=segmentation,
-        classes=classes,
-        every=every,
-        longest_s=seconds,
-        threads=threads,
-    )
     with progress_bars() as advance:
         summary = perceive_source(source, options, out=out, lines=json, advance=advance)
     _show(summary)

@@ -1,4 +1,4 @@
-"""`uav-bt record info`, `view` and `replay`: what is done with the record of a flight."""
+"""`uav-bt record info`, `view` and `replay`: commands for records of flights."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from uav_bt.app.replay import replay as replay_record
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
 from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight, Span
 from uav_bt.cli.command import Command
-from uav_bt.cli.lookup_options import lookup_options
-from uav_bt.cli.options import INPUT, format_option, output_option, policy_option
+from uav_bt.cli.flight_options import flight_option
+from uav_bt.cli.options import INPUT, format_option, output_option, tree_folders_option
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import Number
+from uav_bt.cli.values import Number
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.record.info import RecordInfo, record_info
@@ -36,7 +36,7 @@ _file_argument = click.argument("file", type=INPUT)
 @_file_argument
 @format_option("text", "json", help_="text is for people; json is one object.")
 def info(*, file: Path, format_: str) -> None:
-    """Print what is in a record: duration, rates, losses, and whether it is whole."""
+    """Print the content of a record: duration, rates, losses, and whether it is whole."""
     found = record_info(file)
     click.echo(json.dumps(asdict(found), indent=2) if format_ == "json" else _text(found))
 
@@ -143,8 +143,8 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
 @click.command(cls=Command)
 @_file_argument
 @click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
-@lookup_options
-@policy_option
+@tree_folders_option
+@flight_option("policies")
 @click.option(
     "--masks",
     type=click.Choice(["network", "recorded"]),
@@ -165,9 +165,9 @@ def replay(
 ) -> None:
     """Feed recorded frames through perception and tree, and print what differs.
 
-    What is decided now changes nothing of what was seen then. Exits with 0 when statuses and
+    New decisions do not change the recorded frames. Exits with 0 when statuses and
     commands are the recorded ones (of a lossy record: within the tolerance that is printed), 1 when
-    they differ, and 2 when the record or what was given is refused.
+    they differ, and 2 when the record or an option is refused.
     """
     if tree is None and tree_folders != TreeFolders():
         raise click.UsageError("a record has its own tree files: folders are for another --tree")

@@ -21,7 +21,7 @@ from uav_bt.plugins import check_packages, missing_extra
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are imported when they run or when their own help is asked for.
+    """A group whose commands are imported when they run or when their help is requested.
 
     Args:
         name: of the group.
@@ -51,8 +51,8 @@ class LazyGroup(click.Group):
         """Import a command.
 
         Raises:
-            UsageError: there is none of that name; the message says where it is, if anywhere.
-            DeletedError: the command was deleted.
+            UsageError: There is no command of that name; the message names the group that has it.
+            DeletedError: The command was deleted.
         """
         if cmd_name in self.commands:
             return self.commands[cmd_name]
@@ -135,7 +135,7 @@ _TREE: Final = LazyGroup(
 _RECORD: Final = LazyGroup(
     "record",
     help="Look into records of flights.",
-    lazy={"info": ("uav_bt.cli.record:info", "Print what is in a record.")},
+    lazy={"info": ("uav_bt.cli.record:info", "Print the content of a record.")},
 )
 _TRAIN: Final = LazyGroup(
     "train",
@@ -206,7 +206,7 @@ _LAB: Final = LazyGroup(
 
 @click.group(
     cls=_Root,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
     lazy={
         "fly": ("uav_bt.cli.fly:fly", "Fly a mission."),
         "check": ("uav_bt.cli.check:check", "Check tree files and report all that is wrong."),
@@ -217,7 +217,7 @@ _LAB: Final = LazyGroup(
         "view": ("uav_bt.cli.record:view", "Show the record of a flight."),
         "replay": ("uav_bt.cli.record:replay", "Feed a recorded flight through the tree again."),
         "lsp": ("uav_bt.cli.lsp:lsp", "Check and complete tree files in editors."),
-        "doctor": ("uav_bt.cli.doctor:doctor", "Report what is installed and what works."),
+        "doctor": ("uav_bt.cli.doctor:doctor", "Check the installation."),
         "serve-anafi": ("uav_bt.cli.serve_anafi:serve_anafi", "Serve a simulated ANAFI."),
     },
     groups=(_TREE, _RECORD, _NET, _LAB),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
+from typing import Any
 
 import click
 
@@ -16,87 +17,99 @@ from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM, REMOTE_MEDIUM
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import image_size_option, profile_option, seed_option
-from uav_bt.cli.ranges import Number, WholeNumber
+from uav_bt.cli.flight_options import flight_option
+from uav_bt.cli.options import Decorator, grouped
+from uav_bt.cli.values import Number, WholeNumber
 
 
-def _port(name: str, what: str) -> click.Option:
-    return click.Option(
-        [f"--{name}-port"],
+def _port(name: str, what: str) -> Decorator:
+    return click.option(
+        f"--{name}-port",
+        name,
         type=WholeNumber(0, 65_535),
         default=getattr(Ports, name),
-        show_default=True,
         help=f"{what}; 0 takes a free one.",
     )
 
 
 @click.command(cls=Command)
-@click.option(
-    "--scene",
-    metavar="SCENE",
-    help="Fly in this lab: a shipped scene or a YAML file. Without it the drone has an open field "
-    "and an outdoor drone's pace, as scripts for the ANAFI expect.",
+@grouped(
+    "settings",
+    dict,
+    scene=click.option(
+        "--scene",
+        metavar="SCENE",
+        help="Fly in this lab: a shipped scene or a YAML file. Without it the drone has an open "
+        "field and an outdoor drone's pace, as scripts for the ANAFI expect.",
+    ),
+    seed=flight_option("seed"),
+    profile=flight_option("profile"),
+    image_size_px=flight_option("image_size_px"),
+    video_rate_hz=click.option(
+        "--rate",
+        "video_rate_hz",
+        type=Number(0.1, 240.0),
+        default=30.0,
+        help="Frames of video a second, at most.",
+    ),
+    video=click.option(
+        "--no-video",
+        "video",
+        is_flag=True,
+        flag_value=False,
+        default=True,
+        show_default=False,
+        help="Serve no video.",
+    ),
+    gps=click.option(
+        "--gps/--no-gps",
+        default=None,
+        help="Whether it has a GPS fix. Without either it has one in the open field, none in a "
+        "lab.",
+    ),
+    skycontroller=click.option(
+        "--skycontroller",
+        is_flag=True,
+        help="Serve a SkyController 3 with the drone behind it: olympe.SkyController3(ADDRESS).",
+    ),
+    media_name=click.option(
+        "--media-name",
+        help=f"What its video stream is called. Without it: '{DIRECT_MEDIUM}', and with "
+        f"--skycontroller '{REMOTE_MEDIUM}'.",
+    ),
 )
-@seed_option()
-@profile_option
 @click.option(
     "--address",
     default="127.0.0.1",
-    show_default=True,
     help="Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... At any address other "
     "than 127.x.x.x, everybody who can reach it can fly the drone.",
 )
-@image_size_option
-@click.option(
-    "--rate",
-    "rate_hz",
-    type=Number(0.1, 240.0),
-    default=30.0,
-    show_default=True,
-    help="Frames of video a second, at most.",
-)
-@click.option("--no-video", is_flag=True, help="Serve no video.")
 @click.option(
     "--battery",
     "battery_percent",
     type=WholeNumber(0, 100),
     default=100,
-    show_default=True,
     help="The battery's charge at first, per cent.",
 )
-@click.option(
-    "--gps/--no-gps",
-    default=None,
-    help="Whether it has a GPS fix. Without either it has one in the open field, none in a lab.",
-)
-@click.option(
-    "--skycontroller",
-    is_flag=True,
-    help="Serve a SkyController 3 with the drone behind it: olympe.SkyController3(ADDRESS).",
-)
-@click.option(
-    "--media-name",
-    help=f"What its video stream is called. Without it: '{DIRECT_MEDIUM}', and with "
-    f"--skycontroller '{REMOTE_MEDIUM}'.",
-)
-@click.option("--name", default="ANAFI-loopback", show_default=True, help="Its product name.")
+@click.option("--name", default="ANAFI-loopback", help="Its product name.")
 @click.option("--verbose", is_flag=True, help="Log connections and damaged messages, too.")
+@grouped(
+    "ports",
+    Ports,
+    discovery=_port("discovery", "TCP, where clients find it"),
+    control=_port("control", "TCP, where clients ask for a link"),
+    commands=_port("commands", "UDP, where commands go"),
+    http=_port("http", "TCP, its web server"),
+    rtsp=_port("rtsp", "TCP, its video"),
+)
 def serve_anafi(
     *,
-    scene: str | None,
-    seed: int,
-    profile: str,
+    settings: dict[str, Any],
     address: str,
-    image_size: tuple[int, int],
-    rate_hz: float,
-    no_video: bool,
     battery_percent: int,
-    gps: bool | None,
-    skycontroller: bool,
-    media_name: str | None,
     name: str,
     verbose: bool,
-    **ports: int,
+    ports: Ports,
 ) -> None:
     """Serve a loopback ANAFI until Ctrl-C.
 
@@ -108,33 +121,15 @@ def serve_anafi(
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(message)s"
     )
+    scene, profile = settings.pop("scene"), Profile.named(settings.pop("profile"))
     setup = DroneSetup(
         scene=None if scene is None else load_scene(scene),
-        profile=Profile.named(profile),
-        seed=seed,
-        server=ServerOptions(
-            address=address,
-            ports=Ports(**{key.removesuffix("_port"): port for key, port in ports.items()}),
-            identity=Identity(name=name),
-        ),
+        profile=profile,
+        server=ServerOptions(address=address, ports=ports, identity=Identity(name=name)),
         battery=BatteryOptions(charge=battery_percent / 100.0),
-        image_size_px=image_size,
-        video_rate_hz=rate_hz,
-        video=not no_video,
-        skycontroller=skycontroller,
-        media_name=media_name,
-        gps=gps,
+        **settings,
     )
     asyncio.run(_serve(setup))
-
-
-serve_anafi.params += [
-    _port("discovery", "TCP, where clients find it"),
-    _port("control", "TCP, where clients ask for a link"),
-    _port("commands", "UDP, where commands go"),
-    _port("http", "TCP, its web server"),
-    _port("rtsp", "TCP, its video"),
-]
 
 
 async def _serve(setup: DroneSetup) -> None:

@@ -11,9 +11,8 @@ import click
 
 from uav_bt.cli.check import palette_option
 from uav_bt.cli.command import Command
-from uav_bt.cli.lookup_options import lookup_options
-from uav_bt.cli.options import INPUT, format_option, tree_option
-from uav_bt.cli.ranges import Number, WholeNumber
+from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
+from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
@@ -28,26 +27,24 @@ from uav_bt.tree.shipped import resolve_tree
     metavar="FILE",
     type=INPUT,
     required=True,
-    help="What the leaves answer (YAML).",
+    help="Answers of the leaves (YAML).",
 )
 @click.option(
     "--ticks",
     type=WholeNumber(min=1),
     default=1000,
-    show_default=True,
     help="Stop after this many ticks.",
 )
 @click.option(
     "--tick-s",
     type=Number(min=0.0, min_open=True, max=3600.0),
     default=0.1,
-    show_default=True,
     help="Seconds between two ticks, for timers.",
 )
 @format_option("table", "json", help_="json: one object with all ticks.")
 @tree_option
 @palette_option
-@lookup_options
+@tree_folders_option
 @click.pass_context
 def simulate(
     ctx: click.Context,
@@ -61,7 +58,7 @@ def simulate(
     registry: NodeRegistry,
     tree_folders: TreeFolders,
 ) -> None:
-    """Tick a tree file with leaves that answer what a script says.
+    """Tick a tree file with leaves that answer by a script.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Nothing flies: this shows which
     leaves run when, what is halted, and what the variables hold. Exits with 0 when the root

@@ -10,9 +10,10 @@ import click
 from perception.segmentation.teacher import TeacherConfig, save_teacher
 from perception.segmentation.training.pick_tool import PickSession, make_pick_server
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import INPUT, RUNS, output_option, seed_option, views_option
+from uav_bt.cli.options import INPUT, RUNS, output_option
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import WholeNumber
+from uav_bt.cli.training_options import Drawn, drawn_options
+from uav_bt.cli.values import WholeNumber
 from uav_bt.learning import teacher as training
 from uav_bt.learning.views import TRAINING_SCENES, ViewPlan
 
@@ -24,7 +25,6 @@ from uav_bt.learning.views import TRAINING_SCENES, ViewPlan
     "--port",
     type=WholeNumber(0, 65535),
     default=0,
-    show_default=True,
     help="Port of the page; 0 takes a free one.",
 )
 def pick(*, folder: Path, picks: Path, port: int) -> None:
@@ -54,13 +54,11 @@ def pick(*, folder: Path, picks: Path, port: int) -> None:
     type=click.Path(path_type=Path),
     help="The folder of the photographs that --picks is about.",
 )
-@views_option(60)
-@seed_option()
+@drawn_options(views=60)
 @click.option(
     "--total",
     type=WholeNumber(min=1),
     default=6500,
-    show_default=True,
     help="Picks that are drawn in the twin in all.",
 )
 def teacher(
@@ -68,9 +66,7 @@ def teacher(
     out: Path,
     picks: Path | None,
     photographs: Path | None,
-    scenes: tuple[str, ...],
-    views: int,
-    seed: int,
+    drawn: Drawn,
     total: int,
 ) -> None:
     """Train the teacher on picks: drawn from the twin, or clicked by a person."""
@@ -80,9 +76,9 @@ def teacher(
     if picks is not None and photographs is not None:
         trained = training.train_teacher_on_photographs(picks, photographs, config)
     else:
-        plan = ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
+        plan = drawn.of(ViewPlan(scenes=TRAINING_SCENES))
         with progress_bars() as advance:
-            drawn = training.draw_twin_picks(plan, config, total=total, advance=advance)
-            trained = training.train_teacher(drawn, plan, config, advance=advance)
+            found = training.draw_twin_picks(plan, config, total=total, advance=advance)
+            trained = training.train_teacher(found, plan, config, advance=advance)
     save_teacher(out, trained)
     click.echo(f"teacher of {len(trained.known)} classes: {out}")

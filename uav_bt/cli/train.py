@@ -6,25 +6,25 @@ import hashlib
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import click
 
 from perception.segmentation.runtime import shipped_unet
 from perception.segmentation.teacher import load_teacher
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import (
-    INPUT,
-    RUNS,
+from uav_bt.cli.flight_options import flight_option
+from uav_bt.cli.options import INPUT, RUNS, grouped, output_option
+from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.training_options import (
+    Drawn,
     batch_option,
     device_option,
-    output_option,
+    drawn_options,
     run_option,
-    seed_option,
     steps_option,
-    views_option,
 )
-from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import WholeNumber
+from uav_bt.cli.values import WholeNumber
 from uav_bt.learning.dataset import read_flights
 from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights, label_views
 from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
@@ -41,23 +41,24 @@ from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
     help="The teacher that makes the masks; the shipped one if not given.",
 )
 @run_option("segmentation", "masks and checkpoint")
-@views_option(1200)
-@seed_option(1)
-@steps_option(4000)
-@batch_option(12, "Images")
-@device_option()
-@click.option(
-    "--loss",
-    type=click.Choice(["cross_entropy", "bce_dice"]),
-    default="cross_entropy",
-    show_default=True,
-    help="The loss that is minimised.",
+@drawn_options(views=1200, seed=1)
+@grouped(
+    "config",
+    dict,
+    steps=steps_option(4000),
+    batch=batch_option(12, "Images"),
+    device=device_option(),
+    loss=click.option(
+        "--loss",
+        type=click.Choice(["cross_entropy", "bce_dice"]),
+        default="cross_entropy",
+        help="The loss that is minimised.",
+    ),
 )
 @click.option(
     "--workers",
     type=WholeNumber(min=1),
     default=1,
-    show_default=True,
     help="Processes that make masks of the twin's images.",
 )
 def segmentation(
@@ -66,13 +67,8 @@ def segmentation(
     out: Path,
     teacher_path: Path | None,
     run: Path,
-    scenes: tuple[str, ...],
-    views: int,
-    seed: int,
-    steps: int,
-    batch: int,
-    device: str,
-    loss: str,
+    drawn: Drawn,
+    config: dict[str, Any],
     workers: int,
 ) -> None:
     """Train the U-Net on the teacher's masks.
@@ -86,17 +82,10 @@ def segmentation(
     from perception.segmentation.training.run import TrainingConfig  # noqa: PLC0415  (torch)
     from uav_bt.learning.training import train_segmentation  # noqa: PLC0415  (torch)
 
+    training = TrainingConfig(**config)  # refuses an absent GPU before masks are made
     teacher_path = SHIPPED_TEACHER if teacher_path is None else teacher_path
     load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
-    plan = UNetPlan()
-    drawn = replace(plan.views, scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
-    plan = replace(plan, views=drawn)
-    config = TrainingConfig(
-        steps=steps,
-        batch=batch,
-        device=device,
-        loss=loss,  # type: ignore[arg-type]  # click checked it
-    )
+    plan = replace(UNetPlan(), views=drawn.of(replace(UNetPlan().views, scenes=TRAINING_SCENES)))
     with progress_bars() as advance:
         masks = run / f"masks-{_fingerprint(plan, teacher_path)}"
         if flights:
@@ -106,7 +95,7 @@ def segmentation(
         train_segmentation(
             images,
             out,
-            config=config,
+            config=training,
             checkpoint=run / "checkpoint.safetensors",
             advance=advance,
         )
@@ -123,20 +112,11 @@ def segmentation(
     "--labels",
     type=click.Choice(["contact", "none"]),
     default="contact",
-    show_default=True,
     help="Labels beside the frames: depth from masks and geometry, or none.",
-)
-@click.option(
-    "--pose",
-    type=click.Choice(["telemetry", "network"]),
-    default="telemetry",
-    show_default=True,
-    help="Source of the camera's movement between frames.",
 )
 @click.option(
     "--photometric/--no-photometric",
     default=True,
-    show_default=True,
     help="Learn from the photometric loss between neighbouring frames, too.",
 )
 @click.option(
@@ -148,25 +128,31 @@ def segmentation(
 @click.option(
     "--validate/--no-validate",
     default=True,
-    show_default=True,
     help="Score the network on the twin's validation scenes as it learns.",
 )
-@seed_option()
-@steps_option(2500)
-@device_option()
+@grouped(
+    "config",
+    dict,
+    pose=click.option(
+        "--pose",
+        type=click.Choice(["telemetry", "network"]),
+        default="telemetry",
+        help="Source of the camera's movement between frames.",
+    ),
+    seed=flight_option("seed"),
+    steps=steps_option(2500),
+    device=device_option(),
+)
 def depth(
     *,
     flights: tuple[Path, ...],
     out: Path,
     run: Path,
     labels: str,
-    pose: str,
     photometric: bool,
     start: Path | None,
     validate: bool,
-    seed: int,
-    steps: int,
-    device: str,
+    config: dict[str, Any],
 ) -> None:
     """Train the depth network on flights, without the true depth.
 
@@ -178,11 +164,8 @@ def depth(
     from perception.depth.training.run import DepthTrainingConfig  # noqa: PLC0415  (torch)
     from uav_bt.learning import diary, training  # noqa: PLC0415  (torch and matplotlib)
 
-    config = DepthTrainingConfig(
-        steps=steps,
-        seed=seed,
-        device=device,
-        pose=pose,  # type: ignore[arg-type]  # click checked it
+    weighted = DepthTrainingConfig(
+        **config,
         photometric=1.0 if photometric else 0.0,
         geometry=0.1 if photometric else 0.0,
         labels=1.0 if labels == "contact" else 0.0,
@@ -194,7 +177,7 @@ def depth(
         score = training.train_depth(
             read,
             out,
-            config=config,
+            config=weighted,
             start=start,
             checkpoint=run / "checkpoint.safetensors",
             views=depth_views(DepthViewPlan()) if validate else None,

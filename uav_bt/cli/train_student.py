@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from perception.control.ego_state import ControlNetConfig
 from perception.control.training.samples import SampleConfig
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import (
-    FOLDER,
-    INPUT,
-    RUNS,
-    batch_option,
-    device_option,
-    output_option,
-    records_argument,
-    run_option,
-    seed_option,
-    steps_option,
-)
+from uav_bt.cli.flight_options import flight_option
+from uav_bt.cli.options import FOLDER, INPUT, RUNS, grouped, output_option, records_argument
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import Number, WholeNumber
+from uav_bt.cli.training_options import batch_option, device_option, run_option, steps_option
+from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.learning.dataset import read_advised_flights, split_records
+
+
+def _config(*, near_weight: float, **others: Any) -> dict[str, Any]:
+    return {"samples": SampleConfig(near_weight=near_weight), **others}
 
 
 @click.command(cls=Command)
@@ -44,26 +40,21 @@ from uav_bt.learning.dataset import read_advised_flights, split_records
     type=click.Path(path_type=Path),
     help="Records, or a folder of them, that validate and are not learnt from. Repeatable.",
 )
-@click.option(
-    "--views",
-    type=WholeNumber(1, 5),
-    default=3,
-    show_default=True,
-    help="Frames in a window: the present one and earlier ones.",
-)
-@click.option(
-    "--spacing-s",
-    type=Number(min=0.0, min_open=True),
-    default=0.5,
-    show_default=True,
-    help="Time between the views of a window.",
-)
-@click.option(
-    "--near-weight",
-    type=Number(min=0.0, min_open=True),
-    default=2.0,
-    show_default=True,
-    help="How much more often views near obstacles are drawn than others.",
+@grouped(
+    "net",
+    ControlNetConfig,
+    views=click.option(
+        "--views",
+        type=WholeNumber(1, 5),
+        default=3,
+        help="Frames in a window: the present one and earlier ones.",
+    ),
+    spacing_s=click.option(
+        "--spacing-s",
+        type=Number(min=0.0, min_open=True),
+        default=0.5,
+        help="Time between the views of a window.",
+    ),
 )
 @click.option(
     "--start",
@@ -72,10 +63,20 @@ from uav_bt.learning.dataset import read_advised_flights, split_records
     help="Weights to begin with, a student's or a segmentation U-Net's; the shipped U-Net's if "
     "not given.",
 )
-@seed_option()
-@steps_option(6000)
-@batch_option(24, "Windows")
-@device_option()
+@grouped(
+    "config",
+    _config,
+    near_weight=click.option(
+        "--near-weight",
+        type=Number(min=0.0, min_open=True),
+        default=2.0,
+        help="How much more often views near obstacles are drawn than others.",
+    ),
+    seed=flight_option("seed"),
+    steps=steps_option(6000),
+    batch=batch_option(24, "Windows"),
+    device=device_option(),
+)
 def student(
     *,
     records: tuple[Path, ...],
@@ -83,14 +84,9 @@ def student(
     run: Path,
     views_kept: Path | None,
     held_out: tuple[Path, ...],
-    views: int,
-    spacing_s: float,
-    near_weight: float,
+    net: ControlNetConfig,
     start: Path | None,
-    seed: int,
-    steps: int,
-    batch: int,
-    device: str,
+    config: dict[str, Any],
 ) -> None:
     """Train the control student on records of advised flights.
 
@@ -101,21 +97,14 @@ def student(
     from perception.control.training.run import ControlTrainingConfig  # noqa: PLC0415  (torch)
     from uav_bt.learning import diary, training  # noqa: PLC0415  (torch and matplotlib)
 
-    net = ControlNetConfig(views=views, spacing_s=spacing_s)
-    config = ControlTrainingConfig(
-        steps=steps,
-        batch=batch,
-        seed=seed,
-        samples=SampleConfig(near_weight=near_weight),
-        device=device,
-    )
+    loop = ControlTrainingConfig(**config)  # refuses an absent GPU before records are read
     kept = views_kept or run / "views"
     learnt, others = split_records(records, held_out)
     with progress_bars() as advance:
         score = training.train_student(
             read_advised_flights(learnt, net, kept, advance=advance),
             out,
-            config=config,
+            config=loop,
             net_config=net,
             start=start or training.UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",

@@ -1,4 +1,4 @@
-"""`uav-bt tree`: what tree files are made of, and what they look like."""
+"""`uav-bt tree`: nodes, drawings and schema of tree files."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import click
 
 from uav_bt.cli.check import palette_option
 from uav_bt.cli.command import Command
-from uav_bt.cli.lookup_options import lookup_options
-from uav_bt.cli.options import format_option, output_option, tree_option
+from uav_bt.cli.options import format_option, output_option, tree_folders_option, tree_option
 from uav_bt.files import writing
 from uav_bt.tree import NodeRegistry, load_tree
 from uav_bt.tree.describe import NodeInfo, PortInfo, describe, describe_all, palette_xml
@@ -84,7 +83,7 @@ def _attribute(port: PortInfo) -> str:
 @output_option("--out", "Write the drawing there; it is printed if not given.")
 @tree_option
 @palette_option
-@lookup_options
+@tree_folders_option
 def render(
     *,
     tree: str,

@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Image = NDArray[np.uint8]
+from uav_bt.types.arrays import Image
+
 Colour = tuple[int, int, int]
 Point = tuple[float, float]
 

@@ -16,7 +16,6 @@ from uav_bt.display.canvas import (
     DIM,
     INK,
     Colour,
-    Image,
     Point,
     circle,
     line,
@@ -27,6 +26,7 @@ from uav_bt.display.canvas import (
 from uav_bt.display.flown_path import PathPoint
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
+from uav_bt.types.arrays import Image
 
 CARPET_COLOUR: Final[Colour] = (52, 66, 54)
 _CARPET_GRID: Final[Colour] = (63, 79, 65)

@@ -14,7 +14,6 @@ from uav_bt.display.canvas import (
     BACKDROP,
     INK,
     Colour,
-    Image,
     Point,
     blend_polygon,
     circle,
@@ -35,6 +34,7 @@ from uav_bt.display.lab_map import (
 from uav_bt.display.site_map_pane import FOOTER_PX, draw_site_map
 from uav_bt.mission.map_alignment import MapAlignment
 from uav_bt.types import CameraModel, HelipadFix, Pose
+from uav_bt.types.arrays import Image
 from uav_bt.types.projection import pixel_rays
 from uav_bt.types.site_map import SiteMap
 

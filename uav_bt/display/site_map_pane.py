@@ -8,18 +8,10 @@ import cv2
 import numpy as np
 
 from uav_bt.classes import BOXES, CLASS_COLOURS, CLASS_NAMES
-from uav_bt.display.canvas import (
-    BACKDROP,
-    INK,
-    Colour,
-    Image,
-    line,
-    polygon,
-    put,
-    text_width_px,
-)
+from uav_bt.display.canvas import BACKDROP, INK, Colour, line, polygon, put, text_width_px
 from uav_bt.display.lab_map import LabMap, MapFrame, MapItem, draw_scale
 from uav_bt.mission.map_alignment import MapPlacement
+from uav_bt.types.arrays import Image
 from uav_bt.types.site_map import MapMover, MapObject, SiteMap
 
 UNKNOWN: Final[Colour] = BACKDROP

@@ -20,6 +20,7 @@ from uav_bt.display.phrases import (
     describe_coverage,
     describe_drift,
     describe_flight,
+    describe_movement,
     describe_objects,
     lands_on_helipad,
 )
@@ -27,7 +28,7 @@ from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
-from uav_bt.types import DroneState, LandingMark
+from uav_bt.types import DroneState, LandingMark, MoveBy, Velocity
 
 _REDRAW_S: Final = 0.2  # wall time between redraws; faster ones are unreadable
 _DESCENT_LINE_EVERY_S: Final = 5.0  # wall time between lines during a descent
@@ -226,3 +227,28 @@ def _milliseconds(times: Percentiles | None) -> str:
     if times is None:
         return "-"
     return f"{times.p50:.1f} ms median, {times.p99:.1f} ms 99 %, {times.max:.1f} ms at most"
+
+
+class OrderLines:
+    """A tick listener that writes each order as it changes.
+
+    Args:
+        write: takes a line.
+    """
+
+    def __init__(self, write: Callable[[str], None]) -> None:
+        self._write = write
+        self._last: object = None
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Write the tick's order, unless it is the one before: speeds change all the time."""
+        movement = record.command.movement
+        order: object = type(movement)
+        if isinstance(movement, MoveBy):
+            order = movement.id
+        if order != self._last:
+            self._last = order
+            more = ", then at changing speeds" if isinstance(movement, Velocity) else ""
+            self._write(
+                f"{record.time_s:6.1f} s  would be sent: {describe_movement(movement)}{more}"
+            )

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from perception.depth.training.labelling import LABEL_SIZE_PX
 from perception.odometry.camera_track import shrink
 from uav_bt.errors import FileError
-from uav_bt.learning.views import DepthViews, Image
+from uav_bt.learning.views import DepthViews
+from uav_bt.types.arrays import Image
 
 _COLUMNS: Final = 3
 

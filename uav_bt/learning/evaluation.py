@@ -22,9 +22,10 @@ from uav_bt.learning.depth_tables.tables import (
     pair_table,
     sensitivity_table,
 )
-from uav_bt.learning.views import Image, ViewPlan, twin_views
+from uav_bt.learning.views import ViewPlan, twin_views
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
+from uav_bt.types.arrays import Image
 
 
 def evaluate_segmentation(

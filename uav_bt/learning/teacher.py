@@ -21,10 +21,11 @@ from perception.segmentation.training.picks import Pick, draw_picks, gather_patc
 from uav_bt.errors import FileError, InputError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.learning.dataset import fingerprint, image_of, spaced
-from uav_bt.learning.views import Image, ViewPlan, twin_views
+from uav_bt.learning.views import ViewPlan, twin_views
 from uav_bt.progress import Advance, silent
 from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
+from uav_bt.types.arrays import Image
 
 SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 

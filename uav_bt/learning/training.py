@@ -26,8 +26,9 @@ from perception.segmentation.training.run import LabelledImages, TrainingConfig,
 from perception.segmentation.training.unet import UNET_FILES, UNetConfig
 from uav_bt.errors import WeightsError
 from uav_bt.learning.diary import Diary, write_depth_sheet
-from uav_bt.learning.views import DepthViews, Image
+from uav_bt.learning.views import DepthViews
 from uav_bt.progress import Advance, silent
+from uav_bt.types.arrays import Image
 
 UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
 

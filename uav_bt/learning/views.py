@@ -21,12 +21,11 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.errors import ValueRangeError
+from uav_bt.types.arrays import Image
 
 TRAINING_SCENES: Final = ("train-a", "train-b", "train-c", "train-d")
 VALIDATION_SCENES: Final = ("val-a", "val-b")  # for selection and tuning
 TESTING_SCENES: Final = ("test-a", "test-b")  # for reports, never for selection
-
-Image = NDArray[np.uint8]
 
 
 def scene_seed(seed: int, scene: Scene) -> int:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.types import CameraModel, Pose, Truth, projection
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.ground import Footprint, Ground, Standing
 
 CELL_M: Final = 0.05
@@ -23,9 +23,6 @@ SEEN_M: Final = 3.0  # from the lens to a cell's middle
 CURVE_S: Final = 10.0  # between the points of a flight's curve
 _LOOK_S: Final = 0.2  # between two looks at the view
 _SLACK_S: Final = 1e-6
-
-Floats = NDArray[np.float64]
-Cells = NDArray[np.bool_]
 
 
 class GroundCells:
@@ -40,18 +37,18 @@ class GroundCells:
     def __init__(self, ground: Ground) -> None:
         self.x_m, self.y_m = (_middles(side) for side in ground.size_m)
         x, y = np.meshgrid(self.x_m, self.y_m)
-        self.free: Cells = np.ones(x.shape, dtype=np.bool_)
+        self.free: Flags = np.ones(x.shape, dtype=np.bool_)
         for item in ground.standing:
             u, v = _from_box(item.footprint, x, y)
             on_it = (np.abs(u) <= item.footprint.half_x_m) & (np.abs(v) <= item.footprint.half_y_m)
             self.free &= ~on_it
 
-    def share(self, cells: Cells) -> float:
+    def share(self, cells: Flags) -> float:
         """Return the share of the free ground that cells cover, 0 to 1; 0 without free ground."""
         free = int(self.free.sum())
         return float((cells & self.free).sum()) / free if free else 0.0
 
-    def mark_passed(self, cells: Cells, x_m: float, y_m: float) -> None:
+    def mark_passed(self, cells: Flags, x_m: float, y_m: float) -> None:
         """Mark the cells around a place of the body's centre."""
         rows, columns = self.window(x_m, y_m, PASSED_M)
         away_m2 = (self.x_m[columns] - x_m) ** 2 + ((self.y_m[rows] - y_m) ** 2)[:, None]
@@ -108,7 +105,7 @@ class CoveredGround:
         self.curve: list[CoveragePoint] = []
 
     @property
-    def seen(self) -> Cells:
+    def seen(self) -> Flags:
         """The free cells that have been seen, (rows, columns)."""
         return self._cells.free & ~self._unseen
 
@@ -157,7 +154,7 @@ class CoveredGround:
                 seen[seen] = ~_hidden(lens, item, x[seen], y[seen])
         unseen[rows[seen], columns[seen]] = False
 
-    def _in_view(self, lens: Pose, pitch_rad: float, x: Floats, y: Floats, reach_m: float) -> Cells:
+    def _in_view(self, lens: Pose, pitch_rad: float, x: Floats, y: Floats, reach_m: float) -> Flags:
         """Return which ground points, (N,) each, lie in the image and within reach."""
         c, s = math.cos(lens.yaw_rad), math.sin(lens.yaw_rad)
         dx, dy = x - lens.x_m, y - lens.y_m
@@ -169,7 +166,7 @@ class CoveredGround:
         return np.asarray(inside & (dx**2 + dy**2 <= reach_m**2))
 
 
-def _hidden(lens: Pose, item: Standing, x_m: Floats, y_m: Floats) -> Cells:
+def _hidden(lens: Pose, item: Standing, x_m: Floats, y_m: Floats) -> Flags:
     """Return which ground points, (N,) each, a box hides from the lens.
 
     A line of sight goes from 0 at the lens to 1 on the ground. It meets the box where it is below

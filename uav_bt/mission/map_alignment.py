@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.types import Pose2D, wrap_angle
+from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import SiteMap
-
-Floats = NDArray[np.float64]
 
 _MIRROR: Final = np.array([1.0, -1.0])
 _MEAN_S: Final = 1.0  # s of telemetry over which the turn is averaged, against its noise

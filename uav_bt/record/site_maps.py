@@ -21,8 +21,6 @@ from uav_bt.record.images import decode_bytes, encode_bytes
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap, SiteMapBase
 
-Floats = NDArray[np.float64]
-
 _GROUND, _FREE, _OUTSIDE, _PASSED = 1, 2, 4, 8  # bits of a cell
 _DECIMALS: Final = 3  # decimal places of points in metres
 _FAR_M: Final = 1e4  # largest coordinate that is accepted, m

@@ -37,7 +37,7 @@ from uav_bt.types.drone_state import (
 )
 from uav_bt.types.landing_mark import LandingMark
 from uav_bt.types.observation import MoverState, Observation, PastView, RecentViews, Truth
-from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wrap_angle
+from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wrap_angle, wrap_angles
 from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
 from uav_bt.types.surroundings import (
     MIN_VIEW_HEIGHT_M,
@@ -98,6 +98,7 @@ __all__ = [
     "rotate_points",
     "rotation",
     "wrap_angle",
+    "wrap_angles",
 ]
 
 if not TYPE_CHECKING:

@@ -17,14 +17,18 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from uav_bt.types.arrays import Floats
 
 
 def wrap_angle(angle_rad: float) -> float:
     """Return the angle folded into [-pi, pi)."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def wrap_angles(angles_rad: Floats) -> Floats:
+    """Return angles of any shape folded into [-pi, pi)."""
+    return np.asarray((angles_rad + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def rotation(yaw_rad: float) -> Floats:

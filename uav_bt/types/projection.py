@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
+from uav_bt.types.bounds import clamp
 
 _BESIDE_RAD = math.pi / 2 - 1e-6  # from the optical axis; beyond, rays do not meet the image plane
 
@@ -131,7 +132,7 @@ def elevation_to_row(elevation_rad: float, camera: CameraModel, gimbal_pitch_rad
     For a ray beside or behind the camera the row lies far outside the image.
     """
     below_axis_rad = gimbal_pitch_rad - elevation_rad
-    below_axis_rad = max(-_BESIDE_RAD, min(_BESIDE_RAD, below_axis_rad))
+    below_axis_rad = clamp(below_axis_rad, _BESIDE_RAD)
     return camera.cy_px + camera.fy_px * math.tan(below_axis_rad)
 
 

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError
+from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.pose import Pose2D
 from uav_bt.types.surroundings import NearObstacles
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 EDGE_MARGIN_M: Final = 0.3  # m beyond the edge, from which a place counts as outside; chosen
 

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from perception.depth.contact.lines import BaseLine, LineConfig, fit_base
 from perception.depth.contact.panorama import OUTSIDE, Panorama
 from uav_bt.classes import CARPET
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from uav_bt.types.arrays import Floats, Indices
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,10 +42,10 @@ class BaseConfig:
 class Base:
     """Where one thing stands, by column of the panorama."""
 
-    slope: Array  # (A,) camera height over range of its base; NaN where unknown
+    slope: Floats  # (A,) camera height over range of its base; NaN where unknown
     line: BaseLine | None  # what the slope was fitted with
     fitted: NDArray[np.bool_]  # (A,) where it is the line's
-    visible: Array  # (A,) slope of its lowest pixel seen, at least which its base has; or NaN
+    visible: Floats  # (A,) slope of its lowest pixel seen, at least which its base has; or NaN
     top_row: Indices  # (A,) uppermost row of it; -1 where it does not show
 
 
@@ -55,11 +53,11 @@ class Base:
 class Remembered:
     """Bases seen earlier, from the lens now; for things whose base has left the view."""
 
-    azimuth_rad: Array  # (N,) growing, clockwise from the heading
-    range_m: Array  # (N,) on the ground
+    azimuth_rad: Floats  # (N,) growing, clockwise from the heading
+    range_m: Floats  # (N,) on the ground
 
     @classmethod
-    def at(cls, points_m: Array) -> Remembered:
+    def at(cls, points_m: Floats) -> Remembered:
         """Return points (N, 2), metres forward and right of the lens, in order."""
         azimuth = np.arctan2(points_m[:, 1], points_m[:, 0])
         order = np.argsort(azimuth)
@@ -75,8 +73,8 @@ class _Sight:
     columns: Indices  # (N,)
     first: Indices  # (N,) its lowest row in each
     last: Indices  # (N,) its uppermost
-    visible: Array  # (N,) slope there
-    base: Array  # (N,) slope of its border with the carpet; NaN where there is no carpet below
+    visible: Floats  # (N,) slope there
+    base: Floats  # (N,) slope of its border with the carpet; NaN where there is no carpet below
     outside: NDArray[np.bool_]  # (N,) the image's edge hides its lower end
     cut: bool  # it does so in much of it
 
@@ -172,7 +170,7 @@ def rows_above(
 
 def _believe(
     panorama: Panorama, sight: _Sight, config: BaseConfig
-) -> tuple[BaseLine | None, Array, NDArray[np.bool_]]:
+) -> tuple[BaseLine | None, Floats, NDArray[np.bool_]]:
     """Return the fitted line, the base's slope by column of sight, and where it is the line's.
 
     The slope is NaN where the base is not known.
@@ -204,7 +202,7 @@ def _recall(
     remembered: Remembered,
     height_m: float,
     config: BaseConfig,
-) -> Array:
+) -> Floats:
     """Return the slope of a remembered base at the columns of sight, NaN where none is.
 
     Only where the image's edge hides the base: what another thing hides stands behind that one, and
@@ -230,7 +228,7 @@ def _recall(
     return nothing
 
 
-def _near_side(places: Array, ranges: Array, azimuth: Array) -> Array:
+def _near_side(places: Floats, ranges: Floats, azimuth: Floats) -> Floats:
     """Return the range at which azimuths meet the near side of the points' convex hull.
 
     What is remembered of a box are also the sides that have turned away since.
@@ -250,7 +248,7 @@ def _near_side(places: Array, ranges: Array, azimuth: Array) -> Array:
     return np.where(np.isfinite(met_m), met_m, nearest)
 
 
-def _distance(places: Array, seen: Array) -> Array:
+def _distance(places: Floats, seen: Floats) -> Floats:
     """Return the distance of each place to the nearest of `seen`; both grow."""
     after = np.searchsorted(seen, places)
     before = np.maximum(after - 1, 0)

@@ -31,9 +31,7 @@ from perception.depth.contact.panorama import Panorama
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, is_above_ground
 from uav_bt.errors import ShapeError
 from uav_bt.types import LandingMark
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from uav_bt.types.arrays import Floats, Indices
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +136,7 @@ class _Estimation:
     def _base(self, thing: int) -> Base:
         return find_base(self._panorama, thing, self._height_m, self._config.base, self._remembered)
 
-    def _pixels(self, thing: int) -> tuple[Indices, Array, Array]:
+    def _pixels(self, thing: int) -> tuple[Indices, Floats, Floats]:
         """Return the pixels of a class, their azimuths, and their rays' level parts."""
         pixels = np.flatnonzero(self._ids == thing)
         forward, right = self._rays[0, pixels], self._rays[1, pixels]
@@ -149,7 +147,7 @@ class _Estimation:
         self._depth[pixels] = self._side_depth(azimuth, level, base)
         self._bound(pixels, azimuth, level, base)
 
-    def _side_depth(self, azimuth: Array, level: Array, base: Base) -> Array:
+    def _side_depth(self, azimuth: Floats, level: Floats, base: Base) -> Floats:
         """Return the depth of side pixels by their azimuth, NaN where unknown."""
         columns = self._panorama.columns(azimuth)
         slope = base.slope[columns]
@@ -159,7 +157,7 @@ class _Estimation:
             slope = np.where(fitted, exact, slope)
         return np.asarray(self._height_m / (slope * level))
 
-    def _bound(self, pixels: Indices, azimuth: Array, level: Array, base: Base) -> None:
+    def _bound(self, pixels: Indices, azimuth: Floats, level: Floats, base: Base) -> None:
         """A base that is not seen is at least as near as the carpet behind its lowest pixel."""
         visible = base.visible[self._panorama.columns(azimuth)]
         self._at_most[pixels] = np.fmin(self._at_most[pixels], self._height_m / (visible * level))
@@ -228,7 +226,7 @@ class _Estimation:
             return 0.0
         return self._height_m * float(np.median(share))
 
-    def _roof_edge(self, base: Base, roof: int) -> tuple[Indices, Array]:
+    def _roof_edge(self, base: Base, roof: int) -> tuple[Indices, Floats]:
         """Return the columns in which a roof meets a side below it, and the edge's slope there."""
         panorama = self._panorama
         columns = np.flatnonzero(base.top_row >= 0)

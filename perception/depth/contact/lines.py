@@ -12,11 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.types import rotate_points
-
-Array = NDArray[np.float64]
+from uav_bt.types.arrays import Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,12 +31,12 @@ class LineConfig:
 class BaseLine:
     """Slope over azimuth: one face, or two that meet at an azimuth."""
 
-    faces: Array  # (1 or 2, 2): factors of the azimuth's cosine and sine, by growing azimuth
+    faces: Floats  # (1 or 2, 2): factors of the azimuth's cosine and sine, by growing azimuth
     corner_rad: float  # azimuth from which the second face holds; inf for one face
     rms_px: float  # of the fit, in pixels of the image
     spread_rad: float  # azimuth between the outermost bearings that went in
 
-    def slope(self, azimuth_rad: Array) -> Array:
+    def slope(self, azimuth_rad: Floats) -> Floats:
         """Return height over range at azimuths, same shape; not positive where there is none."""
         factors = self.faces[(azimuth_rad >= self.corner_rad).astype(np.intp)]
         return np.asarray(
@@ -47,7 +45,7 @@ class BaseLine:
 
 
 def fit_base(
-    azimuth_rad: Array, slope: Array, pixel_rad: float, config: LineConfig | None = None
+    azimuth_rad: Floats, slope: Floats, pixel_rad: float, config: LineConfig | None = None
 ) -> BaseLine | None:
     """Fit one or two faces.
 
@@ -72,11 +70,13 @@ def fit_base(
     return _fit(azimuth_rad[kept], slope[kept], pixel_rad, config) or fitted
 
 
-def _weight(slope: Array, pixel_rad: float) -> Array:
+def _weight(slope: Floats, pixel_rad: float) -> Floats:
     return np.asarray(1.0 / ((1.0 + slope**2) * pixel_rad))
 
 
-def _fit(azimuth_rad: Array, slope: Array, pixel_rad: float, config: LineConfig) -> BaseLine | None:
+def _fit(
+    azimuth_rad: Floats, slope: Floats, pixel_rad: float, config: LineConfig
+) -> BaseLine | None:
     count = azimuth_rad.size
     if count < config.min_bearings:
         return None
@@ -107,7 +107,7 @@ def _fit(azimuth_rad: Array, slope: Array, pixel_rad: float, config: LineConfig)
     )
 
 
-def _solve(sums: Array) -> tuple[Array, Array]:
+def _solve(sums: Floats) -> tuple[Floats, Floats]:
     """Solve stacked 2x2 normal equations: (M, 2) factors and (M,) squared residuals."""
     cc, cd, dd, cs, ds, ss = sums
     determinant = np.maximum(cc * dd - cd * cd, 1e-12)
@@ -116,7 +116,7 @@ def _solve(sums: Array) -> tuple[Array, Array]:
     return np.stack([first, second], axis=1), np.maximum(ss - first * cs - second * ds, 0.0)
 
 
-def _meeting(faces: Array, middle: float, split_rad: float) -> float:
+def _meeting(faces: Floats, middle: float, split_rad: float) -> float:
     """Return the azimuth at which two faces are of equal slope, near where the data were split."""
     difference = faces[0] - faces[1]
     meeting = middle + math.atan2(-difference[0], difference[1])

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from uav_bt.classes import OBSTACLES, is_above_ground
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
+from uav_bt.types.arrays import Floats32, Indices
 
-Floats = NDArray[np.float32]
-Indices = NDArray[np.intp]
 Mask = NDArray[np.uint8]
 
 _MIN_CORNERS = 3  # of a face; what shrinks to a line shows no edges
@@ -66,7 +65,7 @@ class PointPairs:
 
 def pick_pairs(
     ids: NDArray[np.uint8],
-    depth_m: Floats,
+    depth_m: Floats32,
     camera: CameraModel,
     generator: np.random.Generator,
     config: PairConfig | None = None,
@@ -109,7 +108,7 @@ def pick_pairs(
     )
 
 
-def _check_size(ids: NDArray[np.uint8], depth_m: Floats, camera: CameraModel) -> None:
+def _check_size(ids: NDArray[np.uint8], depth_m: Floats32, camera: CameraModel) -> None:
     size = (camera.height_px, camera.width_px)
     for name, array in (("class map", ids), ("depth map", depth_m)):
         if array.shape != size:
@@ -150,7 +149,7 @@ def _polygon(face: Mask, config: PairConfig) -> Indices:
 
 
 def _picked(
-    corner: Indices, face: Mask, ids: NDArray[np.uint8], depth_m: Floats, config: PairConfig
+    corner: Indices, face: Mask, ids: NDArray[np.uint8], depth_m: Floats32, config: PairConfig
 ) -> bool:
     """Return whether a corner is the obstacle's own."""
     column, row = int(corner[0]), int(corner[1])
@@ -168,7 +167,7 @@ def _picked(
 
 
 def _long_enough(
-    spans: Indices, depth_m: Floats, camera: CameraModel, config: PairConfig
+    spans: Indices, depth_m: Floats32, camera: CameraModel, config: PairConfig
 ) -> NDArray[np.bool_]:
     length_px = np.linalg.norm((spans[:, 0] - spans[:, 1]).astype(np.float64), axis=1)
     ends = [_points(depth_m, spans[:, end], camera, 1) for end in (0, 1)]
@@ -190,7 +189,7 @@ def _across(corners: list[Indices], generator: np.random.Generator, most: int) -
 
 
 def pair_distances(
-    depth_m: Floats, pairs: PointPairs, camera: CameraModel, *, patch_px: int = 1
+    depth_m: Floats32, pairs: PointPairs, camera: CameraModel, *, patch_px: int = 1
 ) -> NDArray[np.float64]:
     """Return the distances in space between the two points of each pair, (N,) metres.
 
@@ -215,7 +214,7 @@ def pair_distances(
 
 
 def _points(
-    depth_m: Floats, pixels: Indices, camera: CameraModel, patch_px: int
+    depth_m: Floats32, pixels: Indices, camera: CameraModel, patch_px: int
 ) -> NDArray[np.float64]:
     """Return points in the camera's frame, (N, 3)."""
     depth = patch_depths(depth_m, pixels, patch_px)
@@ -224,7 +223,7 @@ def _points(
     return np.stack([x * depth, y * depth, depth], axis=1)
 
 
-def patch_depths(depth_m: Floats, pixels: Indices, patch_px: int = 1) -> NDArray[np.float64]:
+def patch_depths(depth_m: Floats32, pixels: Indices, patch_px: int = 1) -> NDArray[np.float64]:
     """Return the median depth around pixels, (N,).
 
     A patch smooths what is known: where a pixel's own depth is not, neither is its patch's, which

@@ -20,6 +20,7 @@ from perception.camera.ground_plane import ray_lengths
 from uav_bt.classes import CLASS_TO_GROUP, GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
+from uav_bt.types.arrays import Floats32
 
 _MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # the paper's range of distances
 _MIN_CARPET_PX = 50  # pixels; with fewer there is no scale
@@ -196,9 +197,6 @@ def _correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> flo
     return float(a @ b) / size if size > 0.0 else math.nan
 
 
-Floats = NDArray[np.float32]
-
-
 @dataclass(frozen=True, kw_only=True)
 class PointConfig:
     """Which points are drawn."""
@@ -230,7 +228,7 @@ class MeasuredPoints:
 
 def draw_points(
     ids: NDArray[np.uint8],
-    depth_m: Floats,
+    depth_m: Floats32,
     camera: CameraModel,
     generator: np.random.Generator,
     config: PointConfig | None = None,
@@ -270,7 +268,9 @@ def draw_points(
     )
 
 
-def ranges_at(depth_m: Floats, points: MeasuredPoints, camera: CameraModel) -> NDArray[np.float64]:
+def ranges_at(
+    depth_m: Floats32, points: MeasuredPoints, camera: CameraModel
+) -> NDArray[np.float64]:
     """Return what a depth map tells of the points' ranges, (N,) metres, NaN where unknown."""
     columns, rows = points.pixels.T
     return np.asarray((depth_m * ray_lengths(camera))[rows, columns], dtype=np.float64)

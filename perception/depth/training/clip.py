@@ -9,18 +9,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from uav_bt.types.arrays import Floats32
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clip:
     """A target frame and two references, target first."""
 
-    images: Floats  # (3, 3, H, W), RGB, 0 to 1
-    motions: Floats  # (2, 3, 4), from the target's camera to each reference's, metres
-    intrinsics: Floats  # (4,): fx, fy, cx, cy in pixels of the images
-    labels: Floats | None  # (3, h, w); NaN where unknown
-    at_most: Floats | None  # (3, h, w); inf without a bound
+    images: Floats32  # (3, 3, H, W), RGB, 0 to 1
+    motions: Floats32  # (2, 3, 4), from the target's camera to each reference's, metres
+    intrinsics: Floats32  # (4,): fx, fy, cx, cy in pixels of the images
+    labels: Floats32 | None  # (3, h, w); NaN where unknown
+    at_most: Floats32 | None  # (3, h, w); inf without a bound
 
 
 def turned(clip: Clip, pitch_rad: float, roll_rad: float = 0.0) -> Clip:
@@ -65,8 +65,8 @@ def turned(clip: Clip, pitch_rad: float, roll_rad: float = 0.0) -> Clip:
 
 
 def _turned_maps(
-    maps: Floats | None, clip: Clip, turn: NDArray[np.float64], beyond: float
-) -> Floats | None:
+    maps: Floats32 | None, clip: Clip, turn: NDArray[np.float64], beyond: float
+) -> Floats32 | None:
     """Turn maps of depth: other pixels, and other depths along another optical axis."""
     if maps is None:
         return None
@@ -103,7 +103,7 @@ def mirrored(clip: Clip) -> Clip:
     rotations = sign[:, None] * clip.motions[:, :, :3] * sign
     translations = sign[:, None] * clip.motions[:, :, 3:]
 
-    def flipped(array: Floats) -> Floats:
+    def flipped(array: Floats32) -> Floats32:
         return np.ascontiguousarray(array[..., ::-1])
 
     return Clip(

@@ -37,10 +37,9 @@ from uav_bt.files import whole_file
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
+from uav_bt.types.arrays import Image
 
 LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
-
-Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ShapeError
 from uav_bt.types import CameraModel
+from uav_bt.types.arrays import Floats, Image
 
-Floats = NDArray[np.float64]
 Map = NDArray[np.float32]
-Image = NDArray[np.uint8]
 
 _OUTSIDE = 1e3  # px, a flow that closes no loop
 

@@ -16,6 +16,7 @@ from sim_bridge.loopback.firmware.core import Core, Part
 from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.media import MediaStore, Photo
 from sim_bridge.loopback.world import WorldState
+from uav_bt.types.bounds import clamp
 
 _LOG = logging.getLogger(__name__)
 
@@ -69,7 +70,7 @@ class Gimbal(Part):
         if values["gimbal_id"] != 0 or not math.isfinite(pitch):
             return
         if values["control_mode"] == "velocity":
-            share = max(-1.0, min(1.0, pitch))
+            share = clamp(pitch, 1.0)
             max_degps = self._core.settings.value("gimbal.max_speed", "current_pitch")
             self._speed_degps = share * max_degps
             self._target_deg = math.degrees(state.gimbal_pitch_rad)

@@ -9,6 +9,7 @@ from sim_bridge.anafi import FOCAL_SHARE
 from sim_bridge.loopback.firmware.core import Core, Part
 from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import WorldState
+from uav_bt.types.bounds import clamp
 
 _MAX_LEVEL: Final = 3.0  # as the ANAFI
 _MAX_LOSSLESS_LEVEL: Final = 2.8  # as the ANAFI, for video of 1080 lines
@@ -60,7 +61,7 @@ class Zoom(Part):
         if values["cam_id"] != 0 or not math.isfinite(target):
             return
         if values["control_mode"] == "velocity":
-            self._share = max(-1.0, min(1.0, target))
+            self._share = clamp(target, 1.0)
             return
         self._share = 0.0
         self.level = max(1.0, min(_MAX_LEVEL, target))

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from behaviours.path.next_viewpoint import GroundInView
 from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Pose2D
+from uav_bt.types.arrays import Flags
 from uav_bt.types.site_map import MapMark, SiteMap
 
 CELL_M = 0.1
 SIGHT = GroundInView(near_m=1.2, far_m=3.8, half_rad=math.radians(34))
 _YAW_RATE_RADPS = 0.9
 _TICK_S = 0.2
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from behaviours.path.clearance import ClearanceMap, Flags
+from behaviours.path.clearance import ClearanceMap
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.next_viewpoint import (
     GroundInView,
@@ -21,6 +21,7 @@ from behaviours.path.next_viewpoint import (
 )
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types import CameraModel
+from uav_bt.types.arrays import Flags
 from uav_bt.types.site_map import SiteMap
 
 CONFIG = ViewpointConfig()

@@ -17,10 +17,9 @@ from sim_bridge.anafi import anafi_camera
 from uav_bt.classes import BOXES, CARPET
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import BodyVelocity, ClassMap, Frame
+from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMover, SiteMap
-
-Floats = NDArray[np.float64]
 
 STEP_S = 0.1
 RADIUS_M = 0.2

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
-
-Image = NDArray[np.uint8]
+from uav_bt.types.arrays import Image
 
 _COLOURS = {
     BACKGROUND: ((120, 120, 120), (128, 128, 124)),

@@ -13,6 +13,7 @@ from uav_bt import app
 from uav_bt.errors import FileError
 
 HOP = '<BehaviorTree ID="Hop"><Sequence><TakeOff/><Land/></Sequence></BehaviorTree>'
+LOOK = '<BehaviorTree ID="Look"><Sequence><Explore/></Sequence></BehaviorTree>'
 CAMERA = "image_size_px: [640, 360]\n"
 
 
@@ -21,6 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     for name, text in {
         "hop.xml": f'<root BTCPP_format="4">{HOP}</root>',
+        "look.xml": f'<root BTCPP_format="4">{LOOK}</root>',
         "main.xml": '<root BTCPP_format="4" main_tree_to_execute="Hop"><include path="hop.xml"/>'
         "</root>",
         "scene.yaml": "helipad: {position_m: [0, 0]}\n",
@@ -45,7 +47,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("hop.xml", {"camera": "camera.yaml"}, "camera.yaml"),
         ("hop.xml", {"site": "site.yaml"}, "site.yaml"),
         ("hop.xml", {"site": "site.yaml"}, "camera.yaml"),
-        ("hop.xml", {"policies": {"Explore": "student:pilot.onnx"}}, "pilot.onnx"),
+        ("look.xml", {"policies": {"Explore": "student:pilot.onnx"}}, "pilot.onnx"),
     ],
 )
 def test_no_report_overwrites_an_input(

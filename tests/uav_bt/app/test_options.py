@@ -140,6 +140,26 @@ def test_options_and_sites_print_what_was_chosen() -> None:
     assert repr(options) == "FlightOptions(seed=3, site=Site(flight_height_m=1.2))"
 
 
+# --- keywords -------------------------------------------------------------------------------------
+
+
+def test_a_flight_takes_its_options_as_keywords() -> None:
+    flight = app.assemble("land_only", scene="val-a", seed=3)
+    assert flight.options == app.FlightOptions(scene="val-a", seed=3)
+
+
+def test_keywords_replace_values_of_options_that_several_flights_share() -> None:
+    shared = app.FlightOptions(scene="val-a", profile="ideal")
+    flight = app.assemble("land_only", shared, seed=7)
+    assert flight.options == app.FlightOptions(scene="val-a", profile="ideal", seed=7)
+    assert shared.seed == 0
+
+
+def test_an_option_that_flights_do_not_have_is_refused_with_the_nearest_one() -> None:
+    with pytest.raises(InputError, match=r"unknown flight option 'sceen'; did you mean 'scene'"):
+        app.fly("land_only", sceen="val-a")
+
+
 # --- drones ---------------------------------------------------------------------------------------
 
 

@@ -10,9 +10,8 @@ import pytest
 
 from uav_bt import app
 from uav_bt.app import provenance
-from uav_bt.app.loading import check_ceiling, load_mission
+from uav_bt.app.loading import load_mission
 from uav_bt.errors import InputError
-from uav_bt.mission.safety import Limits
 
 
 def test_the_networks_that_a_mission_loads_are_named_with_their_checksums() -> None:
@@ -35,7 +34,7 @@ def test_a_height_that_an_entry_of_a_subtree_gives_is_held_against_the_ceiling()
       <BehaviorTree ID="Up"><TakeOff height_m="{to_m}"/></BehaviorTree>
     </root>"""
     with pytest.raises(InputError, match=r"node 'Main/Up/TakeOff' is to fly at 2\.6 m"):
-        check_ceiling(load_mission(text, app.FlightOptions()), Limits())
+        load_mission(text, app.FlightOptions())
 
 
 def test_a_mission_s_text_decides_over_its_checksum(tmp_path: Path) -> None:

@@ -14,7 +14,8 @@ import weakref
 from pathlib import Path
 from typing import Any
 
-from uav_bt.campaign.plan import CampaignPlan, PlannedFile
+from uav_bt.app.options import FlightOptions
+from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile
 from uav_bt.errors import InputError
 
 FLY = "tests.uav_bt.campaign.campaign_world:fly"
@@ -23,13 +24,15 @@ FLY = "tests.uav_bt.campaign.campaign_world:fly"
 def plan(
     *, trees: tuple[str, ...] = ("one.xml",), scenes: tuple[str, ...] = ("lab",), **how: Any
 ) -> CampaignPlan:
-    """Return a plan of files that need not exist."""
+    """Return a plan of files that need not exist; takes the shared options of flights, too."""
+    shared = {name: how.pop(name) for name in SHARED if name in how}
     return CampaignPlan(
         **{
             "trees": tuple(PlannedFile(name=name, path=name, sha256="0" * 64) for name in trees),
             "scenes": tuple(PlannedFile(name=name, path=name, sha256="1" * 64) for name in scenes),
             "flights": 2,
             "timeout_s": 60.0,
+            "options": FlightOptions(**shared),
             **how,
         }
     )

@@ -9,8 +9,10 @@ from typing import Any
 import pytest
 
 from tests.uav_bt.campaign.campaign_world import plan
-from uav_bt.campaign.plan import CampaignPlan, FlightTask, PlannedFile
+from uav_bt.app.options import FlightOptions
+from uav_bt.campaign.plan import SHARED, CampaignPlan, FlightTask, PlannedFile
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.tree.loading.folders import TreeFolders
 
 
 def test_every_tree_flies_in_every_scene_with_every_seed() -> None:
@@ -58,7 +60,10 @@ def test_plans_and_tasks_survive_being_written() -> None:
 )
 def test_what_changes_flights_makes_it_another_campaign(change: dict[str, Any], told: str) -> None:
     before = plan()
-    assert told in "\n".join(replace(before, **change).differences(before))
+    shared = {name: value for name, value in change.items() if name in SHARED}
+    others = {name: value for name, value in change.items() if name not in SHARED}
+    now = replace(before, options=replace(before.options, **shared), **others)
+    assert told in "\n".join(now.differences(before))
 
 
 def test_changed_weights_and_versions_are_told_with_both() -> None:
@@ -73,6 +78,29 @@ def test_changed_weights_and_versions_are_told_with_both() -> None:
 @pytest.mark.parametrize("change", [{"flights": 9}, {"timeout_s": 5.0}, {"record": True}])
 def test_what_changes_no_flight_goes_on(change: dict[str, Any]) -> None:
     assert replace(plan(), **change).differences(plan()) == []
+
+
+def test_a_plan_comes_back_from_json_with_the_options_of_its_flights() -> None:
+    before = plan(
+        profile="harsh",
+        image_size_px=(320, 180),
+        exact_masks=True,
+        movers=2,
+        tree_id="Main",
+        tree_folders=TreeFolders(trees=["parts"]),
+        policies={"Explore": "corridor"},
+        record_quality="small",
+    )
+    assert CampaignPlan.from_json(json.loads(json.dumps(before.to_json()))) == before
+    for task in before.tasks():
+        flown = FlightTask.from_json(json.loads(json.dumps(task.to_json()))).flight_options()
+        assert flown == replace(before.options, scene=task.scene_path, seed=task.seed)
+
+
+def test_options_that_a_campaign_does_not_keep_are_refused() -> None:
+    before = plan()
+    with pytest.raises(InputError, match="a campaign takes no rehearse, only profile, image_size"):
+        replace(before, options=FlightOptions(rehearse=True))
 
 
 def test_two_trees_of_one_name_are_refused() -> None:

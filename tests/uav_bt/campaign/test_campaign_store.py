@@ -81,7 +81,7 @@ def test_a_campaign_without_a_flight_may_become_another(tmp_path: Path) -> None:
     kept = keep(tmp_path, line(0), of=plan(profile="ideal"))
     assert kept.kept.flights == ()
     found, runs = read_plan(tmp_path)
-    assert found.profile == "ideal"
+    assert found.options.profile == "ideal"
     assert len(runs) == 1
 
 

@@ -60,9 +60,9 @@ def collected(folder: Path, **changed: Any) -> tuple[list[Path], list[FlightTask
 def test_flights_are_shared_out_over_scenes_and_profiles(tmp_path: Path) -> None:
     records, tasks = collected(tmp_path, flights=16)
     assert len(records) == len(tasks) == 16
-    assert sorted({task.profile for task in tasks}) == ["harsh", "lab"]
+    assert sorted({task.options.profile for task in tasks}) == ["harsh", "lab"]
     assert {task.scene[:7] for task in tasks} == {"train-a", "train-b", "train-c", "train-d"}
-    assert all(task.record_quality == "small" for task in tasks)
+    assert all(task.options.record_quality == "small" for task in tasks)
 
 
 def test_the_number_of_flights_is_rounded_up() -> None:

@@ -19,7 +19,8 @@ from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
 from uav_bt.learning import teacher as learning
 from uav_bt.learning.evaluation import evaluate_segmentation
 from uav_bt.learning.training import train_segmentation
-from uav_bt.learning.views import VALIDATION_SCENES, Image, ViewPlan, twin_views
+from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
+from uav_bt.types.arrays import Image
 
 SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)
 PLAN = ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))

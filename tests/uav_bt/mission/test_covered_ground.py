@@ -13,8 +13,9 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views
 from uav_bt.classes import CARPET
-from uav_bt.mission.covered_ground import Cells, CoveredGround, GroundCells
+from uav_bt.mission.covered_ground import CoveredGround, GroundCells
 from uav_bt.types import Pose, Truth, projection
+from uav_bt.types.arrays import Flags
 from uav_bt.types.ground import Footprint, Ground, Standing
 
 CAMERA = anafi_camera(640, 360)
@@ -68,7 +69,7 @@ def test_near_a_corner_only_the_ground_counts() -> None:
     assert corner.now(0.1).passed == pytest.approx(math.pi * 0.25 / 4 / 20.0, rel=0.03)
 
 
-def _seen_by_rendering(pose: CameraPose, ids: NDArray[np.uint8]) -> tuple[Cells, Cells]:
+def _seen_by_rendering(pose: CameraPose, ids: NDArray[np.uint8]) -> tuple[Flags, Flags]:
     """Return which cells an image shows as carpet, and which have no edge beside them."""
     height_px, width_px = ids.shape
     cells = GroundCells(load_scene("val-a").ground_plan)

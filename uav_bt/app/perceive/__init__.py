@@ -1,4 +1,4 @@
-"""Perception of a video, a folder of images or a live camera: what `uav-bt net perceive` does.
+"""Perception of a video, a folder of images or a live camera, for `uav-bt net perceive`.
 
 summary = perceive("flight.mp4", out=Path("seen.mp4"))
 """

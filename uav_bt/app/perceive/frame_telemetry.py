@@ -1,4 +1,4 @@
-"""Where a video's frames were taken from: what a frame needs to know beside its pixels.
+"""Telemetry of a video's frames: height, gimbal pitch and motion at each frame.
 
 A live flight's frames come with their telemetry. A video file's do not: either the camera was
 fixed at a known height and pitch, or the record of the same flight holds the telemetry.

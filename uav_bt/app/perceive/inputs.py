@@ -1,4 +1,4 @@
-"""What is perceived and with what: the source, its camera and telemetry, the networks."""
+"""Inputs of perception: the source, its camera and telemetry, the networks."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a vi
 
 @dataclass(frozen=True, kw_only=True)
 class PerceiveOptions:
-    """What is known about the images, and what they are perceived with."""
+    """Facts about the images, and the networks that perceive them."""
 
     camera: str | Path | None = None  # a camera file; None: the record's, or the ANAFI's
     height_m: float = 1.5  # of the camera above the carpet, without telemetry
@@ -62,7 +62,7 @@ class PerceiveInput:
 
     Args:
         text: a video file, a folder of images, an image, `camera:N`, or a flight record.
-        options: what is known about the images.
+        options: Facts about the images, and the networks.
 
     Raises:
         InputError: source or telemetry cannot be used.
@@ -102,7 +102,7 @@ class PerceiveInput:
             self.source = open_source(text, times_s=list(flight.times_s))
 
     def begin(self) -> tuple[Pipeline, TimedImages]:
-        """Return what perceives the images, made for their size, and the images.
+        """Return the perception for the images' size, and the images.
 
         Raises:
             InputError: no image can be read, the camera is not for them, or a network cannot be

@@ -52,7 +52,7 @@ class PipelineConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Perceived(Seen):
-    """What one frame, undistorted, shows."""
+    """Perception of one undistorted frame."""
 
     relative: DepthMap | None  # None without a network, and of a frozen image
     scale: Scale | None  # of the network's depth; None where none went in
@@ -104,7 +104,7 @@ class Pipeline:
         return self._undistorter.camera
 
     def perceive(self, frame: Frame, states: Sequence[DroneState] = ()) -> Perceived:
-        """Return what a frame shows.
+        """Return the perception of a frame.
 
         Args:
             frame: the next one, of the camera's size.

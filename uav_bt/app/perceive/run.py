@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from perception.depth.scale import Scale
-from uav_bt.app.options import as_file
+from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.perceive.streams import TimedImage
@@ -37,7 +37,7 @@ _Write = Callable[[TimedImage, Perceived], None]
 
 @dataclass(frozen=True, kw_only=True)
 class PerceiveSummary:
-    """What was perceived."""
+    """Result of a run of perception."""
 
     frames: int
     camera: str  # whose intrinsics, in words
@@ -58,11 +58,11 @@ def perceive(
     lines: str | Path | None = None,
     advance: Advance = silent,
 ) -> PerceiveSummary:
-    """Perceive every image of a source; Ctrl-C ends it and keeps what was written.
+    """Perceive every image of a source. Ctrl-C ends it and keeps the outputs.
 
     Args:
         source: a video file, a folder of images, an image, `camera:N`, or a flight record.
-        options: what is known about the images.
+        options: Facts about the images, and the networks.
         out: an mp4 file with the overlays.
         lines: a file with one JSON object for each frame.
         advance: called with the progress.
@@ -123,7 +123,7 @@ def _json_lines(path: Path) -> Iterator[_Write]:
         yield write
 
 
-# --- what is written ------------------------------------------------------------------------------
+# --- outputs -------------------------------------------------------------------------------------
 
 
 class _OverlayVideo:
@@ -188,7 +188,7 @@ class _Counts:
 
 
 def _as_json(image: TimedImage, seen: Perceived) -> dict[str, Any]:
-    """Return one frame as a JSON object: what is not known is null."""
+    """Return one frame as a JSON object. Unknown values are null."""
     depth = seen.depth
     return {
         "image": image.name,

@@ -20,7 +20,6 @@ from uav_bt.app.perceive.streams import (
     CAMERA,
     FOLDER_RATE,
     CameraSource,
-    Image,
     ImageSource,
     TimedImage,
     TimedImages,
@@ -32,6 +31,7 @@ from uav_bt.protocols import Clock
 from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
+from uav_bt.types.arrays import Image
 
 
 def open_source(
@@ -46,7 +46,7 @@ def open_source(
 
     Raises:
         FileError: there is no such file or folder, or it holds no images.
-        InputError: the camera's number is none.
+        InputError: the camera's number is invalid.
         ShapeError: the folder holds another number of images than there are times.
     """
     if text.startswith(CAMERA):

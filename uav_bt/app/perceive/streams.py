@@ -1,4 +1,4 @@
-"""What every source of frames gives, and those that stream: a video file, a live camera."""
+"""Protocol of frame sources, and the streams among them: video files and live cameras."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ from typing import Any, Final, Protocol
 import av
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.camera.orientation import UPRIGHT, Orientation
 from uav_bt.display.video.video_file import FILM
 from uav_bt.errors import FileError, InputError, ValueRangeError
 from uav_bt.protocols import Clock
-
-Image = NDArray[np.uint8]
+from uav_bt.types.arrays import Image
 
 FOLDER_RATE: Final = 10.0  # images a second where it is unknown: a mission's tick
 
@@ -43,7 +41,7 @@ class ImageSource(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is, for messages."""
+        """Name of the source in messages."""
         ...
 
     @property
@@ -58,11 +56,11 @@ class ImageSource(Protocol):
 
     @property
     def skipped(self) -> Sequence[str]:
-        """What could not be used so far, and why."""
+        """Images that were skipped so far, with the reasons."""
         ...
 
     def images(self, every: int = 1) -> TimedImages:
-        """Iterate over every n-th image; what cannot be read is left out and reported."""
+        """Iterate over every n-th image. Unreadable images are skipped and reported."""
         ...
 
 
@@ -217,7 +215,7 @@ CAMERA: Final = "camera:"  # before a device's number
 
 
 class CameraSource:
-    """A live camera, by OpenCV; without an end of its own.
+    """A live camera, read by OpenCV. It never ends.
 
     Args:
         number: of the device.

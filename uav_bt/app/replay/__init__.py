@@ -1,7 +1,7 @@
-"""Recorded flights flown again: what was seen is seen again, and what is decided is compared.
+"""Replay of recorded flights: recorded observations go in, decisions are compared.
 
-The loop is open: the recorded frames show what the recorded commands led to, whatever is decided
-now. So the first difference is one of cause, and later ones may follow from it.
+The loop is open: new decisions do not change the recorded frames. The first difference has a cause
+in the change; later ones may follow from the first.
 """
 
 from __future__ import annotations

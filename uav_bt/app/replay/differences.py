@@ -1,4 +1,4 @@
-"""Where a replay is not what was recorded."""
+"""Differences between a replay and its recording."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _KEPT: Final = 1_000  # differing ticks that are kept one by one
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """A tick in which the replay is not what was recorded; each pair is recorded, replayed."""
+    """A tick in which replay and recording differ; each pair is recorded, replayed."""
 
     tick: int
     time_s: float
@@ -34,7 +34,7 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayReport:
-    """What a replay showed."""
+    """Result of a replay."""
 
     record: str
     tree: str

@@ -32,7 +32,7 @@ class MovementIds:
         self._replayed: dict[int, int] = {}  # by the recording's id
 
     def pair(self, recorded: Movement, replayed: Movement) -> bool:
-        """Note what was commanded in one tick; return whether it is the same movement.
+        """Note the commands of one tick; return whether they are the same movement.
 
         Two that began together are the same, whatever they do; movements without numbers are.
         """
@@ -64,7 +64,7 @@ class RecordedClock:
         self._after_s = 0.0
 
     def now(self) -> float:
-        """Return the tick's recorded time; after the last tick, what was slept to."""
+        """Return the tick's recorded time; after the last tick, the time of the last sleep."""
         return max(self._after_s, self._drone.moment.tick.time_s)
 
     def sleep_until(self, time_s: float) -> None:
@@ -139,7 +139,7 @@ class RecordedDrone:
 
     @property
     def referee(self) -> None:
-        """None: what is decided now has no consequences that could be judged."""
+        """None: new decisions have no consequences that a referee could judge."""
         return
 
     @property
@@ -161,7 +161,7 @@ class RecordedDrone:
         """Nothing needs to be done."""
 
     def observe(self) -> Observation:
-        """Return what was observed in this tick."""
+        """Return the recorded observation of this tick."""
         return Observation(frame=self._frame, state=self.ids.translated(self.moment.state))
 
     def send(self, command: Command) -> Command:
@@ -173,7 +173,7 @@ class RecordedDrone:
 
 
 class RecordedSegmenter:
-    """The recorded class maps as a segmenter, to try what follows segmentation."""
+    """The recorded class maps as a segmenter, to replay everything after segmentation."""
 
     def __init__(self, drone: RecordedDrone) -> None:
         self._drone = drone

@@ -10,8 +10,9 @@ from typing import Any, Final, Literal
 
 from uav_bt.app.assembly import Flight
 from uav_bt.app.flight_record import RecordedOptions, recorded_options
-from uav_bt.app.loading import Mission, is_text, load_mission
-from uav_bt.app.options import FlightOptions, check_policies
+from uav_bt.app.loading import Mission, is_text, read_mission
+from uav_bt.app.option_values import check_policies
+from uav_bt.app.options import FlightOptions
 from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
@@ -37,7 +38,7 @@ _NOT_TICKED: Final = (Status.IDLE.name, "INVALID")  # as older records have it
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayOptions:
-    """What is different this time, or is not in the record.
+    """Changes of a replay, and values that are not in the record.
 
     Attributes:
         tree: another mission, or the one that was composed in Python; None: the recorded one.
@@ -66,7 +67,7 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
 
     Args:
         record: the MCAP file.
-        options: what is different this time, and what is not in the record.
+        options: Changes, and values that are not in the record.
 
     Raises:
         FileError: the record cannot be read or replayed.
@@ -86,7 +87,7 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
         with flight.connected():
             flight.runner([comparison]).run()
     except NodeFailedError as error:
-        ended = str(error)  # a replayed change may well fail; that is what it is tried for
+        ended = str(error)  # a replayed change may fail
     end = reader.end
     return ReplayReport(
         record=str(record),
@@ -131,7 +132,7 @@ def assemble_recorded(
 
     Args:
         reader: of the record.
-        changes: what is different this time.
+        changes: Changes of this replay.
 
     Returns:
         The flight, and whose class maps it gets.
@@ -155,7 +156,7 @@ def assemble_recorded(
     if changes.tree is not None:
         # Attributes of nodes that the recorded mission had may name none of this one.
         options = replace(options, tree_folders=changes.tree_folders)
-        mission = load_mission(changes.tree, options, changes.registry)
+        mission = read_mission(changes.tree, options, changes.registry)
     else:
         mission = _recorded_mission(reader, recorded, options, changes.registry)
     _check_complete(reader, mission, masks)
@@ -217,7 +218,7 @@ def _recorded_mission(
                 "--tree, or with ReplayOptions(tree=...)",
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        return load_mission(files.tree, options, registry, replaced=replaced, lookup=files.lookup)
+        return read_mission(files.tree, options, registry, replaced=replaced, lookup=files.lookup)
 
 
 # --- the runner -----------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A flight viewed while it is flown: what `app.fly` calls, with Rerun behind it.
+"""Live view of a flight in Rerun, as listeners of `app.fly`.
 
 with saved_view(Path("flight.rrd"), title="tour") as view:
     app.fly("explore_and_land_segmentation", listeners=[view])
@@ -43,7 +43,7 @@ class ViewListeners:
     Args:
         stream: where to draw.
         title: the recording's name; the mission, the scene and the seed when empty.
-        viewer: the process that shows it, fed by a thread of its own; None for a file.
+        viewer: Process that shows it, fed by a separate thread. None for a file.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class ViewListeners:
         return [self._follower]
 
     def finish(self) -> None:
-        """Draw what still waits; safe to call twice."""
+        """Draw the ticks that still wait; safe to call twice."""
         if self._follower is not None:
             self._follower.close()
 
@@ -106,14 +106,14 @@ def setting_of(
     lab_map: LabMap | None,
     title: str = "",
 ) -> ViewSetting:
-    """Return what a view shows of a mission that does not change while it is flown.
+    """Return the parts of a view that do not change during a flight.
 
     Args:
         tree: the mission; None where some of its nodes are not installed.
         camera: intrinsics at the frames' size.
         airframe: size of the body.
         nodes: of the mission.
-        lab_map: what stands in the lab; None where it is not known.
+        lab_map: Map of the lab. None: unknown.
         title: the recording's name.
     """
     corridor = None if tree is None else corridor_of(tree)

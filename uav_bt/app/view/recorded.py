@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 Stopped = Callable[[], bool]
 
 
-# What `uav-bt view` can do then.
+# Options of `uav-bt view` without a display.
 WITHOUT_DISPLAY: Final = (
     "--web shows it in a browser, --save FILE.rrd keeps it for `rerun FILE.rrd` elsewhere"
 )
@@ -56,7 +56,7 @@ class RecordedFlight:
 
     Args:
         path: the record.
-        span: what of it is shown.
+        span: Part of the record that is shown.
 
     Raises:
         FileError: it cannot be read, is no flight record, or is of a newer version.
@@ -86,12 +86,12 @@ class RecordedFlight:
 
     @property
     def damages(self) -> tuple[str, ...]:
-        """What of the record is not whole, as far as it has been read."""
+        """Damages of the record, as far as it has been read."""
         unfinished = () if self.reader.finished else ("it was never finished",)
         return (*unfinished, *self.reader.damages)
 
     def setting(self) -> ViewSetting:
-        """Return what a view shows that does not change while the flight lasts."""
+        """Return the parts of a view that do not change during the flight."""
         nodes = self.reader.tree.nodes
         return setting_of(
             self.tree,
@@ -206,7 +206,7 @@ class RecordedFlight:
 
         Args:
             path: the mp4 file.
-            speed: the video runs so many times faster than the mission.
+            speed: Speed of the video relative to the mission.
             advance: called with the number of ticks drawn.
 
         Raises:
@@ -238,7 +238,7 @@ class RecordedFlight:
 def known_tree(file: Path, tree_id: str | None, lookup: Lookup | None = None) -> MissionTree | None:
     """Return a tree of a file; None where it has nodes that are not installed here.
 
-    What the record says of such a tree is enough for its graph, not for the corridor.
+    The record suffices for the graph of such a tree, not for its corridor.
 
     Args:
         file: the tree file.

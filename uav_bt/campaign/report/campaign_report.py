@@ -201,18 +201,18 @@ def _origin(source: Provenance) -> Table:
     rows: list[tuple[str, str]] = []
     plan = source.plan
     if plan is not None:
-        width, height = plan.image_size_px
+        width, height = plan.options.image_size_px
         last = plan.seed_from + plan.flights - 1
         rows += [(f"tree {file.name}", f"SHA-256 {file.sha256}") for file in plan.trees]
         rows += [(f"scene {file.name}", f"SHA-256 {file.sha256}") for file in plan.scenes]
         rows += [(f"weights {name}", f"SHA-256 {digest}") for name, digest in plan.weights.items()]
         rows += [
             ("seeds", f"{plan.seed_from} to {last}"),
-            ("profile", plan.profile),
+            ("profile", plan.options.profile),
             ("images", f"{width}x{height}"),
-            *((("movers", str(plan.movers)),) if plan.movers else ()),
-            ("masks", "exact, from the referee" if plan.exact_masks else "the network's"),
-            *(("policy", f"{node}={name}") for node, name in plan.policies.items()),
+            *((("movers", str(plan.options.movers)),) if plan.options.movers else ()),
+            ("masks", "exact, from the referee" if plan.options.exact_masks else "the network's"),
+            *(("policy", f"{node}={name}") for node, name in plan.options.policy_names.items()),
             ("versions", ", ".join(f"{name} {version}" for name, version in plan.versions.items())),
         ]
     rows += [

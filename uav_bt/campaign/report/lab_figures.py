@@ -12,7 +12,8 @@ from matplotlib.patches import Polygon
 from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, png, style
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.display.lab_map import LabMap, MapItem
-from uav_bt.mission.covered_ground import PASSED_M, Cells, GroundCells
+from uav_bt.mission.covered_ground import PASSED_M, GroundCells
+from uav_bt.types.arrays import Flags
 from uav_bt.types.ground import Footprint, Ground, Standing
 
 if TYPE_CHECKING:
@@ -175,7 +176,7 @@ def ground_of(lab: LabMap) -> Ground:
     )
 
 
-def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Cells:
+def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Flags:
     """Return the cells that a flight has passed, (rows, columns).
 
     Args:

@@ -166,7 +166,7 @@ def _repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
     """Return the command that flies a flight again."""
     plan = one.source.plan
     scene = flight["scene"]
-    exact = bool(flight.get("exact_masks") or (plan is not None and plan.exact_masks))
+    exact = bool(flight.get("exact_masks") or (plan is not None and plan.options.exact_masks))
     words = ["uav-bt", "campaign" if exact else "fly", one.tree_path()]
     if scene is not None:
         words += ["--scenes" if exact else "--scene", one.scene_path(scene)]
@@ -181,12 +181,12 @@ def _repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
     if flight.get("movers"):
         words += ["--movers", str(flight["movers"])]
     if plan is not None:
-        width, height = plan.image_size_px
+        width, height = plan.options.image_size_px
         words += ["--image-size", f"{width}x{height}"]
-        if plan.tree_id is not None:
-            words += ["--tree", plan.tree_id]
-        words += _folder_words(plan.tree_folders)
-        for node, policy in plan.policies.items():
+        if plan.options.tree_id is not None:
+            words += ["--tree", plan.options.tree_id]
+        words += _folder_words(plan.options.tree_folders)
+        for node, policy in plan.options.policy_names.items():
             words += ["--policy", f"{node}={policy}"]
     return shlex.join(words)
 

@@ -11,10 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.display.canvas import ALARM, DIM, INK, Colour, Image, polygon, put, tag, text_width_px
+from uav_bt.display.canvas import ALARM, DIM, INK, Colour, polygon, put, tag, text_width_px
 from uav_bt.display.video.depth_panes import empty_pane
 from uav_bt.errors import ShapeError
 from uav_bt.types import ClassMap
+from uav_bt.types.arrays import Image
 
 _IDS: Final = 256  # number of values of an uint8
 _LEAST_SHARE: Final = 0.001  # least share of pixels in the legend, so that it does not flicker

@@ -11,10 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.display.canvas import ACCENT, ALARM, DIM, INK, PANEL, Colour, Image, line, put, tag
+from uav_bt.display.canvas import ACCENT, ALARM, DIM, INK, PANEL, Colour, line, put, tag
 from uav_bt.display.canvas import text_width_px as wide_px
 from uav_bt.display.phrases import describe_corridor, describe_free
 from uav_bt.types import ClassMap, Corridor, DepthMap, Frame
+from uav_bt.types.arrays import Image
 
 Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
 """Returns which pixels of a depth map are inside the corridor, (H, W)."""

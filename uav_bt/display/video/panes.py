@@ -17,7 +17,6 @@ from uav_bt.display.canvas import (
     DIM,
     INK,
     Colour,
-    Image,
     Point,
     circle,
     line,
@@ -30,6 +29,7 @@ from uav_bt.display.phrases import describe_fix, describe_movement
 from uav_bt.display.video.depth_panes import empty_pane
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix
+from uav_bt.types.arrays import Image
 from uav_bt.types.projection import camera_axes
 
 _PAD_RADIUS_M: Final = 0.3

@@ -8,12 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.display.canvas import ACCENT, BACKDROP, DIM, Image, tag
+from uav_bt.display.canvas import ACCENT, BACKDROP, DIM, tag
 from uav_bt.display.phrases import describe_fix
 from uav_bt.display.video.class_pane import ClassPalette, draw_class_map
 from uav_bt.display.video.depth_panes import draw_corridor, draw_depth
 from uav_bt.display.video.panes import mark_fix, resize_image
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
+from uav_bt.types.arrays import Image
 
 _WIDTH_PX: Final = 1280
 _GAP_PX: Final = 2

@@ -11,8 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from uav_bt.display.canvas import ACCENT, DIM, INK, PANEL, Colour, Image, line, put, text_width_px
+from uav_bt.display.canvas import ACCENT, DIM, INK, PANEL, Colour, line, put, text_width_px
 from uav_bt.display.lab_map import draw_legend, phase_colours
+from uav_bt.types.arrays import Image
 
 _FIRST_SPAN_S: Final = 30.0
 _STEPS_S: Final = (5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)  # steps of the scale

@@ -17,17 +17,7 @@ import numpy as np
 
 from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.canvas import (
-    ACCENT,
-    ALARM,
-    BACKDROP,
-    INK,
-    PANEL,
-    Colour,
-    Image,
-    put,
-    text_width_px,
-)
+from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, INK, PANEL, Colour, put, text_width_px
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.live_map import LiveMap
@@ -50,6 +40,7 @@ from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import CameraModel
+from uav_bt.types.arrays import Image
 
 _WIDTH: Final = 1280
 _HEIGHT: Final = 720

@@ -11,9 +11,9 @@ import av
 import cv2
 import numpy as np
 
-from uav_bt.display.canvas import Image
 from uav_bt.errors import FileError, MissingDependencyError, ShapeError, ValueRangeError
 from uav_bt.files import writing
+from uav_bt.types.arrays import Image
 
 # H.264 plays everywhere; MPEG-4 part 2 is in every build of FFmpeg. The options favour speed over
 # size, because images are encoded between the ticks of a flight.

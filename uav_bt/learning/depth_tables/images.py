@@ -27,10 +27,11 @@ from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.sensors import Sensors
 from sim_bridge.twin.views import View, render_views
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan, Image, scene_seed
+from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan, scene_seed
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
+from uav_bt.types.arrays import Image
 
 Masks = Literal["unet", "exact"]
 MASKS: Final[tuple[Masks, ...]] = ("unet", "exact")

@@ -31,10 +31,9 @@ from uav_bt.learning.depth_tables.images import Masks, SampleImage
 from uav_bt.learning.depth_tables.methods import Error, Method, methods_for, metric_maps
 from uav_bt.progress import Advance, silent
 from uav_bt.types import DepthMap
+from uav_bt.types.arrays import Floats
 
 PATCHES_PX: Final = (1, 3, 5, 7, 9)
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

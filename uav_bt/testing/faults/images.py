@@ -7,12 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.testing.faults.kind import FaultMoment, Observe
 from uav_bt.types import Frame, Observation
-
-Image = NDArray[np.uint8]
+from uav_bt.types.arrays import Image
 
 
 def image(change: Callable[[Frame, FaultMoment], Image]) -> Observe:

@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from uav_bt.brief import brief_repr
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+
+WHICH_TREE: Final = (
+    "Which of the file's trees; default: the one that it names, or that no other uses."
+)
+"""What the option `tree_id` of flights and commands means."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
@@ -17,13 +15,12 @@ from sim_bridge.twin.views import render_views
 from tests.uav_bt.record.footage_world import frame, state, write_record
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.types import CameraModel
+from uav_bt.types.arrays import Image
 
 SIZE = (320, 180)
 PITCH_RAD = math.radians(-30.0)
 SPEED_MPS = 0.5
 RATE = 10
-
-Image = NDArray[np.uint8]
 
 
 def flight(count: int = 4) -> list[Image]:

@@ -12,17 +12,12 @@ import av
 import numpy as np
 import pytest
 
-from tests.uav_bt.app.perceive.perceive_world import (
-    Image,
-    flight,
-    write_flight,
-    write_images,
-    write_video,
-)
+from tests.uav_bt.app.perceive.perceive_world import flight, write_flight, write_images, write_video
 from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions
 from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.errors import FileError, InputError, ShapeError, UnknownNameError, ValueRangeError
+from uav_bt.types.arrays import Image
 
 CONTACT = PerceiveOptions(model="contact")
 

@@ -1,7 +1,8 @@
-"""Signals while a mission flies: the first lands the drone, the second ends the program."""
+"""The process while a mission flies: signals land the drone, garbage collections stay short."""
 
 from __future__ import annotations
 
+import gc
 import signal
 import threading
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class _Stop:
-    """What a signal does, from the first to the third."""
+    """Actions of the first, the second and the third signal."""
 
     def __init__(self, runner: MissionRunner) -> None:
         self._runner = runner
@@ -62,3 +63,18 @@ def landing_on_signals(runner: MissionRunner) -> Iterator[None]:
         yield
     finally:
         stop.restore()
+
+
+@contextmanager
+def short_collections() -> Iterator[None]:
+    """Keep garbage collections short: only objects made inside are searched.
+
+    Objects of libraries and loaded networks live until the process ends. A full collection that
+    searches them all stops every thread for more than a tenth of a second.
+    """
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()

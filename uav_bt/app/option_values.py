@@ -1,0 +1,217 @@
+"""Declarations of options and checks of their values; errors say what was expected and given."""
+
+from __future__ import annotations
+
+import inspect
+import operator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import UnionType
+from typing import Any, Final, Literal, NoReturn
+
+from uav_bt.errors import InputError
+from uav_bt.protocols import Drone, LeafPolicy
+
+_ABSENT: Final = object()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declared:
+    """Declaration of an option, besides its name, type and default.
+
+    Attributes:
+        help: One or two sentences.
+        flag: The command line's option, with dashes. None: Python only.
+        metavar: The command line's placeholder for the value.
+        least: Smallest value of a whole number.
+        choices: The values that may be given. Empty: any of the type.
+        file: Whether the value is a file that is read or written.
+        suffix: How the name of a written file ends.
+    """
+
+    help: str
+    flag: str | None = None
+    metavar: str | None = None
+    least: int | None = None
+    choices: tuple[str, ...] = ()
+    file: Literal["read", "written"] | None = None
+    suffix: str = ""
+
+    def checked(self, name: str, value: Any, default: object) -> Any:
+        """Return a value in its usual type: a number as `int`, a file as `Path`.
+
+        Args:
+            name: Name of the option.
+            value: Value from the caller.
+            default: Default of the option.
+
+        Raises:
+            InputError: The declaration does not allow the value.
+        """
+        if self.file is not None:
+            file = as_file(name, value)
+            if file is not None and self.suffix and file.suffix.lower() != self.suffix:
+                refuse(name, f"a file whose name ends in {self.suffix}", str(file))
+            return file
+        if self.least is not None:
+            return whole_number(name, value, self.least)
+        if self.choices and value not in self.choices:
+            refuse(name, " or ".join(self.choices), value)
+        if isinstance(default, bool):
+            expect(name, value, bool, "True or False")
+        return value
+
+
+def about(help_: str, flag: str | None = None, **more: Any) -> dict[str, Declared]:
+    """Return a field's metadata: what `Declared` takes."""
+    return {"declared": Declared(help=help_, flag=flag, **more)}
+
+
+def class_name(value: object) -> str:
+    """Return the full name of an object's class."""
+    return f"{type(value).__module__}.{type(value).__qualname__}"
+
+
+def is_drone_config(drone: object) -> bool:
+    """Return whether an object is a drone's configuration, not a drone."""
+    return callable(getattr(drone, "create", None))
+
+
+def as_file(name: str, value: object, expected: str = "a file") -> Path | None:
+    """Return a file's path; None for None.
+
+    Args:
+        name: Name of the value in the message.
+        value: Value from the caller.
+        expected: Description of a valid value.
+
+    Raises:
+        InputError: The value is neither text nor path, or it is empty.
+    """
+    if value is None or isinstance(value, Path):
+        return value
+    if not isinstance(value, str) or not value:
+        refuse(name, f"{expected}, as str or Path", value)
+    return Path(value)
+
+
+def check_policies(policies: object) -> None:
+    """Refuse a value that is not a mapping from nodes to leaf policies.
+
+    Raises:
+        InputError: The value is not a mapping, or a policy lacks `decide`.
+    """
+    if not isinstance(policies, Mapping):
+        refuse("policies", "policies by node, such as {'Explore': 'corridor'}", policies)
+    for node, policy in policies.items():
+        expect("policies", node, str, "the name or path of a node")
+        usable = isinstance(policy, LeafPolicy) and not isinstance(policy, type)
+        if not usable and not isinstance(policy, str):
+            refuse(f"policies['{node}']", "a policy's name, or an object with `decide`", policy)
+
+
+def check_drone(drone: object) -> None:
+    """Refuse a value that is not a drone's name, a configuration or a drone.
+
+    Raises:
+        InputError: The value has another type, or lacks members of the protocol.
+    """
+    expected = "a drone's name, a configuration with `create`, or a Drone"
+    if isinstance(drone, str) and drone:
+        return
+    if isinstance(drone, str | type):
+        refuse("drone", expected, drone)
+    if not is_drone_config(drone):
+        refuse_incomplete(drone, expected)
+
+
+def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
+    """Refuse a drone that lacks members of the protocol.
+
+    Args:
+        drone: Object to check.
+        expected: Description of a valid value.
+
+    Raises:
+        InputError: The object lacks members; the message lists them.
+    """
+    missing = list(_missing(Drone, drone))
+    if missing:
+        remedy = ": add `airframe = uav_bt.types.Airframe()`" if missing == ["airframe"] else ""
+        raise InputError(
+            f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}{remedy}"
+        )
+
+
+def _missing(protocol: type, value: object) -> Iterator[str]:
+    """Yield the members that an object lacks, without reading them: unconnected drones raise."""
+    for name in vars(protocol):
+        if not name.startswith("_") and inspect.getattr_static(value, name, _ABSENT) is _ABSENT:
+            yield name
+
+
+def whole_number(name: str, value: object, least: int) -> int:
+    """Return a whole number as `int`.
+
+    Args:
+        name: Name of the value in the message.
+        value: An `int` or an integer of NumPy.
+        least: Smallest valid value.
+
+    Raises:
+        InputError: The value is not a whole number, or it is too small.
+    """
+    try:
+        number = operator.index(value)  # type: ignore[arg-type]  # other types raise TypeError
+    except TypeError:
+        number = least - 1
+    if number < least or isinstance(value, bool):
+        refuse(name, f"a whole number from {least}", value)
+    return number
+
+
+def image_size(value: object) -> tuple[int, int]:
+    """Return width and height in pixels.
+
+    Raises:
+        InputError: The value is not a pair of whole numbers from 1.
+    """
+    sides = tuple(value) if isinstance(value, Iterable) else ()
+    if len(sides) != 2:
+        refuse("image_size_px", "width and height in pixels, such as (640, 360)", value)
+    width, height = (whole_number("image_size_px", side, 1) for side in sides)
+    return width, height
+
+
+def expect(name: str, value: object, kind: type | UnionType, expected: str) -> None:
+    """Refuse a value of another type.
+
+    Args:
+        name: Name of the value in the message.
+        value: Value from the caller.
+        kind: Expected type.
+        expected: Description of a valid value.
+
+    Raises:
+        InputError: The value has another type.
+    """
+    if not isinstance(value, kind):
+        refuse(name, expected, value)
+
+
+def refuse(name: str, expected: str, value: object) -> NoReturn:
+    """Refuse a value.
+
+    Args:
+        name: Name of the value in the message.
+        expected: Description of a valid value.
+        value: Value from the caller.
+
+    Raises:
+        InputError: Always.
+    """
+    got = f"{value!r:.80}"
+    if isinstance(value, type):
+        got = f"the class {value.__name__}: write {value.__name__}(...)"
+    raise InputError(f"{name}: expected {expected}, got {got}")

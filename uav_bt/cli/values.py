@@ -1,0 +1,104 @@
+"""Values on the command line: numbers, sizes and pairs; a wrong one is refused with a remedy."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+class WholeNumber(click.IntRange):
+    """A whole number in a range."""
+
+    name = "integer"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number; fails when it is not a number, or out of range."""
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter:
+            self.fail(f"expected a whole number{_range(self)}, got '{value}'", param, ctx)
+
+
+class Number(click.FloatRange):
+    """A finite number in a range."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number; fails when it is not a number, or out of range."""
+        try:
+            number = super().convert(value, param, ctx)
+        except click.BadParameter:
+            number = math.nan
+        if not math.isfinite(number):
+            self.fail(f"expected a number{_range(self)}, got '{value}'", param, ctx)
+        return number
+
+
+def _range(kind: click.IntRange | click.FloatRange) -> str:
+    """Return where a number must lie, in words that begin with a space."""
+    words = ""
+    if kind.min is not None:
+        words += f" {'above' if kind.min_open else 'from'} {kind.min:g}"
+    if kind.max is not None:
+        words += f" {'below' if kind.max_open else 'to'} {kind.max:g}"
+    elif kind.min is not None and not kind.min_open:
+        words += " on"
+    return words
+
+
+def image_size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
+    """Return width and height in pixels of a WIDTHxHEIGHT.
+
+    Raises:
+        BadParameter: It is not a size.
+    """
+    match = re.fullmatch(r"([1-9]\d{0,4})[xX]([1-9]\d{0,4})", value)
+    if match is None:
+        raise click.BadParameter(f"expected a size such as 640x360, got '{value}'", ctx, param)
+    return int(match[1]), int(match[2])
+
+
+def node_policies(
+    ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
+) -> dict[str, str]:
+    """Return the names of policies by node of several NODE=NAME.
+
+    Raises:
+        BadParameter: one is malformed, or two are about the same node.
+    """
+    policies: dict[str, str] = {}
+    for value in values:
+        node, _, policy = value.rpartition("=")
+        if not (node and policy):
+            raise click.BadParameter(
+                f"expected NODE=NAME, such as Explore=segmentation, got '{value}'", ctx, param
+            )
+        if node in policies:
+            raise click.BadParameter(f"node '{node}' is given two policies", ctx, param)
+        policies[node] = policy
+    return policies
+
+
+def ros_packages(
+    ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
+) -> dict[str, Path]:
+    """Return the folders of several NAME=DIR.
+
+    Raises:
+        BadParameter: one is malformed or no folder, or two are about the same package.
+    """
+    packages: dict[str, Path] = {}
+    for value in values:
+        name, _, folder = value.partition("=")
+        if not name or not Path(folder or "?").is_dir():
+            message = f"expected NAME=DIR, a folder that exists; got '{value}'"
+            raise click.BadParameter(message, ctx, param)
+        if name in packages:
+            raise click.BadParameter(f"package '{name}' is given two folders", ctx, param)
+        packages[name] = Path(folder)
+    return packages
