@@ -1,9 +1,9 @@
 """The heading controller: a PID from bearing error to yaw rate.
 
-The drone answers a yaw-rate command like a first-order lag behind a dead time; with the integration
-to an angle the loop is a lag-plus-integrator, for which a PID with a small integral part does well.
-The gains are designed on the twin's identified response (`benchmarks.heading_design`); a test keeps
-the margins, and `benchmarks/heading.py` prints them.
+The drone responds to a yaw-rate command like a first-order lag with a dead time. With the
+integration to an angle the loop is a lag plus an integrator, which a PID with a small integral part
+controls well. The gains were designed on the twin's identified response
+(`benchmarks.heading_design`). A test checks the margins, and `benchmarks/heading.py` prints them.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ class HeadingGains:
     """Gains of the heading PID."""
 
     # rad/s per rad: the largest tenth with 6 dB and 45 deg of margin in the twin's profile
-    # `harsh`, whose heading is heard 0.12 to 0.32 s late (tests/benchmarks/test_heading_design.py)
+    # `harsh`, whose heading arrives 0.12 to 0.32 s late (tests/benchmarks/test_heading_design.py)
     proportional: float = 1.2
-    integral: float = 0.10  # 1/s^2: takes out the bearing offset that a steady drift leaves
+    integral: float = 0.10  # 1/s^2: removes the bearing offset that a steady drift leaves
     derivative: float = 0.10  # damps the approach to the target heading
     max_yaw_rate_radps: float = 1.0  # the output's limit
-    # The integral only works this close to the target: it is there for a steady drift, and what it
-    # gathered on a long turn, at the output's limit, would carry the heading past the target.
+    # The integral only acts this close to the target. It corrects a steady drift; accumulated on a
+    # long turn at the output's limit, it would cause an overshoot.
     integral_zone_rad: float = math.radians(12)
 
     def __post_init__(self) -> None:
@@ -48,7 +48,7 @@ class HeadingController:
     def __init__(self, gains: HeadingGains | None = None) -> None:
         self.gains = gains or HeadingGains()
         limit = self.gains.max_yaw_rate_radps
-        # simple-pid also holds the integral inside the output limits; `update` does the rest of the
+        # simple-pid also clamps the integral to the output limits; `update` does the rest of the
         # anti-windup.
         self._pid = PID(
             self.gains.proportional,
@@ -62,7 +62,7 @@ class HeadingController:
         self._output = 0.0
 
     def reset(self) -> None:
-        """Forget the past; call it when the controller takes over."""
+        """Reset the controller; call it when the controller takes over."""
         self._pid.reset()
         self._last_s = None
         self._output = 0.0
@@ -70,24 +70,24 @@ class HeadingController:
     def update(self, bearing_rad: float, now_s: float) -> float:
         """Return the yaw rate, rad/s, that turns the heading towards a bearing.
 
-        Asked twice at one time it gives the same answer: time has to pass for a new one.
+        A second call at the same time returns the same yaw rate.
 
         Args:
-            bearing_rad: of the target from the heading, clockwise positive, within [-pi, pi].
-            now_s: the mission clock.
+            bearing_rad: Bearing of the target from the heading, clockwise positive, in [-pi, pi].
+            now_s: Time of the mission clock.
 
         Raises:
-            ValueRangeError: bearing or time is not finite; the past is kept.
+            ValueRangeError: bearing or time is not finite; the state is unchanged.
         """
         if not (math.isfinite(bearing_rad) and math.isfinite(now_s)):
             raise ValueRangeError(f"bearing and time must be finite, got {bearing_rad}, {now_s}")
         if self._last_s is not None and now_s <= self._last_s:
             return self._output
-        # The first call has no past: any small step makes the integral negligible.
+        # The first call has no predecessor: with a small time step the integral is negligible.
         dt = 1e-6 if self._last_s is None else now_s - self._last_s
         self._last_s = now_s
         inside = abs(bearing_rad) <= self.gains.integral_zone_rad
         self._pid.Ki = self.gains.integral if inside else 0.0
-        # simple-pid's error is setpoint minus input: the heading lags the target by the bearing.
+        # simple-pid's error is setpoint minus input, so the input is minus the bearing.
         self._output = float(self._pid(-bearing_rad, dt=dt) or 0.0)
         return self._output
