@@ -28,7 +28,7 @@ class FastestPaths:
 
     @cached_property
     def parents(self) -> NDArray[np.intp]:
-        """(N,) index in `reached` of the cell before each; the start's is its index."""
+        """(N,) index in `reached` of the cell before each; the start precedes itself."""
         number = np.full(self.time_s.size, -1)
         number[self.reached] = np.arange(len(self.reached))
         before = self.before.reshape(-1)[self.reached]
