@@ -1,4 +1,4 @@
-"""Times the stages of a tick that cost something, for the flight report."""
+"""Timer of a tick's costly stages, for the flight report."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from uav_bt.board.context import MissionContext
 
 
 class StageTimer:
-    """Adds the wall time of one stage to the mission's figures."""
+    """Adds the wall time of one stage to the mission's stage times."""
 
     def __init__(self, mission: MissionContext, stage: str) -> None:
         self._times = mission.stage_times_s.setdefault(stage, [])

@@ -1,4 +1,4 @@
-"""Avoid: turn away from what blocks the path until it is free."""
+"""Avoid: turn away from an obstacle or edge until the path is free."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from uav_bt.types import DroneState
 
 
 class Avoid(SteeringLeaf):
-    """Turn away until the policy finds the path free; SUCCESS at once when it is already.
+    """Turn away until the policy finds the path free; SUCCESS at once if it is free already.
 
-    SUCCESS, too, when a look round has left the policy nothing to do.
+    Also SUCCESS when the policy answers `Done`.
     """
 
     ports = (*SteeringLeaf.ports, GIVES_WAY)
 
     def initialise(self) -> None:
-        """Forget the last turn."""
+        """Drop the last turn."""
         self.drop_course()
 
     def work(self, state: DroneState) -> Status:
-        """Go on turning until the policy finds the path free."""
+        """Turn until the policy finds the path free."""
         if self.gives_way() or self.moving(state):
             return Status.RUNNING
         answer = self.decide()
@@ -31,10 +31,10 @@ class Avoid(SteeringLeaf):
             case Advance() if self.turning and self.turn_is_complete:
                 self.turn_back(state)
                 return Status.RUNNING
-            # A leg and a rotation lead to a heading, wherever the camera points.
+            # Legs and rotations state a heading, so the drone need not face it first.
             case Advance() | FollowLeg() | Rotate() if self.turn_is_complete:
                 return Status.SUCCESS
-        # The turn itself takes seconds in which the drone drifts: first clear an intrusion.
+        # A turn takes seconds, in which the drone drifts: first step away from a near obstacle.
         if answer is None or not self.make_room():
             self.keep_turning(state, answer.yaw_rad if isinstance(answer, Blocked) else None)
         return Status.RUNNING

@@ -1,4 +1,4 @@
-"""CorridorClear: is there room ahead? With it a tree file vetoes what a policy chooses."""
+"""CorridorClear: condition for free space ahead, with which a tree can veto a policy."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from uav_bt.types import HeldTurn
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorClearConfig:
-    """How the carpet ahead is measured, and when the pad ahead makes up for it."""
+    """How the carpet ahead is measured, and when the pad ahead counts as carpet."""
 
-    pad_ahead_rad: float = math.radians(20)  # from ahead; the carpet goes on to a pad there
-    pad_below_m: float = 0.5  # nearer, the pad is below the view: its bearing does not matter
-    rule: CorridorRuleConfig = field(default_factory=CorridorRuleConfig)  # of the carpet's reach
+    pad_ahead_rad: float = math.radians(20)  # largest bearing of a pad that the carpet extends to
+    pad_below_m: float = 0.5  # a pad nearer than this is below the view, whatever its bearing
+    rule: CorridorRuleConfig = field(default_factory=CorridorRuleConfig)  # for the carpet's reach
 
 
 class CorridorClear(Leaf):
     """SUCCESS while there is room ahead, between obstacles and on the carpet; FAILURE otherwise.
 
-    An unknown or stale corridor is a FAILURE. The defaults ask for less room than the rule
-    `corridor` does: where that advances this succeeds, so the two never alternate for ever.
+    FAILURE on an unknown or stale corridor. The defaults require less room than the rule
+    `corridor`: this condition succeeds wherever that rule advances, so the two cannot alternate
+    forever.
     """
 
     config: ClassVar[CorridorClearConfig] = CorridorClearConfig()
@@ -79,7 +80,7 @@ class CorridorClear(Leaf):
         self._carpet_ends = False
 
     def update(self) -> Status:
-        """Compare the corridor, the obstacles of the map and the carpet with what the ports ask."""
+        """Compare the corridor, the obstacles of the map and the carpet with the ports."""
         self.feedback_message = self._objection()
         return Status.FAILURE if self.feedback_message else Status.SUCCESS
 
@@ -99,14 +100,14 @@ class CorridorClear(Leaf):
         return "carpet ends" if self._carpet_is_short() and not self._pad_is_ahead() else ""
 
     def _pad_is_ahead(self) -> bool:
-        """Return whether the path ahead leads to the pad, which stands on carpet."""
+        """Return whether the pad, which stands on carpet, is ahead."""
         cfg, pad = self.config, self.read(HELIPAD).value
         return pad is not None and (
             abs(pad.bearing_rad) < cfg.pad_ahead_rad or pad.range_m < cfg.pad_below_m
         )
 
     def _carpet_is_short(self) -> bool:
-        """Return whether the carpet ends ahead, by the newest view that has a class map."""
+        """Return whether the carpet ahead is too short in the newest view with a class map."""
         seen = current_view(self)
         if seen is not None:
             view = policy_view(self, *seen, held=HeldTurn(), tie_break=0.5)

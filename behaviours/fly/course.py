@@ -1,4 +1,4 @@
-"""A course: a heading and a speed, flown on between the answers of a policy."""
+"""Course: a heading and a speed that are held between the answers of a policy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 from behaviours.fly.heading_control import HeadingController
 from uav_bt.answers import FollowLeg, Rotate
 
-_LASTS_S: Final = 0.5  # chosen: a course is flown up to this time without a new answer
+_LASTS_S: Final = 0.5  # chosen: a course ends after this time without a new answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,19 +27,19 @@ class Course:
         self._ordered: _Ordered | None = None
 
     def drop(self) -> None:
-        """Forget the course."""
+        """Drop the course."""
         self._ordered = None
         self._heading.reset()
 
     def follow(
         self, answer: FollowLeg | Rotate | None, *, yaw_rad: float, now_s: float
     ) -> tuple[float, float] | None:
-        """Return the speed, m/s, and the yaw rate, rad/s; None when no course is left.
+        """Return the speed, m/s, and the yaw rate, rad/s; None without a course.
 
         Args:
-            answer: to a new view; None without one.
-            yaw_rad: of the drone.
-            now_s: of the mission clock.
+            answer: The answer to a new view; None without a new view.
+            yaw_rad: Heading of the drone.
+            now_s: Time of the mission clock.
         """
         if answer is not None:
             speed_mps = answer.speed_mps if isinstance(answer, FollowLeg) else 0.0

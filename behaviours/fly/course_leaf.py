@@ -1,4 +1,4 @@
-"""The base of the leaves that fly courses: a heading and a speed, held between answers."""
+"""Base of the leaves that fly courses: a heading and a speed, held between answers."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class CourseConfig:
 
 
 class CourseLeaf(MovingLeaf):
-    """Base of the leaves that fly at a speed, and keep away from obstacles meanwhile."""
+    """Base of the leaves that fly at a speed and keep away from obstacles."""
 
     course: ClassVar[CourseConfig] = CourseConfig()
     reads: ClassVar[tuple[Key[Any], ...]] = (
@@ -57,7 +57,7 @@ class CourseLeaf(MovingLeaf):
         SITE_MAP,
     )
     writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, HELD_TURN)
-    resumes = False  # an interrupted movement is decided anew, on the view of that time
+    resumes = False  # after an interruption the leaf decides anew, on a new view
 
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a course."""
@@ -68,11 +68,11 @@ class CourseLeaf(MovingLeaf):
         self._giving_way = GivingWay(replace(giving_way, margins=margins))
 
     def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
-        """Fly ahead at a speed while the heading follows, without a stop between answers.
+        """Fly ahead at a speed while the heading is controlled, without a stop between answers.
 
         Args:
-            state: Of the drone.
-            answer: The new one; None to fly on the last for a while.
+            state: The drone's state.
+            answer: The new answer; None to keep the last one for a while.
         """
         cfg, yaw_rad = self.course, state.attitude.yaw_rad
         if isinstance(answer, FollowLeg) and answer.speed_mps > 0.0:
@@ -85,7 +85,7 @@ class CourseLeaf(MovingLeaf):
             self.propose(self.turn_keeping_away(yaw_rate))
             return
         down_mps = cfg.climb_per_s * self.too_high_m(state)
-        # The heading follows the route; a push along it would change its speed.
+        # Only the sideways push is used: a push along the route would change the speed.
         _, right_mps = self._push_mps()
         self.propose(
             Velocity(
@@ -99,13 +99,13 @@ class CourseLeaf(MovingLeaf):
     def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
         """Return a turn on the spot that moves away from obstacles that are too near.
 
-        A hovering drone drifts, also to where the camera does not point.
+        A hovering drone drifts, also towards places that the camera does not show.
         """
         forward_mps, right_mps = self._push_mps()
         return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
 
     def give_way(self) -> bool:
-        """Stop for what moves, or get out of its way; False when nothing comes too near."""
+        """Stop for a mover or get out of its way; False when none comes too near."""
         velocity = self._giving_way.velocity(
             self.read(SITE_MAP).value,
             self.obstacles(),
@@ -120,27 +120,27 @@ class CourseLeaf(MovingLeaf):
         return True
 
     def drop_course(self) -> None:
-        """Forget movement and course."""
+        """Drop movement and course."""
         self._step.drop(self.clock.now())
         self._course.drop()
 
     def obstacles(self) -> NearObstacles | None:
-        """Return the obstacles near the drone, on the map or not; None without a map."""
+        """Return the obstacles near the drone, mapped or not; None without a map."""
         site_map = self.read(SITE_MAP).value
         return None if site_map is None else site_map.near
 
     def yaw_rad(self, state: DroneState) -> float:
-        """Return telemetry's heading, carried on to now as far as the odometry knows it."""
+        """Return the heading of telemetry, extrapolated to now if there is odometry."""
         motion = self.read(ODOMETRY).value
         return state.attitude.yaw_rad if motion is None else motion.reported_yaw_rad
 
     def too_high_m(self, state: DroneState) -> float:
-        """Return the error in height; 0 where no leaf has set a flight height."""
+        """Return the height above the flight height, metres; 0 if no flight height is set."""
         flight_height_m = self.read(FLIGHT_HEIGHT).value
         return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
 
     def ground_pitch_rad(self, flight_rad: float) -> float:
-        """Return the camera's pitch: as in flight, lower if that showed little ground.
+        """Return the camera's pitch: the flight pitch, or lower if that would show little ground.
 
         Args:
             flight_rad: The pitch in flight, negative down.
@@ -150,7 +150,7 @@ class CourseLeaf(MovingLeaf):
         if site_map is None or motion is None or camera is None or state is None:
             return flight_rad
         if site_map.movers:
-            return flight_rad  # what moves is to stay in view
+            return flight_rad  # keeps movers in view
         return ground_pitch_rad(site_map, camera, flight_rad, state.height_above_carpet_m)
 
     def _push_mps(self) -> tuple[float, float]:

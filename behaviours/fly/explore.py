@@ -1,4 +1,4 @@
-"""Explore: advance step by step for as long as the policy finds the path free."""
+"""Explore: advance step by step while the policy finds the path free."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Explore(SteeringLeaf):
     ports = (*SteeringLeaf.ports, FLOWING, GIVES_WAY)
 
     def initialise(self) -> None:
-        """Write the mission's phase; only views from now on count."""
+        """Write the mission's phase; only views captured from now on count."""
         self.write(PHASE, MissionPhase.EXPLORE)
         self.drop_course()
 
     def work(self, state: DroneState) -> Status:
-        """Go on with a step in progress, or begin the next if the policy finds the path free."""
+        """Continue the step in progress, or begin the next if the policy finds the path free."""
         if self.gives_way() or self.flow(state) or self.moving(state):
             return Status.RUNNING
         match self.decide():

@@ -1,4 +1,4 @@
-"""GiveWay: the leaf that comes first where things move."""
+"""GiveWay: stop for movers and get out of their way, ahead of the other leaves."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from uav_bt.types import DroneState
 
 
 class GiveWay(CourseLeaf):
-    """Stop for what moves, and get out of its way; FAILURE when nothing comes too near.
+    """Stop for a mover, and get out of its way; FAILURE when none comes too near.
 
     As the first child of a `ReactiveFallback` it interrupts the others.
     """
@@ -23,7 +23,7 @@ class GiveWay(CourseLeaf):
     )
 
     def update(self) -> Status:
-        """Give way where the port says so; without telemetry the others decide."""
+        """Give way if the port says so; without telemetry FAILURE: others decide."""
         return super().update() if self.state() is not None else Status.FAILURE
 
     def work(self, state: DroneState) -> Status:
@@ -33,5 +33,5 @@ class GiveWay(CourseLeaf):
         return Status.RUNNING if gives_way else Status.FAILURE
 
     def gimbal_pitch_rad(self) -> float:
-        """Return the pitch in flight: what moves is to stay in view."""
+        """Return the pitch in flight, which keeps movers in view."""
         return math.radians(self.port_value("gimbal_deg"))

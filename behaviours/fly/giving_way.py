@@ -1,4 +1,4 @@
-"""Give way to what moves: stop, or get out of its way, and keep it in view."""
+"""Giving way to movers: stop or get out of their way, and keep the nearest one in view."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class GivingWayConfig:
     """How the drone gives way. The numbers were chosen in flights among movers in the twin.
 
     Attributes:
-        way_out: How ways out are tried.
-        margins: Distances from standing things. Obstacles may come a little nearer than on a route,
-            the edge of the ground may not: it may be out of view, because the drone flies backwards
-            and sideways, too.
-        in_view_rad: The nearest mover is in view below this bearing.
+        way_out: Parameters of the search for ways out.
+        margins: Distances from static obstacles and edges. Obstacles may be slightly nearer than on
+            a route. Edges may not: the drone also flies backwards and sideways, where an edge may
+            be out of view.
+        in_view_rad: A mover within this bearing counts as in view.
         watch_per_s: Yaw rate per radian of that bearing.
         watch_radps: Highest yaw rate.
-        stale_s: A way is flown on for this time without a new view.
+        stale_s: The drone stops when there was no new view for this time.
     """
 
     way_out: WayOutConfig = field(default_factory=WayOutConfig)
@@ -50,15 +50,15 @@ class GivingWayConfig:
 
 
 class GivingWay:
-    """Decides on each new map whether the drone gives way, and where to.
+    """Decides on each new map whether the drone gives way, and in which direction.
 
     Args:
-        config: How it gives way.
+        config: How the drone gives way.
     """
 
     def __init__(self, config: GivingWayConfig | None = None) -> None:
         self.config = config or GivingWayConfig()
-        self._decided_s = -math.inf  # capture of the map of the last decision
+        self._decided_s = -math.inf  # capture time of the map of the last decision
         self._way: WayOut | None = None
 
     @property
@@ -74,7 +74,7 @@ class GivingWay:
         *,
         now_s: float,
     ) -> Velocity | None:
-        """Return the velocity that gives way; None when nothing comes too near.
+        """Return the velocity that gives way, in the body frame; None when nothing comes too near.
 
         Args:
             site_map: The newest map; None without one.
@@ -89,7 +89,7 @@ class GivingWay:
             self._decided_s = site_map.captured_s
             self._way = self._decide(site_map, obstacles, motion)
         elif self._way is not None and now_s - self._decided_s > self.config.stale_s:
-            self._way = WayOut()  # without a new view the way may have ended
+            self._way = WayOut()  # the way may end where no new view has shown it
         if self._way is None:
             return None
         over_ground_mps = np.array([[self._way.x_mps, self._way.y_mps]])
@@ -101,7 +101,7 @@ class GivingWay:
         )
 
     def _watching_radps(self, site_map: SiteMap) -> float:
-        """Return the turn that keeps the nearest mover in view."""
+        """Return the yaw rate that keeps the nearest mover in view."""
         cfg = self.config
         places_m = [site_map.pose.to_body(mover.x_m, mover.y_m) for mover in site_map.movers]
         forward_m, right_m = min(places_m, key=lambda place_m: math.hypot(*place_m))

@@ -1,4 +1,4 @@
-"""Leaves that fly to the landing mark: over the map, round a blocked way, and the last metre."""
+"""Leaves that fly to the landing mark: by the map, around an obstacle, and the last metre."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class MarkLeaf(CourseLeaf):
     ports: ClassVar[tuple[Port[Any], ...]] = (GIMBAL,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Begin with the camera as in flight."""
+        """Begin with the camera at the pitch in flight."""
         super().on_setup(mission)
         self._looking = LookingDown()
 
@@ -69,20 +69,22 @@ class MarkLeaf(CourseLeaf):
 
 @dataclass(frozen=True, kw_only=True)
 class GoToMarkConfig:
-    """How the mark is flown to. The numbers were chosen in flights on the training scenes.
+    """How the drone flies to the mark. The numbers were chosen in flights on the training scenes.
 
     Attributes:
         margins: Distances that the route keeps.
-        follow: How it is followed.
-        near_m: The route may end this near to the mark.
-        far_m: If no route does, it may end this near.
-        nearer_m: Where no known ground leads there, the route ends at least this much nearer to it.
-        doubted_s: A map that the views contradict for longer is not flown by.
-        unplaced_rad: An obstacle of unknown range this near to ahead stops the drone.
-        blocked_s: Stopped by one for this time, even with the camera down, the way is blocked.
-        detour_s: A blocked way is asked for again after this time.
-        straight_more_m: Without a map the straight way keeps this and `touch_m` from obstacles,
-        before_m: as far as this before the mark.
+        follow: How the route is followed.
+        near_m: Preferred largest distance from the route's end to the mark.
+        far_m: Largest distance from the route's end to the mark if no route ends within `near_m`.
+        nearer_m: If no route ends within `far_m`, a route must end at least this much nearer to the
+            mark than the drone is.
+        doubted_s: The map is not used when the views have contradicted it for longer.
+        unplaced_rad: Half angle ahead in which an obstacle of unknown range stops the drone.
+        blocked_s: The way counts as blocked when such an obstacle has stopped the drone for longer.
+        detour_s: The leaf fails for this time after the way was blocked.
+        straight_more_m: The straight way without a usable map keeps `touch_m` and this from
+            obstacles.
+        before_m: The straight way is checked up to this distance before the mark.
     """
 
     margins: Margins = field(default_factory=Margins)
@@ -99,10 +101,10 @@ class GoToMarkConfig:
 
 
 class GoToMark(MarkLeaf):
-    """Fly to the tracked landing mark over the map; SUCCESS where its last metre is clear.
+    """Fly to the tracked landing mark over the map; SUCCESS where the last metre to it is clear.
 
-    Without a map, or by one that the views contradict, it flies straight to the mark while no
-    obstacle is near that way. FAILURE when no way is known, and when the track is lost.
+    Without a map, or while the views contradict it, the drone flies straight to the mark as long as
+    no obstacle is near that path. FAILURE when no path is known or the track is lost.
     """
 
     config: ClassVar[GoToMarkConfig] = GoToMarkConfig()
@@ -112,7 +114,7 @@ class GoToMark(MarkLeaf):
         """Begin without a route."""
         super().on_setup(mission)
         self._margins = self.config.margins.within(mission.clearances, mission.mark)
-        self._planned_s = -math.inf  # capture of the newest map that was planned on
+        self._planned_s = -math.inf  # capture time of the map of the last plan
         self._blocked_until_s = self._clear_s = -math.inf
 
     def initialise(self) -> None:
@@ -123,7 +125,7 @@ class GoToMark(MarkLeaf):
         self.drop_course()
 
     def work(self, state: DroneState) -> Status:
-        """Plan on each new map, and fly on between two."""
+        """Plan on each new map; follow the last plan in between."""
         fix, now_s = believed_fix(self), self.leaf_clock.now()
         if fix is None or now_s < self._blocked_until_s:
             return Status.FAILURE
@@ -149,25 +151,25 @@ class GoToMark(MarkLeaf):
         return Status.RUNNING
 
     def _plan(self, site_map: SiteMap | None, fix: HelipadFix) -> FollowLeg | Rotate | None:
-        """Return the course; None when no way is known."""
+        """Return the course; None when no path is known."""
         if site_map is None or site_map.contradicted_s > self.config.doubted_s:
             return self._straight(fix)
         self._planned_s = site_map.captured_s
         return self._over(site_map, fix)
 
     def _is_blocked_ahead(self, fix: HelipadFix) -> bool:
-        """Return whether something of unknown range stands ahead, further than at the mark."""
+        """Return whether an obstacle of unknown range is ahead, with the mark some way off."""
         near = TRACK.at_mark_m < fix.range_m <= TRACK.look_down_m
         return near and shows_unplaced(self.obstacles(), self.config.unplaced_rad)
 
     def _over(self, site_map: SiteMap, fix: HelipadFix) -> FollowLeg | Rotate | None:
-        """Return the course over the map; None when it knows no way."""
+        """Return the course over the map; None when the map has no path."""
         cfg = self.config
         to = site_map.pose.to_world(fix.forward_m, fix.right_m)
         recent = recent_obstacles(self.obstacles(), site_map, unmapped_s=cfg.follow.unmapped_s)
         maps = ClearanceMaps(site_map, recent, self._margins, crossing=True, over=to)
         route = maps.route_to(to, near_m=cfg.near_m, far_m=cfg.far_m)
-        if route is None:  # as near as the known ground leads: from there more is seen
+        if route is None:  # fly as near as known ground leads; from there more is seen
             nearer_m = fix.range_m - cfg.nearer_m
             route = maps[Passage.ORDINARY].route_to(to, near_m=cfg.near_m, far_m=nearer_m)
         if route is None or len(route.path_m) == 1:
@@ -182,9 +184,9 @@ class GoToMark(MarkLeaf):
         )
 
     def _straight(self, fix: HelipadFix) -> FollowLeg | Rotate | None:
-        """Return the straight course; None when something that was seen is near it."""
+        """Return the straight course; None when a seen obstacle is near it."""
         cfg, reading = self.config, self.read(SITE_MAP)
-        if reading.value is None:  # a tree may do without; a stale reading permits nothing
+        if reading.value is None:  # a tree may lack a map; a stale map permits nothing
             return straight_to(fix) if math.isinf(reading.age_s) else None
         share = max(fix.range_m - cfg.before_m, 0.0) / max(fix.range_m, cfg.before_m)
         to = share * fix.forward_m, share * fix.right_m
@@ -193,30 +195,30 @@ class GoToMark(MarkLeaf):
 
 
 class StopAboveMark(MarkLeaf):
-    """Fly the last metre by the track, straight; SUCCESS above the mark, FAILURE when it is lost.
+    """Fly the last metre straight by the track; SUCCESS above the mark, FAILURE when it is lost.
 
-    The mark may have left the view below.
+    The mark may have left the view by the lower edge.
     """
 
     ports = (*MarkLeaf.ports, ARRIVE)
     writes = (*MarkLeaf.writes, TRACK_TRIED)
-    # Passed, and this near beside or behind, the mark is shown by a camera that looks straight down
+    # A mark behind the drone and nearer than this is in view of a camera that looks straight down
     # (chosen).
     passed_m: ClassVar[float] = 0.35
 
     def initialise(self) -> None:
-        """Forget the course to here."""
+        """Drop the course."""
         super().initialise()
         self.drop_course()
 
     def work(self, state: DroneState) -> Status:
-        """Fly on until above it."""
+        """Fly on until above the mark."""
         fix = believed_fix(self)
         if fix is None:
             return Status.FAILURE
         passed = fix.forward_m < 0.0 and fix.range_m < self.passed_m
         if passed or fix.range_m < self.port_value("arrive_m"):
-            # Where no mark is found below, the track is not tried again until it is seen again.
+            # If no mark is found below, the track counts again only after a new sighting.
             self.write(TRACK_TRIED, fix.captured_s)
             return Status.SUCCESS
         if not is_clear(self, fix):
@@ -230,7 +232,7 @@ class StopAboveMark(MarkLeaf):
 class Detour(SteeringLeaf):
     """Turn away and take steps as a leaf policy decides; FAILURE after them, or without a track.
 
-    It ends in FAILURE, so that what follows it faces the mark again.
+    It ends in FAILURE, so that the next leaf faces the mark again.
     """
 
     ports = (
@@ -248,12 +250,12 @@ class Detour(SteeringLeaf):
     reads = (*SteeringLeaf.reads, *TRACK_KEYS)
 
     def initialise(self) -> None:
-        """Begin; only views from now on count."""
+        """Begin; only views captured from now on count."""
         self.drop_course()
         self._begun, self._steps = False, 0
 
     def work(self, state: DroneState) -> Status:
-        """Go on with a step or a turn, or begin the next."""
+        """Continue a step or a turn, or begin the next one."""
         if believed_fix(self) is None:
             return Status.FAILURE
         away_rad = math.radians(self.port_value("turn_away_deg"))
@@ -268,5 +270,5 @@ class Detour(SteeringLeaf):
         return Status.RUNNING
 
     def gimbal_pitch_rad(self) -> float:
-        """Return the pitch in flight: a policy knows views of one pitch."""
+        """Return the pitch in flight: policies expect views at that pitch."""
         return math.radians(self.port_value("gimbal_deg"))

@@ -28,13 +28,13 @@ class UnderPolicyConfig:
     """When the way is free. The numbers were chosen in flights of the student beside boxes.
 
     Attributes:
-        before_m: What stands this much before the mark's middle is not on the way.
-        min_free_m: Less free distance, and less than to the mark, is an obstacle before it.
-        judged_s: The policy's last answer is flown by for this time.
-        close_m: Nearer than this, a mark out of view is below it. Further away something hides it.
-        nearer_m: Stopped this much nearer to the mark, the drone is before another obstacle.
-        tries: Detours in vain to one side, before the other one is tried.
-        relieved_after: Detours in vain, after which the policy is asked as after a full turn.
+        before_m: The way only needs to be free up to this distance before the mark's middle.
+        min_free_m: The way is blocked when less is free, unless the mark is nearer.
+        judged_s: The policy's last answer is valid for this time.
+        close_m: Nearer than this, a mark out of view is below it. Further away it is hidden.
+        nearer_m: A stop this much nearer to the mark than the last one is at another obstacle.
+        tries: Failed detours to one side before the other side is tried.
+        relieved_after: Failed detours after which the policy is asked as after a full turn.
     """
 
     before_m: float = 0.35
@@ -47,14 +47,14 @@ class UnderPolicyConfig:
 
 
 def free_ahead_m(answer: Answer) -> float:
-    """Return how far a policy finds the way free of obstacles, wherever the ground ends."""
+    """Return how far a policy finds the way free of obstacles, regardless of the ground's end."""
     match answer:
         case Advance():
             return math.inf if answer.free_m is None else max(answer.free_m, answer.forward_m)
         case Blocked():
             unknown_m = math.inf if answer.ground_ends else 0.0
             return unknown_m if answer.free_m is None else answer.free_m
-        case FollowLeg() | Rotate():  # they do not report how far the way is free
+        case FollowLeg() | Rotate():  # no free distance in these answers
             return math.inf
         case Done():
             return 0.0
@@ -63,9 +63,9 @@ def free_ahead_m(answer: Answer) -> float:
 class GoToMarkUnderPolicy(SteeringLeaf):
     """Turn to the tracked mark, and fly straight while the policy finds the way free.
 
-    SUCCESS where the last metre begins. FAILURE when the way is blocked: it holds a turn then, in
-    whose direction `Detour` begins. The side is kept until it has failed a few times: from a step
-    further on the policy may prefer the other side, and would fly to and fro.
+    SUCCESS where the last metre begins. FAILURE when the way is blocked; `Detour` then begins in
+    the direction of the held turn. The side is kept until `tries` detours have failed: a step
+    further on, the policy may prefer the other side, and the drone would fly to and fro.
     """
 
     config: ClassVar[UnderPolicyConfig] = UnderPolicyConfig()
@@ -73,10 +73,10 @@ class GoToMarkUnderPolicy(SteeringLeaf):
     reads = (*SteeringLeaf.reads, *TRACK_KEYS)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Find the policy; no obstacle was met yet."""
+        """Find the policy."""
         super().on_setup(mission)
-        self._side = 0  # of the detours round the obstacle: +1 clockwise, -1 counter-clockwise
-        self._stopped_m = math.inf  # range of the mark where the obstacle was met
+        self._side = 0  # side of the detours: +1 clockwise, -1 counter-clockwise
+        self._stopped_m = math.inf  # range of the mark at the last obstacle
         self._in_vain = 0
 
     def initialise(self) -> None:
@@ -106,7 +106,7 @@ class GoToMarkUnderPolicy(SteeringLeaf):
         return Status.RUNNING
 
     def gimbal_pitch_rad(self) -> float:
-        """Return the pitch in flight: a policy knows views of one pitch."""
+        """Return the pitch in flight: policies expect views at that pitch."""
         return math.radians(self.port_value("gimbal_deg"))
 
     def _blocked(self, fix: HelipadFix, answer: Answer) -> Status:

@@ -1,10 +1,9 @@
 """HelipadCenter: point the camera straight down, climb a little, and centre it above the pad.
 
-It centres twice: from above, where the pad is sure to be in view, and again lower down, because the
-drone drifts while it descends and the last descent, which is blind, should be short. Centring is
-position-based visual servoing (Chaumette and Hutchinson, 2006): a velocity in proportion to what
-the camera is off, on every frame. In gusts, steps do not come to an end: each is some centimetres
-off by the time it is over.
+The leaf centres twice: high up, where the pad is in view, and again lower down. The drone drifts
+while it descends, and the last descent, which is blind, should be short. Centring is position-based
+visual servoing (Chaumette and Hutchinson, 2006): a velocity in proportion to the camera's offset,
+updated on every frame. Steps would not converge in gusts: each ends some centimetres off.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from uav_bt.types import CameraModel, DroneState, HelipadFix, MissionPhase, Velo
 class CenterConfig:
     """When a view counts, and when to climb for a wider one."""
 
-    pitch_slack_rad: float = math.radians(5)  # off straight down, at which a detection counts
-    wait_s: float = 1.0  # without a detection at one height, then the drone climbs to see more
-    max_height_m: float = 2.2  # above the carpet: higher, only more of the boxes' roofs is in view
-    confirmations: int = 2  # detections within the tolerance before the pad counts as centred
-    gain_per_s: float = 0.8  # of the velocity; images may be 0.6 s late with it
+    pitch_slack_rad: float = math.radians(5)  # largest deviation from straight down
+    wait_s: float = 1.0  # time without a detection after which the drone climbs to see more
+    max_height_m: float = 2.2  # above the carpet: higher, only more box roofs come into view
+    confirmations: int = 2  # detections in a row within the tolerance that count as centred
+    gain_per_s: float = 0.8  # speed per offset; stable with images up to 0.6 s late
     max_mps: float = 0.25
-    held_s: float = 0.3  # without another detection the velocity is held for so long
+    held_s: float = 0.3  # the velocity is held for this time without a new detection
 
 
 class HelipadCenter(MovingLeaf):
@@ -83,14 +82,14 @@ class HelipadCenter(MovingLeaf):
         self._confirmed = 0
         self._judged_s = -math.inf
         self._course, self._steered_s = Velocity(), -math.inf
-        self._low = False  # centring the second time, lower down
+        self._low = False  # True while it centres the second time, lower down
 
     def gimbal_pitch_rad(self) -> float:
-        """Return straight down."""
+        """Return the pitch straight down."""
         return STRAIGHT_DOWN_RAD
 
     def work(self, state: DroneState) -> Status:
-        """Go on with a movement in progress, or judge the view and correct."""
+        """Continue the movement in progress, or judge the view and correct the offset."""
         if self.moving(state):
             return Status.RUNNING
         if self.progress is Progress.FAILED:
@@ -109,7 +108,7 @@ class HelipadCenter(MovingLeaf):
         return self._go_on_unseen(state)
 
     def _fix_from_above(self) -> HelipadFix | None:
-        """Return a detection made looking straight down since the last movement ended."""
+        """Return a new detection, looking straight down, since the last movement ended."""
         frame, fix = self.read(FRAME).value, self.read(HELIPAD).value
         if frame is None or fix is None or not fix.detected:
             return None
@@ -142,7 +141,7 @@ class HelipadCenter(MovingLeaf):
         return Velocity(forward_mps=per_s * forward_m, right_mps=per_s * right_m)
 
     def _go_on_unseen(self, state: DroneState) -> Status:
-        """Hold the course until the next frame is due; then wait, and climb to see more."""
+        """Hold the velocity until the next frame is due; then wait, and climb to see more."""
         if self.clock.now() - self._steered_s < self.config.held_s:
             self.propose(self._course)
             return Status.RUNNING

@@ -1,4 +1,4 @@
-"""Keep away from obstacles and edges: a step back, or a push while the drone turns."""
+"""Distance keeping from obstacles and edges: a step away, or a push while the drone moves."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uav_bt.types.site_map import SiteMap
 
 @dataclass(frozen=True, kw_only=True)
 class KeepAwayConfig:
-    """Distances at which the drone moves away, from the body's centre.
+    """Distances from the body's centre at which the drone moves away.
 
     Half of the body's diagonal is 0.2 m. The numbers were chosen in flights on the training scenes.
 
@@ -22,12 +22,12 @@ class KeepAwayConfig:
         room_step_m: Length of that step.
         keep_away_m: While it turns or flies on, the drone is pushed away from obstacles nearer than
             this. The push grows as the distance shrinks.
-        edge_nearer_m: The edge of the ground may be closer by this.
+        edge_nearer_m: The edge of the ground may be nearer than an obstacle by this.
         keep_away_per_s: Speed of the push per metre of intrusion.
         keep_away_mps: Highest speed of the push.
-        alike_m: Points this near to each other show one thing.
+        alike_m: Points within this distance of each other belong to one obstacle.
         outline_m: Distance between the points on the sides of an object.
-        min_range_m: Nearer points count as this far away, because their range is divided by.
+        min_range_m: Smaller ranges count as this, to avoid a division by zero.
     """
 
     intrusion_m: float = 0.38
@@ -46,19 +46,18 @@ def by_the_map(
 ) -> NearObstacles | None:
     """Return the obstacles near the drone, placed by the map if it has them.
 
-    Recent points are placed by dead reckoning and have drifted since; the map is matched to
-    every view.
+    Recent points are placed by dead reckoning and drift. The map is matched to every view.
 
     Args:
-        obstacles: around the drone, in its frame; None while they are not known.
-        site_map: The newest map; None without one. A map that views
-            contradict is not used.
+        obstacles: Obstacles around the drone, in the body frame; None while unknown.
+        site_map: The newest map; None without one. A map that views contradict is not used.
         config: Distances.
     """
     if obstacles is None or site_map is None or site_map.contradicted_s > 0.0:
         return obstacles
 
-    # Of most objects one side or two were seen: without the others the drone is pushed into them.
+    # Of most objects only one or two sides were seen. The outline adds the others; without them
+    # the push could lead into them.
     outlines = [each.outline_m(config.outline_m) for each in site_map.objects]
     seen = obstacles.within(config.keep_away_m + config.alike_m)
     lately, to_body = recent_obstacles(seen, site_map), site_map.pose.points_to_body
@@ -73,15 +72,15 @@ def by_the_map(
 def step_away_m(
     obstacles: NearObstacles | None, config: KeepAwayConfig, edge_m: float
 ) -> tuple[float, float] | None:
-    """Return a step away from an obstacle that is too near, forward and right.
+    """Return a step away from an obstacle that is too near, forward and right, metres.
 
     Args:
-        obstacles: around the drone, in its frame; None while they are not known.
+        obstacles: Obstacles around the drone, in the body frame; None while unknown.
         config: Distances.
-        edge_m: The step does not lead nearer to the edge of the ground, metres.
+        edge_m: Least distance of the step's end from the edge of the ground.
 
     Returns:
-        None when nothing is too near, or when the step would lead nearer to something else.
+        None if nothing is too near, or if the step would lead too near to something else.
     """
     if obstacles is None or obstacles.nearest_m >= config.intrusion_m:
         return None
@@ -97,12 +96,12 @@ def step_away_m(
 
 
 def push_away_mps(obstacles: NearObstacles | None, config: KeepAwayConfig) -> tuple[float, float]:
-    """Return the velocity away from obstacles that are too near, forward and right.
+    """Return the velocity away from obstacles that are too near, forward and right, m/s.
 
     Nearer points weigh more. Between two obstacles the drone stays in the middle.
 
     Args:
-        obstacles: around the drone, in its frame; None while they are not known.
+        obstacles: Obstacles around the drone, in the body frame; None while unknown.
         config: Distances.
     """
     if obstacles is None:

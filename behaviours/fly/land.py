@@ -1,4 +1,4 @@
-"""Land on the helipad, or, in an emergency, on any surface that holds the drone."""
+"""Land on the helipad, or in an emergency on any surface that holds the drone."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, MissionPhase
 from uav_bt.types import Land as LandCommand
 
-# Without telemetry for this time a landing begins where the drone is, seconds. Chosen: ten periods
-# of telemetry at 5 Hz; a shorter pause does not give up the step to the spot.
+# Seconds without telemetry after which the drone lands where it is. Chosen: ten periods of
+# telemetry at 5 Hz; a shorter gap does not cancel the step to the spot.
 _UNHEARD_S: Final = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class EmergencyLandConfig:
-    """Which views count, how large a spot is, and when the drone is above it.
+    """Limits for views, landing spots and the position above a spot.
 
     Attributes:
         pitch_slack_rad: deviation from straight down up to which a class map is used, radians.
             Chosen.
         tolerance_m: distance to the spot below which no step is flown, metres. Chosen; within
             `margin_m`.
-        margin_m: free distance around the hull, metres. Chosen: on the landing box of 0.5 m it is
-            all that a hull of 0.2 m half diagonal leaves.
+        margin_m: free distance around the hull, metres. Chosen: the landing box of 0.5 m leaves
+            no more around a hull with a half diagonal of 0.2 m.
     """
 
     pitch_slack_rad: float = math.radians(5)
@@ -39,7 +39,7 @@ class EmergencyLandConfig:
 
 
 class LandingLeaf(MovingLeaf):
-    """Base of the leaves that land: a landing that has begun needs no telemetry."""
+    """Base of the leaves that land; a landing that has begun needs no telemetry."""
 
     def initialise(self) -> None:
         """Note that the descent has not begun."""
@@ -52,10 +52,10 @@ class LandingLeaf(MovingLeaf):
         return Status.RUNNING
 
     def wait(self, state_age_s: float) -> Status:
-        """Go on landing; land here where telemetry has stopped for long.
+        """Continue a landing, or begin one when telemetry has stopped for too long.
 
         Args:
-            state_age_s: age of the newest telemetry, seconds; inf before the first.
+            state_age_s: Age of the newest telemetry; inf before the first.
         """
         stopped = _UNHEARD_S < state_age_s < math.inf
         return self.descend() if self._descends or stopped else Status.RUNNING
@@ -65,8 +65,8 @@ class Land(LandingLeaf):
     """Move the camera's offset forward, descend, stop the motors; SUCCESS on the ground.
 
     The leaf expects the landing mark below the camera, as `HelipadCenter` leaves it, and does not
-    look. After a pilot has taken over and handed back it flies no step: it lands where the pilot
-    left the drone, on whatever is there. A pilot who wants another place must not hand back.
+    check. After a pilot has taken over and handed back, it flies no step: it lands where the pilot
+    left the drone, whatever the surface. A pilot who wants another place must not hand back.
     """
 
     reads = (STATE, CAMERA)
@@ -96,11 +96,11 @@ class Land(LandingLeaf):
 class EmergencyLand(LandingLeaf):
     """Land on the nearest surface in view that holds the hull; FAILURE on the ground.
 
-    The surface is the ground or the top of the landing box, under the whole hull and a margin. For
-    `look_s` the leaf waits for such a place. Then it takes a place that holds the hull without a
-    margin. Without one it lands where it is: unseen ground further on is not known to be safer, and
-    the drone may not be able to fly for longer.
-    After a take-over it looks again.
+    The surface is the ground or the top of the landing box, under the whole hull and a margin. The
+    leaf waits up to `look_s` for such a place. Then it accepts a place that holds the hull without
+    a margin. Without one it lands where it is: unseen ground is not known to be safer, and the
+    drone may not be able to fly any longer.
+    After a take-over it looks for a place again.
     """
 
     config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
@@ -126,20 +126,20 @@ class EmergencyLand(LandingLeaf):
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Note how much room the drone's hull takes."""
+        """Note the radius of the hull and the height of the landing mark."""
         super().on_setup(mission)
         self._hull_m = mission.airframe.radius_m
         self._mark_m = mission.mark.height_m
 
     def initialise(self) -> None:
-        """Note the time; no spot has been found."""
+        """Note the time; no spot is known."""
         super().initialise()
         self.write(PHASE, MissionPhase.EMERGENCY_LANDING)
         self._started_s = self.leaf_clock.now()
         self._above_spot = False
 
     def gimbal_pitch_rad(self) -> float:
-        """Return straight down."""
+        """Return the pitch straight down."""
         return STRAIGHT_DOWN_RAD
 
     def work(self, state: DroneState) -> Status:
@@ -149,7 +149,7 @@ class EmergencyLand(LandingLeaf):
         if self.moving(state):
             return Status.RUNNING
         if self.progress is Progress.INTERRUPTED:
-            self._above_spot = False  # a person flew it elsewhere: look again
+            self._above_spot = False  # a pilot moved the drone: look again
         if self._above_spot:
             return self.descend()
         late = self.leaf_clock.now() - self._started_s > self.port_value("look_s")

@@ -1,8 +1,8 @@
-"""Finds a place to land by a class map of a view straight down.
+"""Search for a landing spot in the class map of a view straight down.
 
-A place is a disc that lies whole on one surface: on the ground, or on the top of the landing box.
-The two are at different heights, so each is measured in the plane of its surface. Pixels outside
-the image are unknown and count as occupied.
+A spot is a disc that lies entirely on one surface: the ground, or the top of the landing box. The
+two are at different heights, so each is measured in the plane of its surface. Pixels outside the
+image are unknown and count as occupied.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from uav_bt.types.projection import ground_points, project
 
 @dataclass(frozen=True)
 class LandingSpot:
-    """A free place to land, from the body's centre.
+    """A free place to land, relative to the body's centre.
 
     Attributes:
-        forward_m: distance ahead, metres.
-        right_m: distance to the right, metres.
+        forward_m: Distance ahead.
+        right_m: Distance to the right.
     """
 
     forward_m: float
@@ -39,14 +39,14 @@ class LandingSpot:
 def nearest_landing_spot(
     class_map: ClassMap, camera: CameraModel, frame: Frame, *, radius_m: float, mark_m: float
 ) -> LandingSpot | None:
-    """Return the nearest disc that lies whole on one surface, None without one in view.
+    """Return the nearest disc that lies entirely on one surface; None without one in view.
 
     Args:
-        class_map: (H, W) of a frame that looks straight down.
-        camera: intrinsics at the class map's size.
-        frame: the frame that the class map was made from.
-        radius_m: of the disc, metres.
-        mark_m: height of the landing mark's top above the ground, metres.
+        class_map: (H, W) class map of a frame that looks straight down.
+        camera: Intrinsics at the class map's size.
+        frame: The frame that the class map was made from.
+        radius_m: Radius of the disc.
+        mark_m: Height of the landing mark's top above the ground.
     """
     groups = group_of(class_map.ids)
     height_m = max(frame.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
@@ -66,17 +66,17 @@ def nearest_landing_spot(
 def _pad_top(
     pad: NDArray[np.bool_], camera: CameraModel, frame: Frame, scale: float
 ) -> NDArray[np.bool_]:
-    """Return the pixels that show the top of the landing box, not the side that faces the camera.
+    """Return the pixels that show the top of the landing box, without its visible sides.
 
     A point at the foot of the box appears nearer to the point straight below the camera than the
-    same point of the top, by the ratio of the camera's heights above top and ground. What that
-    ratio moves to a pixel outside the box is a side.
+    same point of the top, by the ratio of the camera's heights above top and ground. A pixel that
+    this ratio maps outside the box shows a side.
 
     Args:
         pad: (H, W), True where the landing box is seen.
-        camera: intrinsics at that size.
-        frame: gives the camera's pitch.
-        scale: height of the camera above the top over its height above the ground.
+        camera: Intrinsics at that size.
+        frame: Source of the camera's pitch.
+        scale: Height of the camera above the top over its height above the ground.
     """
     import cv2  # noqa: PLC0415 - `uav-bt check` imports this module and must answer at once
 
@@ -97,17 +97,17 @@ def _nearest(
     """Return the nearest disc within a level surface.
 
     Args:
-        surface: (H, W), True where it is seen.
-        camera: intrinsics at that size.
-        frame: gives the camera's pitch.
-        height_m: of the camera above the surface, metres.
-        radius_m: of the disc, metres.
+        surface: (H, W), True where the surface is seen.
+        camera: Intrinsics at that size.
+        frame: Source of the camera's pitch.
+        height_m: Height of the camera above the surface.
+        radius_m: Radius of the disc.
     """
     import cv2  # noqa: PLC0415 - see above
 
     clear_px = cv2.distanceTransform(np.pad(surface.astype(np.uint8), 1), cv2.DIST_L2, 5)
     px_per_m = max(camera.fx_px, camera.fy_px) / height_m
-    # The distance is to the middle of the next pixel; the surface ends half a pixel before it.
+    # The distance counts to the middle of the next pixel; the surface ends half a pixel earlier.
     rows, columns = np.nonzero(clear_px[1:-1, 1:-1] - 0.5 >= radius_m * px_per_m)
     if rows.size == 0:
         return None

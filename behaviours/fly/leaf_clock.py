@@ -1,4 +1,4 @@
-"""A leaf's own time, which stands still while the tree is not ticked."""
+"""Clock of a leaf, which stops while the leaf is not ticked."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Final
 
 from uav_bt.protocols import Clock
 
-_PAUSE_S: Final = 1.0  # no tick may last longer; what is ticked later was not ticked meanwhile
+_PAUSE_S: Final = 1.0  # a longer time between two ticks is a pause; no tick takes this long
 
 
 class LeafClock:
-    """The mission's time, less the pauses in which a leaf was not ticked because a person flew.
+    """The mission's time without the pauses in which the leaf was not ticked because a pilot flew.
 
-    The leaf calls `tick` in every tick before it asks for the time, and `stop` when it ends.
+    The leaf calls `tick` in every tick before `now`, and `stop` when it ends.
 
     Args:
-        clock: the mission's.
+        clock: The mission clock.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -26,11 +26,11 @@ class LeafClock:
         self.resumed_s = -math.inf  # mission time when the last pause ended
 
     def now(self) -> float:
-        """Return the leaf's time in seconds; only differences mean something."""
+        """Return the leaf's time in seconds; only differences are meaningful."""
         return self._clock.now() - self._paused_s
 
     def tick(self) -> float:
-        """Note a tick and return how long the pause before it lasted, seconds; 0 without one."""
+        """Note a tick and return the length of the pause before it, seconds; 0 without a pause."""
         now_s, last_s = self._clock.now(), self._ticked_s
         self._ticked_s = now_s
         if last_s is None or now_s - last_s <= _PAUSE_S + 1e-6:
@@ -40,5 +40,5 @@ class LeafClock:
         return now_s - last_s
 
     def stop(self) -> None:
-        """Note that the leaf has ended: until it begins again nothing is a pause."""
+        """Note that the leaf has ended: the time until it begins again is not a pause."""
         self._ticked_s = None

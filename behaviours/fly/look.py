@@ -1,4 +1,4 @@
-"""Small leaves that hover, turn and point the camera, and the conditions that go with them."""
+"""Small leaves that hover, turn and point the camera, and related conditions."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
 
 
 class HoverFor(Leaf):
-    """Hover for a while; time in which a person flies does not count."""
+    """Hover for a time; time under manual control does not count."""
 
     ports = (Port("seconds", float, default=3.0, least=0, most=3600, doc="how long, s"),)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Get a clock of its own."""
+        """Create the leaf's clock."""
         self._leaf_clock = LeafClock(mission.clock)
 
     def initialise(self) -> None:
-        """Note when it began."""
+        """Set the end time."""
         self.write(PHASE, MissionPhase.HOVER)
         self._until_s = self._leaf_clock.now() + self.port_value("seconds")
 
@@ -43,7 +43,7 @@ class HoverFor(Leaf):
 
 
 class PointCamera(Leaf):
-    """Tilt the camera and wait until frames come from there."""
+    """Tilt the camera and wait until a frame was captured at that pitch."""
 
     ports = (
         Port(
@@ -58,7 +58,7 @@ class PointCamera(Leaf):
     reads = (FRAME,)
 
     def update(self) -> Status:
-        """Ask for the pitch until a frame has it."""
+        """Propose the pitch until a frame has it."""
         pitch_rad = math.radians(self.port_value("pitch_deg"))
         if camera_points_at(self.read(FRAME).value, pitch_rad):
             return Status.SUCCESS
@@ -67,10 +67,9 @@ class PointCamera(Leaf):
 
 
 class Turn(MovingLeaf):
-    """Turn on the spot; FAILURE when the drone is kept from it again and again.
+    """Turn on the spot; FAILURE after repeated attempts without progress.
 
-    Interrupted, by an override or by a person who flies, it turns on to the heading that it began
-    to turn to.
+    After an interruption by an override or a pilot the drone turns on to the same heading.
     """
 
     ports = (
@@ -117,7 +116,7 @@ class HelipadKnown(Leaf):
 
 
 class Hovering(Leaf):
-    """SUCCESS while the drone keeps its place, turning or not; FAILURE on old telemetry, too."""
+    """SUCCESS while the drone keeps its place, even if it turns; FAILURE on stale telemetry."""
 
     condition = True
     ports = (

@@ -1,4 +1,4 @@
-"""The landing mark as it is tracked: whether it is believed, and how it is flown to."""
+"""Track of the landing mark: when it is trusted, and the straight course to it."""
 
 from __future__ import annotations
 
@@ -28,26 +28,27 @@ TRACK_TRIED: Final = Key(
     writer="StopAboveMark",
 )
 TRACK_KEYS: Final = (HELIPAD, SITE_MAP, MARK_GONE)
-"""Keys that a leaf must declare that it reads, to fly to the mark by its track."""
+"""Keys that a leaf must declare as read to fly to the mark by its track."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackConfig:
-    """When a track is flown to, and how. The numbers were chosen in flights on the training scenes.
+    """Limits for using a track. The numbers were chosen in flights on the training scenes.
 
     Attributes:
-        carried_std_m: A track without a new sighting is flown to below this deviation.
-        agrees_m: A sighting further from the map's mark than this is another thing.
-        lost_s: A track is lost without a sighting for this time. Flying round a box takes a while.
-        ahead_rad: The drone advances below this error of its heading.
-        fast_mps: Highest speed on the straight way.
+        carried_std_m: Largest standard deviation of a usable track without a new sighting.
+        agrees_m: A sighting further than this from the map's mark is not the mark.
+        lost_s: A track is lost without a sighting for this time, long enough to fly around a box.
+        ahead_rad: The drone advances if its heading error is smaller.
+        fast_mps: Highest speed on the straight path.
         slow_down_per_s: Speed per metre of remaining range.
         out_of_view_s: The mark is out of view without a sighting for this time, the 15 frames of
             the paper.
-        close_m: Nearer than this, a mark out of view left it by the lower edge.
-        at_mark_m: Nearer than this, obstacles in view stand beside the mark or behind it.
-        look_down_m: Nearer than this the camera looks down at obstacles of unknown range.
-        clear_m: Distance from the straight way that obstacles keep in the last metre. The approach
+        close_m: A mark out of view and nearer than this has left the view by the lower edge.
+        at_mark_m: The last metre begins at this range. From there obstacles in view are beside the
+            mark or behind it.
+        look_down_m: The camera looks down at obstacles of unknown range if the mark is nearer.
+        clear_m: Least distance of obstacles from the straight path in the last metre. The approach
             has shown them from nearby.
     """
 
@@ -68,10 +69,10 @@ TRACK: Final = TrackConfig()
 
 
 def mark_of(leaf: Leaf) -> MapMark | None:
-    """Return the map's mark: seen, and not looked for in vain since.
+    """Return the map's mark, unless a search at its place has failed since the last sighting.
 
     Args:
-        leaf: Declares `TRACK_KEYS`.
+        leaf: A leaf that declares `TRACK_KEYS`.
     """
     site_map, gone_s = leaf.read(SITE_MAP).value, leaf.read(MARK_GONE).value
     mark = None if site_map is None else site_map.mark
@@ -79,13 +80,13 @@ def mark_of(leaf: Leaf) -> MapMark | None:
 
 
 def believed_fix(leaf: Leaf) -> HelipadFix | None:
-    """Return the track while it is not lost and a mark may be there; else None.
+    """Return the track if it is not lost and its place is plausible; else None.
 
-    A mark may be near the map's mark, and on a map without one anywhere but beyond the ground's
-    edge: a mask may take something far behind that edge for the mark.
+    A plausible place is near the map's mark. Without a mark on the map, it is anywhere but beyond
+    the edge of the ground: a mask may mistake something far behind that edge for the mark.
 
     Args:
-        leaf: Declares `TRACK_KEYS`.
+        leaf: A leaf that declares `TRACK_KEYS`.
     """
     fix, site_map = leaf.read(HELIPAD).value, leaf.read(SITE_MAP).value
     if fix is None or leaf.clock.now() - fix.captured_s > TRACK.lost_s:
@@ -101,26 +102,26 @@ def believed_fix(leaf: Leaf) -> HelipadFix | None:
 
 
 def is_clear(leaf: Leaf, fix: HelipadFix) -> bool:
-    """Return whether no obstacle that was seen stands on the straight way to the mark.
+    """Return whether no seen obstacle is on the straight path to the mark.
 
     Args:
-        leaf: Declares `TRACK_KEYS`.
+        leaf: A leaf that declares `TRACK_KEYS`.
         fix: The track.
     """
     reading = leaf.read(SITE_MAP)
-    if reading.value is None:  # a tree may do without; a stale reading permits nothing
+    if reading.value is None:  # a tree may lack a map; a stale map permits nothing
         return math.isinf(reading.age_s)
     near = reading.value.near
     return near.allows(fix.forward_m, fix.right_m, margin_m=TRACK.clear_m, assumed=False)
 
 
 def is_at_mark(fix: HelipadFix, now_s: float, close_m: float = TRACK.close_m) -> bool:
-    """Return whether the last metre begins: the mark is near, or has left the view below.
+    """Return whether the last metre begins: the mark is near, or left the view by the lower edge.
 
     Args:
         fix: The track.
         now_s: Time of the mission clock.
-        close_m: Nearer than this, a mark out of view left it by the lower edge.
+        close_m: A mark out of view and nearer than this has left the view by the lower edge.
     """
     below = now_s - fix.captured_s > TRACK.out_of_view_s and abs(fix.bearing_rad) < TRACK.ahead_rad
     return fix.range_m <= TRACK.at_mark_m or (below and fix.range_m < close_m)
@@ -131,7 +132,7 @@ def straight_to(fix: HelipadFix, *, most_m: float = math.inf) -> FollowLeg | Rot
 
     Args:
         fix: The track.
-        most_m: The way ahead is free up to this distance.
+        most_m: Distance up to which the path ahead is free.
     """
     reason = f"mark {fix.range_m:.1f} m"
     speed_mps = min(TRACK.fast_mps, TRACK.slow_down_per_s * min(fix.range_m, most_m))

@@ -1,4 +1,4 @@
-"""The base of the leaves that move: one relative movement at a time."""
+"""Base of the leaves that make relative movements, one at a time."""
 
 from __future__ import annotations
 
@@ -23,23 +23,22 @@ def camera_points_at(
     """Return whether a frame was captured with the gimbal at a pitch; False without a frame.
 
     Args:
-        frame: the newest.
-        pitch_rad: 0 level, negative down.
-        slack_rad: greatest difference, radians.
+        frame: The newest frame.
+        pitch_rad: Gimbal pitch; 0 is level, negative is down.
+        slack_rad: Largest difference in pitch.
     """
     return frame is not None and abs(frame.gimbal_pitch_rad - pitch_rad) < slack_rad
 
 
 class MovingLeaf(Leaf):
-    """Base of the leaves that make relative movements; `work` is the work of a tick.
+    """Base of the leaves that make relative movements; `work` does the work of one tick.
 
-    A movement that ends early, because an override let the drone hover or a person flew, goes on by
-    itself: the heading by the attitude, the height by the altimeter, a step by dead reckoning. Only
-    a step that a person interrupted does not, because nobody knows where the drone was flown; it
-    has ended, and the leaf decides anew.
+    A movement that an override or a pilot interrupted is resumed: the heading by the attitude, the
+    height by the altimeter, a step by dead reckoning. A step that a pilot interrupted is not,
+    because the drone's place is unknown: it ends, and the leaf decides anew.
     """
 
-    resumes: ClassVar[bool] = True  # False: a movement that ends early has ended; decide anew
+    resumes: ClassVar[bool] = True  # False: a movement that ends early is not resumed
 
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a movement."""
@@ -49,9 +48,9 @@ class MovingLeaf(Leaf):
         self.leaf_clock = LeafClock(mission.clock)
 
     def update(self) -> Status:
-        """Do the leaf's work, once there is telemetry, and point the gimbal while it is RUNNING.
+        """Do the leaf's work while telemetry is fresh, and point the gimbal while it is RUNNING.
 
-        A leaf that has ended points nothing: the next one may do so within the same tick.
+        A leaf that has ended does not point it: the next leaf may do so within the same tick.
         """
         state = self.state()
         status = self.wait(self.read(STATE).age_s) if state is None else self._work(state)
@@ -70,19 +69,19 @@ class MovingLeaf(Leaf):
 
     @abstractmethod
     def work(self, state: DroneState) -> Status:
-        """Propose the movement of this tick, or end."""
+        """Propose the movement of this tick, or return the final status."""
 
     def wait(self, state_age_s: float) -> Status:
-        """Tick without fresh telemetry; a leaf that proposes nothing hovers.
+        """Tick without fresh telemetry; the drone hovers while the leaf proposes nothing.
 
         Args:
-            state_age_s: age of the newest telemetry, seconds; inf before the first.
+            state_age_s: Age of the newest telemetry; inf before the first.
         """
         del state_age_s
         return Status.RUNNING
 
     def gimbal_pitch_rad(self) -> float | None:
-        """Return the gimbal's pitch while the leaf is RUNNING, None to leave it as it is."""
+        """Return the gimbal's pitch while the leaf is RUNNING; None to leave it unchanged."""
         return None
 
     def terminate(self, new_status: Status) -> None:
@@ -97,7 +96,7 @@ class MovingLeaf(Leaf):
 
     @property
     def progress(self) -> Progress:
-        """What `moving` found in this tick; that a movement has ended it finds once."""
+        """The state of the movement at the last call of `moving`; an end is reported once."""
         return self._progress
 
     @property
@@ -107,11 +106,11 @@ class MovingLeaf(Leaf):
 
     @property
     def trouble(self) -> str:
-        """Why the last movement that FAILED did, in a few words."""
+        """Why the last FAILED movement failed, in a few words."""
         return self._step.trouble
 
     def moving(self, state: DroneState) -> bool:
-        """Propose the movement in progress again; False when there is none (any more).
+        """Propose the movement in progress again; False without one.
 
         `progress` says how it ended.
         """
@@ -131,13 +130,13 @@ class MovingLeaf(Leaf):
         """Start a movement and propose it.
 
         Args:
-            forward_m: in the body frame of now; negative is backward.
-            right_m: in the body frame of now.
-            down_m: negative climbs.
-            yaw_rad: clockwise positive.
+            forward_m: Distance ahead in the present body frame; negative is backward.
+            right_m: Distance to the right in the present body frame.
+            down_m: Distance down; negative climbs.
+            yaw_rad: Turn, clockwise positive.
 
         Raises:
-            MissionError: no telemetry has come yet.
+            MissionError: no telemetry has arrived yet.
         """
         if self._newest is None:
             raise MissionError("a movement starts from a known state: call start_move in work")

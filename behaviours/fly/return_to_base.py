@@ -1,4 +1,4 @@
-"""ReturnToBase: a node that is made of a tree of `trees/lib/`."""
+"""ReturnToBase: a node made of a subtree of `trees/lib/`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uav_bt.tree import Port, SubtreeNode
 class ReturnToBase(SubtreeNode):
     """Search for the landing mark and fly to it; SUCCESS above it.
 
-    The map of the place leads where there is one. With `approach="policy"` the leaf policy leads
+    The drone flies by the site map if there is one. With `approach="policy"` the leaf policy leads
     the search and judges the way to the mark.
     """
 

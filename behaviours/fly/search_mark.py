@@ -1,4 +1,4 @@
-"""Leaves that search for the landing mark: by the site map, under a policy, right below."""
+"""Leaves that search for the landing mark: by the site map, under a policy, below the drone."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from uav_bt.types.site_map import SiteMap
 
 
 class MarkFound(Leaf):
-    """SUCCESS while the landing mark is in view, or its track is good enough to be flown to.
+    """SUCCESS while the landing mark is in view, or its track is precise enough to fly to.
 
-    A track that did not lead to the mark counts again once the mark is seen again.
+    A track that did not lead to the mark counts again after a new sighting.
     """
 
     condition = True
@@ -46,10 +46,10 @@ class MarkFound(Leaf):
 
 
 class SearchByMap(CourseLeaf):
-    """Fly to where the map has the landing mark, and without one to views of unseen ground.
+    """Fly to the map's landing mark, or without one to viewpoints of unseen ground.
 
-    SUCCESS where the mark must be ahead or below and `MarkFound` does not know it: it may be below
-    the view. FAILURE without a map, and if the map knows no way.
+    SUCCESS where the mark should be ahead or below but `MarkFound` does not find it: it may be
+    below the view. FAILURE without a map, or if the map has no path.
     """
 
     ports = (
@@ -60,25 +60,25 @@ class SearchByMap(CourseLeaf):
     writes = (*CourseLeaf.writes, MARK_GONE)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Begin a search; where it has looked is remembered for the whole mission."""
+        """Begin a search; the searched places are remembered for the whole mission."""
         super().on_setup(mission)
         config = MapSearchConfig()
         margins = config.margins.within(mission.clearances)
         self._search = MapSearch(replace(config, margins=margins))
         self._mark_m = mission.mark.height_m
-        self._planned_s = -math.inf  # capture of the newest map that was planned on
-        self._led = False  # that map knew a way
+        self._planned_s = -math.inf  # capture time of the map of the last plan
+        self._led = False  # whether that map had a path
         self._flight_rad = math.radians(self.port_value("gimbal_deg"))
         self._to_mark: bool = self.port_value("to_mark")
 
     def initialise(self) -> None:
-        """Choose afresh where to fly."""
+        """Choose a new goal."""
         self._search.pause()
         self.drop_course()
         self.write(PHASE, MissionPhase.SEARCH if self._to_mark else MissionPhase.APPROACH)
 
     def work(self, state: DroneState) -> Status:
-        """Plan on each new map, and fly on between two."""
+        """Plan on each new map; follow the last plan in between."""
         site_map = self.read(SITE_MAP).value
         if site_map is None:
             return Status.FAILURE
@@ -100,7 +100,7 @@ class SearchByMap(CourseLeaf):
         return Status.RUNNING
 
     def gimbal_pitch_rad(self) -> float:
-        """Return the camera's pitch: at the mark's place, else at the ground near an edge."""
+        """Return the camera's pitch: towards the mark's place, else lower where ground ends."""
         site_map, state, mark = self.read(SITE_MAP).value, self.state(), mark_of(self)
         if site_map is None or state is None:
             return self._flight_rad
@@ -108,7 +108,7 @@ class SearchByMap(CourseLeaf):
             range_m = math.hypot(mark.x_m - site_map.pose.x_m, mark.y_m - site_map.pose.y_m)
             above_m = state.height_above_carpet_m - self._mark_m
             return mark_pitch_rad(range_m, above_m, self._flight_rad)
-        # A viewpoint was chosen for its view at the pitch in flight.
+        # Viewpoints are chosen for views at the pitch in flight.
         return self._flight_rad if self._search.looks else self.ground_pitch_rad(self._flight_rad)
 
     def _plan(self, site_map: SiteMap, state: DroneState) -> Course | None:
@@ -142,14 +142,14 @@ class SearchUnderPolicy(SteeringLeaf):
         self._scan_s: float | None = None
 
     def initialise(self) -> None:
-        """Only views from now on count."""
+        """Only views captured from now on count."""
         self.drop_course()
         self.write(PHASE, MissionPhase.SEARCH)
         if self._scan_s is None:
             self._scan_s = self.leaf_clock.now() + self.port_value("first_s")
 
     def work(self, state: DroneState) -> Status:
-        """Wander until it is time."""
+        """Advance and turn until the next look below is due."""
         now_s = self.leaf_clock.now()
         if self._scan_s is not None and now_s >= self._scan_s and not self.busy:
             self._scan_s = now_s + self.port_value("next_s")
@@ -158,7 +158,7 @@ class SearchUnderPolicy(SteeringLeaf):
         return Status.RUNNING
 
     def gimbal_pitch_rad(self) -> float:
-        """Return the pitch in flight: a policy knows views of one pitch."""
+        """Return the pitch in flight: policies expect views at that pitch."""
         return math.radians(self.port_value("gimbal_deg"))
 
 
@@ -167,14 +167,14 @@ class ScanConfig:
     """How the ground below is scanned.
 
     Attributes:
-        yaw_rate_radps: Rate of the turn; at 10 frames per second each shows 5 degrees more.
+        yaw_rate_radps: Rate of the turn: 5 degrees per frame at 10 frames per second.
     """
 
     yaw_rate_radps: float = 0.8
 
 
 class ScanBelow(CourseLeaf):
-    """Turn once round with the camera down; FAILURE when the mark was not seen by then."""
+    """Make one full turn with the camera down; FAILURE at its end."""
 
     config: ClassVar[ScanConfig] = ScanConfig()
     ports = (

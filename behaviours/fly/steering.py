@@ -1,8 +1,8 @@
-"""What Explore, Avoid and ReturnToBase share: ask the policy about a view, move, wait.
+"""Base of the leaves that advance and turn under a leaf policy.
 
-An advance only begins on a class map captured after the last movement ended, as in the paper.
-A turn is held in one direction until it has worked, so that the drone does not oscillate between
-two boxes, and it does not stop for each view: the drone turns while the policy judges them.
+An advance begins only on a class map captured after the last movement ended, as in the paper. A
+turn keeps its direction until the policy finds a free view, so that the drone does not oscillate
+between two boxes. The drone does not stop for each view: it turns while the policy judges them.
 """
 
 from __future__ import annotations
@@ -46,14 +46,15 @@ FLOWING = Port(
 class SteeringConfig:
     """How steps and turns are flown. Distances are from the body's centre."""
 
-    altitude_slack_m: float = 0.08  # the altimeter's noise; more is corrected with the next advance
-    # Of a steady turn: in the 0.3 s from a frame's capture to its effect it turns by 10 degrees.
+    # Larger errors in height are corrected with the next advance. Smaller ones are altimeter noise.
+    altitude_slack_m: float = 0.08
+    # Rate of a steady turn: 10 degrees in the 0.3 s from a frame's capture to its effect.
     yaw_rate_radps: float = 0.6
-    turn_lag_s: float = 0.1  # for which a turn goes on after the command that ends it is sent
-    turn_back_rad: float = math.radians(4)  # a smaller overshoot of a turn is left
-    settle_s: float = 0.2  # the airframe swings on after a turn and would deflect a step
-    interrupted_s: float = 1.0  # from an interrupted movement to the view that decides the next one
-    lengthen_m: float = 0.2  # a step under way is only replaced by one that ends further on by this
+    turn_lag_s: float = 0.1  # time that a turn continues after the command that ends it
+    turn_back_rad: float = math.radians(4)  # smaller overshoots of a turn are not corrected
+    settle_s: float = 0.2  # wait after a turn: the swinging airframe would deflect a step
+    interrupted_s: float = 1.0  # wait after an interrupted movement before a view counts
+    lengthen_m: float = 0.2  # a new step replaces one under way if it ends further on by this
 
 
 class SteeringLeaf(CourseLeaf):
@@ -74,27 +75,27 @@ class SteeringLeaf(CourseLeaf):
         self._clearances = mission.clearances
         self._rng: np.random.Generator = mission.rng(self.path)
         super().on_setup(mission)
-        self._view_from_s = -math.inf  # frames captured earlier show another view
+        self._view_from_s = -math.inf  # frames captured earlier do not count
         self._advancing = False  # the movement under way, if any, is an advance
-        self._step_ends_m = 0.0  # ahead, of the advance under way
+        self._step_ends_m = 0.0  # distance left of the advance under way
         self._stepped_s = 0.0
         self._rotation = HeldRotation()
 
     def gimbal_pitch_rad(self) -> float | None:
-        """Return the camera's pitch with the port `looks_down`, None to leave it as it is."""
+        """Return the camera's pitch; None to leave it unchanged, without the port `looks_down`."""
         flight_rad = self.read(FLIGHT_PITCH).value
         if flight_rad is None or not self.port_value(LOOKS_DOWN.name):
             return None
         return self.ground_pitch_rad(flight_rad)
 
     def gives_way(self) -> bool:
-        """Give way with the port `gives_way`; False when nothing comes too near."""
+        """Give way if the port `gives_way` is set; False if not, or if nothing comes too near."""
         return bool(self.port_value(GIVES_WAY.name)) and self.give_way()
 
     # --- advancing --------------------------------------------------------------------------------
 
     def moving(self, state: DroneState) -> bool:
-        """Propose the movement in progress again; False when there is none (any more)."""
+        """Propose the movement in progress again; False without one."""
         goes_on = super().moving(state)
         if not goes_on:
             wait_s = self.steering.interrupted_s if self.progress is Progress.INTERRUPTED else 0.0
@@ -102,11 +103,11 @@ class SteeringLeaf(CourseLeaf):
         return goes_on
 
     def go_on(self, state: DroneState, answer: Advance | FollowLeg | Rotate | None) -> bool:
-        """Begin an advance, or fly on a leg or a rotation.
+        """Begin an advance, or follow a leg or a rotation.
 
         Args:
-            state: of the drone.
-            answer: to the present view; None without one.
+            state: The drone's state.
+            answer: The policy's answer to the newest view; None without a view.
 
         Returns:
             Whether an advance began.
@@ -118,12 +119,12 @@ class SteeringLeaf(CourseLeaf):
         return False
 
     def _advance(self, state: DroneState, answer: Advance, *, flown_m: float = 0.0) -> None:
-        """Start an advance that corrects the altitude, too.
+        """Start an advance that also corrects the height.
 
         Args:
-            state: of the drone.
-            answer: how far, and in which direction.
-            flown_m: of it, since the frame was captured.
+            state: The drone's state.
+            answer: Distance and direction.
+            flown_m: Distance flown since the frame was captured.
         """
         self.write(HELD_TURN, HeldTurn())
         error_m = self.too_high_m(state)
@@ -137,10 +138,10 @@ class SteeringLeaf(CourseLeaf):
         )
 
     def flow(self, state: DroneState) -> bool:
-        """Judge the view during a step: replace it by one that leads further, or break it off.
+        """Judge the view during a step: replace the step by a longer one, or break it off.
 
         Returns:
-            True when one of both was done; False when the step goes on, or no step is under way.
+            True if the step was replaced or broken off; False if it goes on, or without a step.
         """
         if not (self._step.busy and self._advancing and self.port_value("flowing")):
             return False
@@ -156,7 +157,7 @@ class SteeringLeaf(CourseLeaf):
                 self.drop_course()
                 return True
             case Advance():
-                # The answer was given for the place where the frame was captured.
+                # The answer's distance counts from where the frame was captured.
                 flown_m = forward_mps * (now_s - frame.captured_s)
                 if answer.forward_m - flown_m >= self._step_ends_m + self.steering.lengthen_m:
                     self._advance(state, answer, flown_m=flown_m)
@@ -167,7 +168,7 @@ class SteeringLeaf(CourseLeaf):
         """Start a step away from an obstacle that is too near.
 
         Returns:
-            False when none is, or when the step would lead nearer to another.
+            False if no obstacle is too near, or if the step would lead too near to another one.
         """
         keep_away, edge_m = self.course.keep_away, self._clearances.edge_m
         step_m = step_away_m(self.obstacles(), keep_away, edge_m)
@@ -180,7 +181,7 @@ class SteeringLeaf(CourseLeaf):
     # --- turning ----------------------------------------------------------------------------------
 
     def drop_course(self) -> None:
-        """Forget movement, course and turn; only views from now on count."""
+        """Drop movement, course and turn; only views captured from now on count."""
         super().drop_course()
         self._view_from_s = self.clock.now() + self.steering.settle_s
         self._rotation = HeldRotation()
@@ -192,20 +193,20 @@ class SteeringLeaf(CourseLeaf):
 
     @property
     def turn_is_complete(self) -> bool:
-        """True when the drone has turned as far as the policy asked, or no turn is under way."""
+        """True when the drone has turned as far as the policy asked, or without a turn."""
         return self._rotation.complete
 
     @property
     def held_turn(self) -> HeldTurn:
-        """The turn held since the last advance, by whichever leaf."""
+        """The turn held since the last advance of any leaf."""
         return self.read(HELD_TURN).value or HeldTurn()
 
     def keep_turning(self, state: DroneState, away_rad: float | None) -> None:
-        """Begin a turn, or go on with the one under way.
+        """Begin a turn, or continue the one under way.
 
         Args:
-            state: of the drone.
-            away_rad: the least turn, clockwise positive; None to begin none.
+            state: The drone's state.
+            away_rad: Least angle of a new turn, clockwise positive; None to begin none.
         """
         yaw_rad, held = state.attitude.yaw_rad, self.held_turn
         if not self.turning:
@@ -217,15 +218,15 @@ class SteeringLeaf(CourseLeaf):
             direction = 1 if away_rad > 0.0 else -1
         turned_rad = held.turned_rad + abs(self._rotation.go_on(yaw_rad, direction))
         self.write(HELD_TURN, replace(held, direction=direction, turned_rad=turned_rad))
-        # Views captured while turning count at once: the direction is the same for all of them.
+        # Views captured during a turn count at once: the turn keeps its direction for all of them.
         self._view_from_s = -math.inf
         self.propose(self.turn_keeping_away(direction * self.steering.yaw_rate_radps))
 
     def turn_back(self, state: DroneState) -> None:
-        """End a turn at the heading whose view was free, and judge the view from there again.
+        """End a turn, and turn back to the heading whose view was free.
 
-        A steady turn has gone on since the frame was captured, past a free direction that is
-        narrow: without turning back it would be found, and left, in every full turn.
+        The turn has gone on since the frame was captured, and may have passed a narrow free
+        direction. Without turning back, the drone would pass it again in every full turn.
         """
         cfg = self.steering
         frame, direction = self.read(FRAME).value, self.held_turn.direction
@@ -241,10 +242,10 @@ class SteeringLeaf(CourseLeaf):
     # --- advancing or turning ---------------------------------------------------------------------
 
     def wander(self, state: DroneState) -> bool:
-        """Advance or turn as the policy decides, in a search and in a detour.
+        """Advance or turn as the policy decides, in a search or a detour.
 
         Args:
-            state: Of the drone.
+            state: The drone's state.
 
         Returns:
             Whether an advance began.
@@ -255,7 +256,7 @@ class SteeringLeaf(CourseLeaf):
             case Blocked(yaw_rad=yaw_rad):
                 if self.turning or not self.make_room():
                     self.keep_turning(state, yaw_rad)
-            case Done():  # as long as the search lasts it looks round
+            case Done():  # a search goes on: look round
                 if self.turning or not self.make_room():
                     self.keep_turning(state, 0.0)
             case Advance() | FollowLeg() | Rotate() if self.turning and self.turn_is_complete:
@@ -269,12 +270,12 @@ class SteeringLeaf(CourseLeaf):
     # --- viewing ----------------------------------------------------------------------------------
 
     def current_view(self) -> tuple[Frame, ClassMap, CameraModel] | None:
-        """Return the frame, its class map and camera when they show what lies ahead now."""
+        """Return the newest frame, its class map and the camera; None if the frame is too old."""
         view = current_view(self)
         return None if view is None or view[0].captured_s < self._view_from_s else view
 
     def decide(self) -> Answer | None:
-        """Ask the policy about the present view; None while there is none."""
+        """Ask the policy about the newest view; None without a view."""
         view = self.current_view()
         if view is None:
             self.feedback_message = "waiting for a view"

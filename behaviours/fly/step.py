@@ -1,8 +1,8 @@
 """One relative movement: proposed until the drone reports its end, resumed when it ended early.
 
 An override (a stale frame, a lost link, a pilot) makes the drone hover, and the drone reports the
-movement as interrupted. No leaf knows of overrides, and none has to: what is left of the movement
-is measured with the telemetry and proposed again.
+movement as interrupted. Leaves need not know about overrides: the rest of the movement is measured
+with the telemetry and proposed again.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from uav_bt.types.dead_reckoning import Odometry
 
 @dataclass(frozen=True, kw_only=True)
 class MovementConfig:
-    """When a movement has failed, and how one that ended early is resumed."""
+    """When a movement counts as failed, and how one that ended early is resumed."""
 
-    # A movement whose end is not reported has ended after the time that the slowest drone takes.
+    # A movement times out after the time that a drone with these speeds takes, plus `grace_s`.
     min_speed_mps: float = 0.1
     min_yaw_rate_radps: float = 0.2
-    grace_s: float = 4.0  # besides: for the command's latency, acceleration and settling
-    near_m: float = 0.03  # what is left below this and the angle is not worth another movement
+    grace_s: float = 4.0  # allowance for the command's latency, acceleration and settling
+    near_m: float = 0.03  # a rest smaller than this and `near_rad` counts as done
     near_rad: float = math.radians(3)
-    retry_s: float = 1.0  # from one attempt that led nowhere to the next
-    retries: int = 4  # so many more, each without progress, before the movement has failed
+    retry_s: float = 1.0  # pause after an attempt without progress
+    retries: int = 4  # further attempts without progress before the movement fails
 
 
 class Progress(enum.Enum):
-    """How the movement in hand is doing."""
+    """State of the movement in progress."""
 
-    IDLE = "idle"  # there is none
-    RUNNING = "running"  # it was proposed again, or will be after a moment's hovering
+    IDLE = "idle"  # without a movement
+    RUNNING = "running"  # proposed in this tick, or again after a pause
     DONE = "done"
-    INTERRUPTED = "interrupted"  # it ended early, and what is left is unknown or not wanted
-    FAILED = "failed"  # interrupted, rejected or not acknowledged again and again
+    INTERRUPTED = "interrupted"  # ended early; the rest is unknown, or not resumed
+    FAILED = "failed"  # repeatedly interrupted, rejected or not acknowledged
 
 
 @dataclass(frozen=True, kw_only=True)
 class Displacement:
-    """A relative movement in the body frame of its begin."""
+    """A relative movement in the body frame at its start."""
 
     forward_m: float = 0.0  # negative is backward
     right_m: float = 0.0
@@ -51,12 +51,12 @@ class Displacement:
 
     @property
     def length_m(self) -> float:
-        """The metres, added up."""
+        """The sum of the distances along the three axes, metres."""
         return abs(self.forward_m) + abs(self.right_m) + abs(self.down_m)
 
 
 class _Way:
-    """Measures with the telemetry how much of a displacement is left to be flown."""
+    """The rest of a displacement, measured with the telemetry."""
 
     def __init__(self, wanted: Displacement, state: DroneState, now_s: float) -> None:
         self._odometry = Odometry()
@@ -64,13 +64,13 @@ class _Way:
         self._level = wanted.forward_m != 0.0 or wanted.right_m != 0.0
         self._goal = begin.to_world(wanted.forward_m, wanted.right_m)
         self._down_m, self._altitude_m = wanted.down_m, state.altitude_m
-        # Counted, not compared: a turn may be longer than half a circle.
+        # Turned angles are summed: a turn may be longer than half a circle.
         self._yaw_left_rad, self._yaw_rad = wanted.yaw_rad, begin.yaw_rad
         self._turns = wanted.yaw_rad != 0.0
         self._lost = False
 
     def follow(self, state: DroneState, now_s: float) -> None:
-        """Add telemetry and carry it on to now."""
+        """Integrate telemetry, extrapolated to now."""
         yaw_rad = self._odometry.update(state, now_s).yaw_rad
         self._yaw_left_rad -= math.remainder(yaw_rad - self._yaw_rad, 2.0 * math.pi)
         self._yaw_rad = yaw_rad
@@ -80,14 +80,14 @@ class _Way:
             self._altitude_m = state.altitude_m
 
     def pause(self) -> None:
-        """Note that the drone was not followed for a while: heading and altitude are still known.
+        """Note that the drone was not tracked for a while.
 
-        Where it was flown meanwhile is not, and a step goes on from a known place only.
+        Heading and altitude are still known. The position is not, so a step cannot be resumed.
         """
         self._lost = self._level
 
     def left(self) -> Displacement | None:
-        """Return what is left, in the body frame of now; None when it is not known."""
+        """Return the rest, in the present body frame; None when it is unknown."""
         pose = self._odometry.now
         if self._lost or pose is None:
             return None
@@ -101,15 +101,15 @@ class _Way:
 
 
 class StepInHand:
-    """Holds the `MoveBy` in progress.
+    """The `MoveBy` in progress.
 
-    The owner starts one, calls `update` every tick, and proposes what `proposal` gives. Nothing is
-    commanded from here: a halted leaf stops proposing, and the arbiter cancels the movement.
+    The owner starts one, calls `update` in every tick, and proposes `proposal`. This class commands
+    nothing: a halted leaf stops proposing, and the arbiter cancels the movement.
 
     Args:
-        proposals: numbers the movements.
-        config: when a movement counts as failed.
-        resumes: whether a movement that ended early goes on; otherwise it has ended.
+        proposals: Source of the movements' numbers.
+        config: When a movement counts as failed.
+        resumes: Whether a movement that ended early is resumed.
     """
 
     def __init__(
@@ -118,8 +118,8 @@ class StepInHand:
         self._proposals = proposals
         self._config = config or MovementConfig()
         self._resumes = resumes
-        self.proposal: MoveBy | None = None  # None, too, between two attempts
-        self.ended_s = -math.inf  # when the last movement ended: frames before it show the old view
+        self.proposal: MoveBy | None = None  # also None between two attempts
+        self.ended_s = -math.inf  # end of the last movement; earlier frames show the old view
         self.trouble = ""  # why the last movement failed
         self._way: _Way | None = None  # None without a movement
         self._deadline_s = self._retry_s = math.inf
@@ -140,14 +140,14 @@ class StepInHand:
         down_m: float = 0.0,
         yaw_rad: float = 0.0,
     ) -> MoveBy:
-        """Start a movement, in place of the one in progress, and return it.
+        """Start a movement, instead of the one in progress, and return it.
 
         Args:
-            state: the drone's newest telemetry.
-            now_s: the mission clock's time.
-            forward_m: in the body frame of now; negative is backward.
-            right_m: in the body frame of now.
-            down_m: negative climbs.
+            state: The drone's newest telemetry.
+            now_s: Time of the mission clock.
+            forward_m: Distance ahead in the present body frame; negative is backward.
+            right_m: Distance to the right in the present body frame.
+            down_m: Distance down; negative climbs.
             yaw_rad: clockwise positive.
         """
         wanted = Displacement(forward_m=forward_m, right_m=right_m, down_m=down_m, yaw_rad=yaw_rad)
@@ -156,11 +156,11 @@ class StepInHand:
         return self._attempt(wanted, now_s)
 
     def update(self, state: DroneState, now_s: float) -> Progress:
-        """Return how the movement is doing, which is dropped when it has ended.
+        """Return the state of the movement, and drop the movement when it has ended.
 
         Args:
-            state: the drone's newest telemetry.
-            now_s: the mission clock's time.
+            state: The drone's newest telemetry.
+            now_s: Time of the mission clock.
         """
         if self._way is None:
             return Progress.IDLE
@@ -179,10 +179,10 @@ class StepInHand:
         return Progress.RUNNING
 
     def pause(self, duration_s: float) -> None:
-        """Note that nobody followed the movement for a while, because a person flew.
+        """Note that the movement was not tracked for a while, because a person flew.
 
         Args:
-            duration_s: how long.
+            duration_s: Duration of the pause.
         """
         if self._way is not None:
             self._deadline_s += duration_s
@@ -190,12 +190,12 @@ class StepInHand:
             self._begin_count()
 
     def drop(self, now_s: float) -> None:
-        """Forget the movement: its owner was halted or changed its mind."""
+        """Drop the movement: its owner was halted or has decided anew."""
         if self._way is not None:
             self._end(now_s, Progress.IDLE)
 
     def _begin_count(self) -> None:
-        self._failures, self._least = 0, math.inf  # attempts without progress; least that was left
+        self._failures, self._least = 0, math.inf  # attempts without progress; smallest rest
 
     def _attempt(self, wanted: Displacement, now_s: float) -> MoveBy:
         self.proposal = MoveBy(
@@ -223,7 +223,7 @@ class StepInHand:
         return Progress.RUNNING
 
     def _ended_early(self, how: str, now_s: float) -> Progress:
-        """Resume a movement, or give it up."""
+        """Resume the movement, or end it."""
         cfg = self._config
         left = self._way.left() if self._way is not None and self._resumes else None
         if left is None:

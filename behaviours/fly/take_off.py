@@ -19,11 +19,11 @@ from uav_bt.types import TakeOff as TakeOffCommand
 class TakeOffConfig:
     """When the flight height is reached."""
 
-    height_slack_m: float = 0.1  # a smaller error is left to the mission's first advance
+    height_slack_m: float = 0.1  # the mission's first advance corrects smaller errors
 
 
 def _above_ceiling(height_m: float) -> str | None:
-    """Return what is odd about a flight height; a site may have another ceiling."""
+    """Return a warning for a flight height above the default ceiling; else None."""
     ceiling_m = Limits().ceiling_m
     if height_m <= ceiling_m:
         return None
@@ -68,7 +68,7 @@ class TakeOff(MovingLeaf):
     writes = (PHASE, FLIGHT_HEIGHT, FLIGHT_PITCH)
 
     def initialise(self) -> None:
-        """Set height and camera pitch of the mission's flight, and note the time."""
+        """Write the mission's flight height and camera pitch, and note the time."""
         self.write(PHASE, MissionPhase.TAKE_OFF)
         self.write(FLIGHT_HEIGHT, self.port_value("height_m"))
         self.write(FLIGHT_PITCH, self.gimbal_pitch_rad())
@@ -79,7 +79,7 @@ class TakeOff(MovingLeaf):
         return math.radians(self.port_value("gimbal_deg"))
 
     def work(self, state: DroneState) -> Status:
-        """Ask for the take-off, then for the climb, then wait until the camera points ahead."""
+        """Propose the take-off, then the climb, then wait until the camera has its pitch."""
         if self.leaf_clock.now() - self._started_s > self.port_value("give_up_s"):
             self.feedback_message = f"still {state.flying.value}"
             return Status.FAILURE

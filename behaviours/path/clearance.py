@@ -1,4 +1,4 @@
-"""Where a drone can fly on a map, and how far each place is from obstacles and edges."""
+"""Clearance map: flyable cells of a site map, their distance from obstacles, and routes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uav_bt.types.site_map import SiteMap
 
 Place = tuple[float, float]
 
-_LINE_SAMPLES: Final = 10  # samples of a straight line; it is about 0.6 m long (FollowConfig)
+_LINE_SAMPLES: Final = 10  # samples of a straight line of about 0.6 m (FollowConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,11 +28,11 @@ class Route:
 
     Attributes:
         path_m: (N, 2) places from the drone to the end, metres in the map's frame.
-        clear_m: (N,) clearance of each place, as of `ClearanceMap.clearance_at`.
+        clear_m: (N,) clearance of each place, as `ClearanceMap.clearance_at` returns it.
         straight_m: (N,) least clearance on the straight line from the drone to each place.
-        time_s: Time to fly it.
-        margins: The margins that it keeps.
-        new_m2: New ground along it; 0 where nobody asked for it.
+        time_s: Time to fly the route.
+        margins: Margins that the route keeps.
+        new_m2: New ground along the route; 0 if it was not computed.
     """
 
     path_m: Floats
@@ -44,12 +44,12 @@ class Route:
 
     @property
     def length_m(self) -> float:
-        """The length of the path."""
+        """The length of the path, metres."""
         return float(np.hypot(*np.diff(self.path_m, axis=0).T).sum())
 
     @property
     def apart_m(self) -> float:
-        """The distance between its ends."""
+        """The straight distance between the ends of the path, metres."""
         return float(np.hypot(*(self.path_m[-1] - self.path_m[0])))
 
 
@@ -60,7 +60,7 @@ class ClearanceMap:
         map: The site map.
         margins: The margins, widened by the map's residual.
         obstacle_m: (rows, columns) distance to the nearest obstacle, metres; inf without any.
-        clear_m: (rows, columns) clearance, as of `clearance_at`.
+        clear_m: (rows, columns) clearance, as `clearance_at` returns it.
         open: (rows, columns) whether a route may lead over the cell.
         start: Row and column of the drone.
 
@@ -68,8 +68,8 @@ class ClearanceMap:
         site_map: The newest map.
         recent: Obstacles that are not on the map.
         margins: The distances that routes keep.
-        over: Landing mark that routes may lead over, (x, y) metres in the map's frame: ground to
-            `margins.over_m` from there counts as seen and free.
+        over: Landing mark that routes may lead over, (x, y) metres in the map's frame. Ground
+            within `margins.over_m` of it counts as seen and free.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class ClearanceMap:
         self.obstacle_m = self._distance_of(self._marked(points_m) | self._filled())
         ends_m = self._distance_m(np.vstack([site_map.edges_m, recent.edges_m]))
         edge_m = np.minimum(ends_m, self._distance_of(site_map.outside))
-        # One measure for all: the distances are shifted so that each limit falls on `touch_m`.
+        # The distances are shifted so that each margin falls on `touch_m`: one clearance for all.
         closing, slowing = self._assumed(recent.assumed_m)
         nearer_m = margins.touch_m - margins.doubt_m
         clear_m = np.minimum(self.obstacle_m, self._distance_of(closing) + nearer_m)
@@ -117,25 +117,25 @@ class ClearanceMap:
         """Return the clearance of a place, metres.
 
         The clearance is the distance to the nearest obstacle. Edges, lanes, unknown cells and
-        assumed obstacles count, too, each shifted so that its margin falls on
-        `margins.touch_m`: a route leads where the clearance is at least that.
+        assumed obstacles also count, each shifted so that its margin falls on `margins.touch_m`.
+        Routes lead over cells with at least that clearance.
 
         Args:
-            x_m: Place in the map's frame; outside the grid the nearest cell counts.
-            y_m: The same.
+            x_m: x of the place in the map's frame; outside the grid the nearest cell counts.
+            y_m: y of the place in the map's frame.
         """
         return float(self.clear_m[self._within(self.map.cell_of(x_m, y_m))])
 
     @cached_property
     def fastest(self) -> FastestPaths:
-        """The fastest paths from the drone to everywhere, in whatever direction they begin."""
+        """The fastest paths from the drone to all cells, without the cost of the first turn."""
         return fastest_paths(self.open, self._cell_s, self.start)
 
     @cached_property
     def _turned(self) -> FastestPaths:
-        """The fastest paths with the first turn: it holds the drone to the way that it has begun.
+        """The fastest paths with the cost of the first turn, which favours the present heading.
 
-        The cells around the drone cost the turn to them, spread over the first metres of the path.
+        The turn to a cell near the drone is added to its cost, spread over the first `turn_m`.
         """
         margins, found = self.margins, self.map
         forward_m, right_m = np.moveaxis(found.pose.points_to_body(found.places_m()), -1, 0)
@@ -154,8 +154,8 @@ class ClearanceMap:
 
         Args:
             to: Place in the map's frame, metres.
-            near_m: The route that is the fastest to within this distance is returned.
-            far_m: If no route does, the one that ends nearest is, within this distance.
+            near_m: The fastest route that ends within this distance is preferred.
+            far_m: Without such a route, the one that ends nearest is taken, within this distance.
         """
         time_s = self._turned.time_s
         apart_m = np.linalg.norm(self.map.places_m() - to, axis=-1)
@@ -169,11 +169,11 @@ class ClearanceMap:
         return self.route_along(self._turned.to(cell), time_s=float(time_s[cell]))
 
     def route_to_cell(self, cell: Cell) -> Route:
-        """Return the fastest route to a cell that is reached."""
+        """Return the fastest route to a reachable cell."""
         return self.route_along(self.fastest.to(cell), time_s=float(self.fastest.time_s[cell]))
 
     def route_along(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Route:
-        """Return a path over cells as a route."""
+        """Return the route along a path over cells."""
         cells = np.array(path)
         return Route(
             path_m=np.array(self.map.corner_m) + self.map.cell_m * cells,
@@ -190,13 +190,13 @@ class ClearanceMap:
 
     @property
     def shut_in(self) -> bool:
-        """Whether most of the flyable cells cannot be reached."""
+        """Whether too few of the flyable cells can be reached, by `Margins.enough_reached`."""
         reached = np.isfinite(self.fastest.time_s) & self._wide
         return bool(reached.sum() < self.margins.enough_reached * self._wide.sum())
 
     @property
     def too_narrow(self) -> bool:
-        """Whether no cell has the clearance that routes ask for."""
+        """Whether no cell has the clearance that routes need."""
         return not self._wide.any()
 
     def _straight_m(self, cells: NDArray[np.intp]) -> Floats:
@@ -206,28 +206,28 @@ class ClearanceMap:
         return np.asarray(self.clear_m[tuple(np.moveaxis(lines, -1, 0))].min(axis=-1))
 
     def _around(self, place: Place | None, reach_m: float) -> Flags:
-        """Return the cells around a place."""
+        """Return the cells within a distance of a place; none without a place."""
         if place is None:
             return np.zeros(self.map.free.shape, dtype=bool)
         apart_m = np.linalg.norm(self.map.places_m() - place, axis=-1)
         return np.asarray(apart_m <= reach_m)
 
     def _unknown_m(self) -> Floats:
-        """Return the distance to unknown patches; a single cell that no ray has met is left out."""
+        """Return the distance to unknown patches; single cells between rays are left out."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         unknown = (~(self._free | self.map.outside)).astype(np.uint8)
         square = np.ones((2, 2), np.uint8)
-        # OpenCV anchors an even kernel at its lower right cell: without the anchor of the dilation
-        # the opened patches would be moved by a cell.
+        # OpenCV anchors an even kernel at its lower right cell. Without the other anchor the
+        # dilation would shift the opened patches by a cell.
         patches = cv2.dilate(cv2.erode(unknown, square), square, anchor=(0, 0))
         return self._distance_of(patches.astype(bool))
 
     def _assumed(self, places_m: Floats) -> tuple[Flags, Flags]:
-        """Return the cells of assumed obstacles: those that close a way, and those that slow it.
+        """Return the cells of assumed obstacles: those that block, and those that only slow down.
 
-        On open ground that was seen stands nothing whose base is hidden, unless something moves in
-        this place. Near an obstacle of the map the assumed one is that obstacle, and the map is
+        Seen, open ground cannot hold an obstacle with a hidden base, unless something moves there.
+        Near an obstacle of the map the assumed one is taken for that obstacle, and the map for
         displaced.
         """
         marked, found = self._marked(places_m), self.map
@@ -256,12 +256,12 @@ class ClearanceMap:
         return marked
 
     def _filled(self) -> Flags:
-        """Return the cells that objects fill, with the sides that were never seen."""
+        """Return the cells that objects fill, including sides that were never seen."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         filled = np.zeros(self.map.seen_s.shape, dtype=np.uint8)
         for each in self.map.objects:
-            # OpenCV's x is the column. It fills the border's cells, too.
+            # OpenCV's x is the column. It also fills the cells of the border.
             corners_m = each.corners_m(margin_m=-self.map.cell_m / 2)
             cv2.fillConvexPoly(filled, self._cells(corners_m)[:, ::-1].astype(np.int32), 1)
         return filled.astype(bool)

@@ -1,4 +1,4 @@
-"""The fastest paths over a grid from one cell to all others (Dijkstra's algorithm)."""
+"""Fastest paths over a grid from one cell to all others (Dijkstra's algorithm)."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class FastestPaths:
-    """The paths from a cell to everywhere."""
+    """The fastest paths from a cell to all others."""
 
     start: Cell
-    time_s: Floats  # to each cell; inf where no path leads
-    before: NDArray[np.int64]  # the cell that comes before each, flat; -1: none
+    time_s: Floats  # (rows, columns) time to each cell; inf where no path leads
+    before: NDArray[np.int64]  # (rows, columns) flat index of the cell before each; -1: none
 
     @cached_property
     def reached(self) -> NDArray[np.intp]:
-        """(N,) the cells that paths lead to, flat."""
+        """(N,) flat indices of the cells that paths lead to."""
         return np.flatnonzero(np.isfinite(self.time_s))
 
     @cached_property
     def parents(self) -> NDArray[np.intp]:
-        """(N,) which of the reached cells comes before each; the start comes before itself."""
+        """(N,) index in `reached` of the cell before each; the start precedes itself."""
         number = np.full(self.time_s.size, -1)
         number[self.reached] = np.arange(len(self.reached))
         before = self.before.reshape(-1)[self.reached]
         return np.where(before >= 0, number[np.maximum(before, 0)], np.arange(len(before)))
 
     def summed(self, values: Floats) -> Floats:
-        """Return for each cell the sum of (N,) values over the path to it; 0 where none leads.
+        """Return for each cell the sum of (N,) values over the path to it; 0 without a path.
 
         The start's value counts once.
         """
@@ -51,10 +51,10 @@ class FastestPaths:
         return found
 
     def after(self, steps: int) -> NDArray[np.intp]:
-        """Return the cell that the path to each reached cell passes after a number of steps.
+        """Return the cell on the path to each reached cell after a number of steps.
 
         Args:
-            steps: Number of steps from the start; a shorter path gives its end.
+            steps: Number of steps from the start; for a shorter path its end is returned.
 
         Returns:
             (N, 2) rows and columns.
@@ -67,7 +67,7 @@ class FastestPaths:
         return np.stack(np.divmod(self.reached[ancestor], self.time_s.shape[1]), axis=1)
 
     def to(self, end: Cell) -> list[Cell]:
-        """Return the cells from the start to a cell that a path leads to, both included."""
+        """Return the path from the start to a reached cell, both included."""
         path, width = [end], self.before.shape[1]
         while path[-1] != self.start:
             row, column = divmod(int(self.before[path[-1]]), width)
@@ -80,8 +80,8 @@ def fastest_paths(open_: NDArray[np.bool_], cell_s: Floats, start: Cell) -> Fast
 
     Args:
         open_: (rows, columns) cells that paths may lead over, the start among them.
-        cell_s: (rows, columns) time to fly the side of each cell.
-        start: The cell in which the paths begin.
+        cell_s: (rows, columns) time to fly one side length of each cell, seconds.
+        start: The cell at which the paths begin.
     """
     from scipy.sparse import coo_array  # noqa: PLC0415  (`uav-bt check` must answer at once)
     from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415  (as above)

@@ -1,4 +1,4 @@
-"""Fly along a route: where to steer, and how fast."""
+"""Route following: heading and speed along a route."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.types import Corridor, Pose2D
 from uav_bt.types.site_map import SiteMap
 
-_NEAREST: Final = 2  # cells: the first two of a path give no course, they turn with its rounding
+_NEAREST: Final = 2  # cells: nearer cells of a path give no heading, because of their rounding
 
 
 @dataclass(frozen=True, kw_only=True)
 class FollowConfig:
-    """Where the drone steers to on a route, and from which speed it can stop.
+    """How routes are followed: the point steered to, speeds and braking.
 
     The numbers were chosen in flights on the training scenes.
 
     Attributes:
-        ahead_m: The drone steers to the place of the path this far ahead.
-        cut_m: It cuts a corner if that costs at most this much clearance.
-        facing_rad: It flies on below this error of its heading.
-        stop_m: It slows down to stop at this distance from an obstacle in the corridor. The
-            corridor is wider than the way past a box of the map.
-        creep_mps: It flies at least at this speed until `near_m`.
-        near_m: It stops if the corridor is blocked nearer than this.
-        past_mps: It goes on at this speed if the map has that obstacle beside the way.
-        same_m: An obstacle in the corridor this near to one of the map is that one.
-        hull_m: It stops if the corridor is blocked nearer than this, mapped or not.
+        ahead_m: The drone steers to the point of the path at this distance.
+        cut_m: A corner is cut if that costs at most this much clearance.
+        facing_rad: The drone only turns while its heading error is at least this.
+        stop_m: The drone brakes to stop at this distance from an obstacle in the corridor. The
+            corridor is wider than a passage beside a box of the map.
+        creep_mps: Lowest speed until `near_m`.
+        near_m: The drone stops if the corridor is blocked nearer than this.
+        past_mps: Speed past that obstacle if it is on the map.
+        same_m: An obstacle in the corridor within this distance of one of the map is the same.
+        hull_m: The drone stops if the corridor is blocked nearer than this, mapped or not.
         half_width_m: Half of the corridor's width.
         reaction_s: Time from a frame's capture to its effect (measured in the twin).
         brake_mps2: Deceleration that the drone can rely on.
-        end_m: The route counts as flown this near to its end.
-        end_mps: Speed at its end.
-        unmapped_s: Age at which recent points that the map lacks are ignored: a lost drone may have
-            misplaced them, and they would close a way for ever.
+        end_m: Distance from the end of the route at which it counts as flown.
+        end_mps: Speed at the end of the route.
+        unmapped_s: Age from which recent points that the map lacks are ignored: a lost drone may
+            have misplaced them, and they would block a path for ever.
         moving: How movers are predicted.
     """
 
@@ -75,15 +75,15 @@ def follow(
 ) -> FollowLeg | Rotate | None:
     """Return the heading and the speed to fly along a route.
 
-    The drone only turns until it faces the way. It flies slower, or waits, where something that
-    moves would come too near.
+    The drone only turns until it faces the path. It slows down or waits where a mover would come
+    too near.
 
     Args:
-        route: From the drone's place.
-        site_map: The map on which it was planned.
+        route: Route from the drone's place.
+        site_map: The map on which the route was planned.
         corridor: The safety corridor; None without depth.
-        margins: Speeds beside obstacles; None for those of the route.
-        config: Where the drone steers to.
+        margins: Margins that set the speed beside obstacles; default: those of the route.
+        config: How the route is followed.
         most_mps: Highest speed.
         reason: One or two words for the status line.
 
@@ -110,10 +110,10 @@ def follow(
 def _course(
     route: Route, pose: Pose2D, margins: Margins, config: FollowConfig
 ) -> tuple[float, float]:
-    """Return bearing and speed to the furthest place of the path that is reached straight."""
+    """Return bearing and speed to the furthest place of the path in a straight line."""
     apart = np.hypot(*(route.path_m - route.path_m[0]).T)
     furthest = int(np.argmax(apart >= config.ahead_m)) or len(route.path_m) - 1
-    # Around a corner, not across it.
+    # A straight line must keep the path's clearance: the drone flies around corners.
     along_m = np.minimum.accumulate(route.clear_m)
     straight = np.flatnonzero(
         route.straight_m[: furthest + 1] >= along_m[: furthest + 1] - config.cut_m

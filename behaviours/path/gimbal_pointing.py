@@ -1,4 +1,4 @@
-"""The camera's pitch: at the landing mark, at ground near an edge, at unplaced obstacles."""
+"""Camera pitch towards the landing mark, ground near an edge, or unplaced obstacles."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from uav_bt.types.projection import ground_points
 from uav_bt.types.site_map import SiteMap
 
 _SAMPLES: Final = 12, 9  # columns and rows of an image
-_MIN_BEARINGS: Final = 2  # degrees that show a thing of unknown range; fewer are specks of the mask
-_MIN_RANGE_M: Final = 0.05  # m; chosen: a shorter range counts as this in a division
+_MIN_BEARINGS: Final = 2  # 1-degree bearings of one obstacle; fewer are specks of the mask
+_MIN_RANGE_M: Final = 0.05  # m; chosen: smaller ranges count as this, to avoid a division by zero
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,13 +24,12 @@ class GimbalConfig:
 
     Attributes:
         ground_rad: Pitch near an edge of the ground. Steeper views are not matched to the map.
-        far_heights: Ground further away than this many heights is seen too flatly.
-        enough: With this share of ground in the image the camera stays as in flight.
-        little: With this share it looks down to `ground_rad`.
-        mark_rad: The camera follows the mark down to this pitch. Steeper, roofs look like
-            bases.
-        near_ahead_rad: A thing of unknown range this near to ahead is looked at.
-        look_down_s: It is looked at for this long, enough for the memory to place it.
+        far_heights: Ground further away than this multiple of the height is seen too flatly.
+        enough: From this share of ground in the image the camera keeps the flight pitch.
+        little: Up to this share the camera looks down to `ground_rad`.
+        mark_rad: Lowest pitch at which the camera follows the mark. Steeper, roofs look like bases.
+        near_ahead_rad: Half angle ahead in which the camera looks at obstacles of unknown range.
+        look_down_s: Time of a look, long enough for the map to place the obstacle.
     """
 
     ground_rad: float = math.radians(-56)
@@ -53,16 +52,16 @@ def ground_share(
     height_m: float,
     config: GimbalConfig | None = None,
 ) -> float:
-    """Return the share of an image that may show ground: near, and not beyond its edge.
+    """Return the share of an image that may show near ground within the edges of the map.
 
     Unknown cells of the map may be ground; places beyond the map are not.
 
     Args:
-        site_map: The newest map, with the drone's pose of now.
+        site_map: The newest map, with the drone's present pose.
         camera: Intrinsics at any size.
         pitch_rad: Pitch of the gimbal, negative down.
         height_m: Height of the camera above the ground.
-        config: The distance to which ground counts.
+        config: Source of the distance up to which ground counts.
     """
     config = config or GimbalConfig()
     across, down = (np.linspace(0.0, 1.0, count) for count in _SAMPLES)
@@ -84,14 +83,14 @@ def ground_pitch_rad(
     height_m: float,
     config: GimbalConfig | None = None,
 ) -> float:
-    """Return the camera's pitch: as in flight, and lower if that showed little ground.
+    """Return the camera's pitch: the flight pitch, or lower if that would show little ground.
 
     Args:
-        site_map: The newest map, with the drone's pose of now.
+        site_map: The newest map, with the drone's present pose.
         camera: Intrinsics at any size.
-        flight_rad: The pitch in flight, negative down.
+        flight_rad: Pitch in flight, negative down.
         height_m: Height of the camera above the ground.
-        config: How far down it looks, and when.
+        config: How far down the camera looks, and when.
     """
     config = config or GimbalConfig()
     share = ground_share(site_map, camera, flight_rad, height_m, config)
@@ -99,7 +98,7 @@ def ground_pitch_rad(
         return flight_rad
     lowest_rad = min(config.ground_rad, flight_rad)
     if ground_share(site_map, camera, lowest_rad, height_m, config) < share:
-        return flight_rad  # from beyond the edge the ground lies further away
+        return flight_rad  # beyond the edge of the ground a lower pitch shows less of it
     return float(np.interp(share, (config.little, config.enough), (lowest_rad, flight_rad)))
 
 
@@ -112,27 +111,27 @@ def mark_pitch_rad(
         range_m: Horizontal distance of the mark.
         above_m: Height of the drone above the top of the mark.
         flight_rad: Pitch in flight, negative down; the camera does not look further up.
-        config: How far down it looks.
+        config: How far down the camera looks.
     """
     mark_rad = -math.atan2(max(above_m, 0.0), max(range_m, _MIN_RANGE_M))
     return min(flight_rad, max(mark_rad, (config or GimbalConfig()).mark_rad))
 
 
 def shows_unplaced(obstacles: NearObstacles | None, half_angle_rad: float) -> bool:
-    """Return whether an obstacle of unknown range stands ahead.
+    """Return whether an obstacle of unknown range is ahead.
 
     Args:
-        obstacles: Points around the drone; None while they are not known.
-        half_angle_rad: Of the sector around the heading.
+        obstacles: Points around the drone; None while unknown.
+        half_angle_rad: Half angle of the sector around the heading.
     """
     return obstacles is not None and obstacles.unplaced_within(half_angle_rad) >= _MIN_BEARINGS
 
 
 class LookingDown:
-    """Looks down for a while at obstacles and edges ahead that are nearer than the view.
+    """Looks down for a time at obstacles of unknown range and at edges ahead.
 
     Args:
-        config: When, and for how long.
+        config: When the camera looks down, and for how long.
     """
 
     def __init__(self, config: GimbalConfig | None = None) -> None:
@@ -140,10 +139,10 @@ class LookingDown:
         self._until_s = -math.inf
 
     def pitch_rad(self, obstacles: NearObstacles | None, now_s: float) -> float | None:
-        """Return the camera's pitch; None where nothing asks for a look.
+        """Return the camera's pitch; None without a reason to look down.
 
         Args:
-            obstacles: Points around the drone; None while they are not known.
+            obstacles: Points around the drone; None while unknown.
             now_s: Time of the mission clock.
         """
         cfg = self._config

@@ -1,4 +1,4 @@
-"""Search for the landing mark by the site map: where it was last seen, then unseen ground."""
+"""Search for the landing mark by the site map: its last seen place first, then unseen ground."""
 
 from __future__ import annotations
 
@@ -34,19 +34,20 @@ Course = FollowLeg | Rotate | Done
 
 @dataclass(frozen=True, kw_only=True)
 class MapSearchConfig:
-    """How the mark is searched for. The numbers were chosen in flights on the training scenes.
+    """Limits of the search. The numbers were chosen in flights on the training scenes.
 
     Attributes:
-        close_m: This near to its place the lowered camera shows the mark.
-        reach_m: Where no known path ends this near to the mark, other ground is looked at first.
-        facing_rad: A place is faced below this error of the heading.
-        look_s: A place is faced this long.
-        at_viewpoint_m: The drone is at a viewpoint from this distance on.
-        kept: A viewpoint is given up when it shows less than this share of its first area.
-        doubted_s: A map that the views contradict for longer is not flown by.
+        close_m: Within this distance of its place the lowered camera shows the mark.
+        reach_m: Unseen ground is searched first if no known path ends within this distance of the
+            mark.
+        facing_rad: Largest heading error at which a place counts as faced.
+        look_s: Time for which a place is faced.
+        at_viewpoint_m: Largest distance at which a viewpoint counts as reached.
+        kept: A viewpoint is given up when it shows less than this share of its initial area.
+        doubted_s: The map is not used when the views have contradicted it for longer.
         margins: Distances that routes keep.
         follow: How routes are followed.
-        view: How viewpoints are tried.
+        view: How viewpoints are evaluated.
     """
 
     close_m: float = 0.9
@@ -69,28 +70,28 @@ class Aim(enum.Enum):
 
 
 class MapSearch:
-    """Decides on each new map where to fly, and remembers where it has looked in vain.
+    """Decides on each new map where to fly, and remembers places that stayed unseen.
 
     Args:
-        config: How it searches.
+        config: Limits of the search.
     """
 
     def __init__(self, config: MapSearchConfig | None = None) -> None:
         self.config = config or MapSearchConfig()
         self.aim = Aim.GROUND
-        self._round_s = -math.inf  # ground seen before is looked at again
-        self._in_vain_m = np.empty((0, 2))  # places that stayed unseen from where they should show
+        self._round_s = -math.inf  # ground seen before this time counts as unseen
+        self._in_vain_m = np.empty((0, 2))  # places that a viewpoint should have shown but did not
         self._restarts = 0
         self._passage = Passage.ORDINARY  # of the route to the viewpoint
         self.pause()
 
     @property
     def looks(self) -> bool:
-        """Whether a place that it looks for is faced now."""
+        """Whether the place that is searched is faced now."""
         return self._facing_s is not None
 
     def pause(self) -> None:
-        """Forget the goal of the flight; searched places are remembered."""
+        """Drop the goal; searched places are remembered."""
         self._viewpoint: Viewpoint | None = None
         self._facing_s: float | None = None
 
@@ -106,19 +107,19 @@ class MapSearch:
 
         Args:
             site_map: The map with the newest view.
-            mark: The landing mark where it may still be; None to search unseen ground.
+            mark: The landing mark if it may still be at its place; None to search unseen ground.
             obstacles: Obstacles seen around the drone.
             corridor: The safety corridor; None without depth.
             in_view: Ground that the camera shows at the pitch of the search.
 
         Returns:
-            The course; `Done` where the mark must be below or right ahead and was not found; None
-            when the map knows no way.
+            The course; `Done` where the mark should be below or right ahead but was not found; None
+            if the map has no path.
         """
         if site_map.contradicted_s > self.config.doubted_s:
             self.pause()
             return None
-        if site_map.restarts != self._restarts:  # the map has another frame
+        if site_map.restarts != self._restarts:  # the map has a new frame
             self._restarts, self._in_vain_m = site_map.restarts, np.empty((0, 2))
             self.pause()
         recent = recent_obstacles(obstacles, site_map, unmapped_s=self.config.follow.unmapped_s)
@@ -158,7 +159,7 @@ class MapSearch:
         if not self._choose(maps, in_view):
             if self._round_s >= now_s:
                 return None
-            # All was seen: the search begins anew.
+            # All ground was seen: the search starts over.
             self._round_s = now_s
             self._in_vain_m = np.empty((0, 2))
             self._choose(maps, in_view)
@@ -167,7 +168,7 @@ class MapSearch:
         return self._to_view(self._viewpoint, maps[self._passage], corridor, in_view)
 
     def _choose(self, maps: ClearanceMaps, in_view: GroundInView) -> bool:
-        """Choose the next view, with as much clearance as there is; False when none is worth it."""
+        """Choose the next view, in the widest passage possible; False if none is worth it."""
         self.pause()
         for passage in Passage:
             clearance = maps[passage]
@@ -224,7 +225,7 @@ class MapSearch:
         return apart_m <= self.config.at_viewpoint_m
 
     def _looked(self, turn_rad: float, now_s: float, reason: str = "looks") -> Rotate | None:
-        """Return the turn that is left; None once what lies there was faced for long enough."""
+        """Return the turn that is left; None once the place was faced for `look_s`."""
         cfg = self.config
         if abs(turn_rad) > cfg.facing_rad:
             self._facing_s = None
@@ -248,7 +249,7 @@ class MapSearch:
     def _cells(
         self, places_m: Floats, site_map: SiteMap, wanted: Flags
     ) -> tuple[NDArray[np.intp], Flags]:
-        """Return the cells of places on the grid of wanted cells, and which of them lie on it."""
+        """Return the places' cells in the grid of wanted cells, and which are inside it."""
         around = self.config.view.around_cells(site_map.cell_m)
         apart_m = places_m - np.array(site_map.corner_m)
         cells = np.rint(apart_m / site_map.cell_m).astype(np.intp) + around

@@ -1,7 +1,7 @@
-"""How near to things a route may pass, and how fast it is flown there.
+"""Margins of routes: distances from obstacles and edges, and speeds.
 
-Distances are from the body's centre to the nearest point of a thing. Half of the body's diagonal is
-0.2 m. The numbers were chosen in flights on the training scenes unless their line says otherwise.
+Distances are from the body's centre to the nearest point. Half of the body's diagonal is 0.2 m. The
+numbers were chosen in flights on the training scenes unless their line says otherwise.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from uav_bt.types.arrays import Floats
 
 
 class Passage(enum.Enum):
-    """How much room a route leaves beside it."""
+    """Width of a passage that a route may use."""
 
     ORDINARY = "ordinary"
     TIGHT = "tight"
@@ -30,38 +30,37 @@ class Margins:
 
     Attributes:
         touch_m: Distance from obstacles: 0.2 m of hull, the map's drift and the drone's sway.
-        wide_m: From this distance on the drone flies at full speed.
+        wide_m: Distance from which the drone flies at full speed.
         tight_m: `touch_m` of a tight passage.
         tightest_m: `touch_m` of the tightest passage.
-        sure_m: Residual of views of a drone that knows its place and height (measured in the lab
-            profile).
-        unsure_times: Each metre of residual above `sure_m` adds this much to the distances.
-        unsure_m: The residual adds at most this.
-        doubt_m: Distance from where an obstacle is only assumed.
-        past_assumed: Whether a route may cross open, seen ground on which one is assumed.
+        sure_m: Residual of the views when place and height are known (measured in the lab profile).
+        unsure_times: Extra distance per metre of residual above `sure_m`.
+        unsure_m: Largest extra distance for the residual.
+        doubt_m: Distance from assumed obstacles.
+        past_assumed: Whether a route may cross open, seen ground with an assumed obstacle.
         unknown_m: Distance from cells that were never seen: they may be the hidden side of a box.
-        lane_m: Distance from where something moved that may come back unseen.
+        lane_m: Distance from lanes of movers that may come back unseen.
         edge_m: Distance from the edge of the ground.
         slow_mps: Speed at `touch_m`.
         fast_mps: Speed from `wide_m` on.
-        away_mps: Speed at `min_start_m`: a drone that begins there takes the shortest way out.
-        start_m: Around the drone a route may keep its present clearance, to this distance.
-        start_slack_m: It may lose this much of that clearance: a cell's rounding.
-        min_start_m: A drone that is nearer than this only flies away.
-        enough_reached: A drone that reaches less than this share of the flyable cells is shut in.
-        yaw_rate_radps: Rate of the turn that a route begins with (measured in the twin).
-        turn_m: The turn is counted over the first metres of a route.
-        saved_s: A tight passage is flown where it saves this time; the tightest only where there is
-            no other.
-        direct: A route of up to this multiple of the straight line is not compared with narrower
+        away_mps: Speed at `min_start_m`; it makes a route that begins there take the shortest exit.
+        start_m: Within this distance of the drone a route may keep the drone's present clearance.
+        start_slack_m: Clearance that it may lose there, for the rounding of a cell.
+        min_start_m: A drone with less clearance than this must not reduce it further.
+        enough_reached: Share of the flyable cells below which the drone counts as shut in.
+        yaw_rate_radps: Rate of a route's first turn (measured in the twin).
+        turn_m: Length of the route over which the time of that turn is spread.
+        saved_s: Least time that a tight passage must save. The tightest passage is used only
+            without another route.
+        direct: A route up to this multiple of the straight line is not compared with narrower
             passages.
         cross_unknown: Whether a route may cross assumed obstacles, and unseen cells near the mark.
-        cross_m: Unseen cells to this distance from the mark.
-        unknown_times: Such a cell costs this multiple of its time.
+        cross_m: Distance from the mark up to which a route may cross unseen cells.
+        unknown_times: Factor on the flight time of such cells.
         pad_m: `touch_m` of the last metres before the pad.
         pad_edge_m: `edge_m` of the last metres before the pad.
-        over_m: A landing mark that is flown over counts as seen, free ground to this distance from
-            its middle: half of the pad's diagonal, and a cell.
+        over_m: Radius around the landing mark that counts as seen, free ground when routes may lead
+            over it: half of the pad's diagonal, and a cell.
     """
 
     touch_m: float = Clearances.obstacle_m
@@ -102,10 +101,10 @@ class Margins:
             raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
 
     def within(self, place: Clearances, mark: LandingMark | None = None) -> Margins:
-        """Return the margins of a place: each distance differs as the place's differs.
+        """Return the margins of a place: each distance is shifted by the place's difference.
 
         Args:
-            place: Distances that the place asks for.
+            place: Distances that the place requires.
             mark: Landing mark of the place; default: `LandingMark()`.
         """
         usual, mark = LandingMark(), mark or LandingMark()
@@ -126,7 +125,7 @@ class Margins:
         )
 
     def by(self, residual_m: float) -> Margins:
-        """Return the margins for a map whose views are off it.
+        """Return the margins widened for a map that the views do not fit exactly.
 
         Args:
             residual_m: Mean distance of the views' points from the map's.
@@ -141,30 +140,30 @@ class Margins:
         )
 
     def tight(self) -> Margins:
-        """Return the margins of narrow places."""
+        """Return the margins of a tight passage."""
         return replace(self, touch_m=self.tight_m)
 
     def tightest(self) -> Margins:
-        """Return the margins of a drone that is shut in, whatever the map's residual."""
+        """Return the margins of the tightest passage, independent of the map's residual."""
         return replace(self, touch_m=self.tightest_m, unsure_m=0.0)
 
     def at_pad(self) -> Margins:
-        """Return the margins of the last metres, where boxes stand beside the pad.
+        """Return the margins of the last metres, where boxes may be beside the pad.
 
-        The camera sees those metres from nearby before they are flown, so assumed obstacles and
-        unseen cells cost time there, and do not close the way.
+        The camera sees those metres from nearby before the drone flies them, so assumed obstacles
+        and unseen cells there cost time but do not block the route.
         """
         return replace(self, touch_m=self.pad_m, edge_m=self.pad_edge_m, cross_unknown=True)
 
     def sure(self) -> Margins:
-        """Return the tightest margins of the last metres, whatever the map's residual.
+        """Return the tightest margins of the last metres, independent of the map's residual.
 
-        Nearer than `tight_m` the sides of boxes that were never seen are touched: their place is
-        assumed, and the grid rounds it.
+        With less than `tight_m` the drone could touch unseen sides of boxes: their place is
+        assumed, and rounded to the grid.
         """
         return replace(self, touch_m=self.tight_m, unsure_m=0.0)
 
     def speed_mps(self, clear_m: Floats) -> Floats:
-        """Return the speed at each clearance."""
+        """Return the speed at each clearance, metres."""
         at_m = min(self.min_start_m, self.touch_m - self.start_slack_m), self.touch_m, self.wide_m
         return np.interp(clear_m, at_m, (self.away_mps, self.slow_mps, self.fast_mps))

@@ -17,17 +17,18 @@ _RIM: Final = 12  # points on the circle of a mover
 
 @dataclass(frozen=True, kw_only=True)
 class MoversAheadConfig:
-    """How movers are predicted, and the gap to them. Chosen in flights among movers in the twin.
+    """Prediction of movers, and the gap to them. Chosen in flights among movers in the twin.
 
     Attributes:
-        ahead_s: Movers are predicted for this time.
+        ahead_s: Length of the prediction.
         step_s: Time between two predicted places.
-        doubted_s: The error of their velocity counts up to this time: they turn and stop.
-        taken_s: No route is planned over where a mover is within this time.
+        doubted_s: Time after which the uncertainty of the velocity no longer grows the place's:
+            movers turn and stop.
+        taken_s: Routes avoid the places that a mover reaches within this time.
         body_m: Half of the body's diagonal.
-        spare_m: Gap between body and mover.
-        yields_by: Each speed that is tried is this share of the one before.
-        min_mps: At less than this speed the drone waits.
+        spare_m: Least gap between body and mover.
+        yields_by: Ratio of each speed tried to the one before.
+        min_mps: The drone waits instead of flying more slowly than this.
     """
 
     ahead_s: float = 3.0
@@ -46,7 +47,7 @@ class MoversAheadConfig:
 
 
 def outlines_m(movers: Sequence[MapMover], config: MoversAheadConfig | None = None) -> Floats:
-    """Return points on the ground that movers fill now and soon, (N, 2) in the map's frame."""
+    """Return points that movers occupy within `taken_s`, (N, 2) metres in the map's frame."""
     config = config or MoversAheadConfig()
     times_s = np.arange(0.0, config.taken_s + config.step_s / 2, config.step_s)
     angles = np.linspace(0.0, 2.0 * math.pi, _RIM, endpoint=False)
@@ -68,7 +69,7 @@ def gap_m(movers: Sequence[MapMover], places_m: Floats, config: MoversAheadConfi
         config: How movers are predicted.
 
     Returns:
-        (...) the least over the time; infinite without movers.
+        (...) least gap over the prediction; inf without movers.
     """
     times_s = config.times_s
     min_left_m = np.full(places_m.shape[:-2], math.inf)
@@ -87,7 +88,7 @@ def yielding_mps(
 
     Args:
         movers: The movers of the map.
-        path_m: (N, 2) from the drone on, metres in the map's frame.
+        path_m: (N, 2) path from the drone, metres in the map's frame.
         speed_mps: Highest speed.
         config: How movers are predicted.
     """

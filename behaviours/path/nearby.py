@@ -1,4 +1,4 @@
-"""Obstacles seen around the drone lately that are not on the site map."""
+"""Recently seen obstacles around the drone that are not on the site map."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def _nothing() -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecentObstacles:
-    """Obstacles beside those of the site map, metres in the map's frame.
+    """Obstacles in addition to those of the site map, metres in the map's frame.
 
     Attributes:
         seen_m: (N, 2) points of obstacles.
-        assumed_m: (M, 2) places where an obstacle is assumed.
+        assumed_m: (M, 2) points where an obstacle is assumed.
         edges_m: (K, 2) points where the ground ends.
     """
 
@@ -39,18 +39,18 @@ def recent_obstacles(
     least: int = 3,
     unmapped_s: float = math.inf,
 ) -> RecentObstacles:
-    """Return the obstacles seen lately around the drone that are not on the map.
+    """Return the recently seen obstacles around the drone that are not on the map.
 
-    The map places standing things by many views and corrects the drone's drift. Recent points are
-    placed by a few views and have drifted since.
+    The map places static obstacles by many views and corrects the drone's drift. Recent points are
+    placed by a few views and drift.
 
     Args:
-        obstacles: Points around the drone, in its frame; None while they are not known.
+        obstacles: Points around the drone, in the body frame; None while unknown.
         site_map: The newest map.
-        same_m: A point this near to one of the map is that point.
-        least: Groups of fewer points are errors of a network.
-        unmapped_s: Points last seen this long ago on ground that the map has seen are ignored: a
-            lost drone may have misplaced them.
+        same_m: Points within this distance of a point of the map are dropped as the same.
+        least: Smaller groups of points are dropped as errors of a network.
+        unmapped_s: Points last seen longer ago are dropped on ground that the map has seen: a lost
+            drone may have misplaced them.
     """
     if obstacles is None:
         return RecentObstacles()
@@ -67,14 +67,14 @@ def recent_obstacles(
 
 
 def _believed(site_map: SiteMap, places_m: Floats, age_s: Floats, unmapped_s: float) -> Floats:
-    """Return the places that were seen lately, or are not on ground that the map has seen."""
+    """Return the places that are recent, or not on ground that the map has seen."""
     if not len(age_s):
         return places_m
     return places_m[(age_s <= unmapped_s) | ~site_map.lies_on(site_map.ground, places_m)]
 
 
 def _far_from(known_m: Floats, points_m: Floats, near_m: float) -> Floats:
-    """Return the points that are at least `near_m` from all known ones."""
+    """Return the points at least `near_m` from all known ones."""
     if not len(points_m):
         return points_m
     from scipy.spatial import cKDTree  # noqa: PLC0415  (`uav-bt check` must answer at once)

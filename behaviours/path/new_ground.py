@@ -1,9 +1,9 @@
-"""The new ground that every fastest path passes, for all ends at once.
+"""New ground covered by every fastest path, for all ends at once.
 
-The paths from one place form a tree. A path passes the ground of the path to its last but one cell,
+The paths from one place form a tree. A path covers the ground of the path to its last cell but one,
 and the crescent that the last step adds. One number per cell, summed from the root along the tree,
-gives the ground of all paths. Ground counts twice where a path comes back near to itself, which
-fastest paths hardly do, and a little of it where a path turns.
+gives the ground of all paths. Ground counts twice where a path comes back near to itself, which is
+rare for fastest paths, and in a small part where a path turns.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ _STEPS: Final = tuple(product((-1, 0, 1), repeat=2))  # (0, 0): at the start
 
 
 def passed_for_the_first_time(paths: FastestPaths, worth: Floats, radius_cells: float) -> Floats:
-    """Return the worth of the ground around the path to each cell, cells.
+    """Return the worth of the ground that the path to each cell covers, in cells.
 
     Args:
         paths: The paths from the drone.
-        worth: (rows, columns) worth of passing each cell.
-        radius_cells: Ground this near to a path counts as passed.
+        worth: (rows, columns) worth of covering each cell.
+        radius_cells: Ground within this distance of a path counts as covered.
 
     Returns:
-        (rows, columns); 0 where no path leads.
+        (rows, columns) worth; 0 where no path leads.
     """
     reach = int(radius_cells)
     framed = np.pad(worth, reach + 1)
@@ -49,9 +49,9 @@ def passed_for_the_first_time(paths: FastestPaths, worth: Floats, radius_cells: 
 
 @cache
 def _crescent(step: tuple[int, int], radius_cells: float) -> NDArray[np.intp]:
-    """Return the cells around a place that are not around the one a step before, (K, 2).
+    """Return the cells around a place that are not around the place one step before, (K, 2).
 
-    No step: all that are around it.
+    For the step (0, 0) all cells around the place.
     """
     reach = int(radius_cells)
     down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]

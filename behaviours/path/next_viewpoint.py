@@ -1,8 +1,7 @@
-"""The next viewpoint: the view that shows the most unseen ground for its time.
+"""Next-best-view planner: the view that shows the most unseen ground per second.
 
-A next-best-view planner over the site map. From each place that can be flown, rays go out over the
-map to an obstacle or the edge of the ground. Cells on them that were not seen to be ground may hold
-the landing mark.
+From each reachable place, rays are cast over the site map to an obstacle or the edge of the ground.
+Cells on them that were not seen as ground may hold the landing mark.
 """
 
 from __future__ import annotations
@@ -18,19 +17,19 @@ from behaviours.path.clearance import ClearanceMap
 from uav_bt.types import CameraModel, wrap_angles
 from uav_bt.types.arrays import Flags, Floats
 
-_SOLID_CELLS: Final = 1.5  # a ray ends this near to a point of an obstacle
+_SOLID_CELLS: Final = 1.5  # a ray ends within this distance of an obstacle, cells
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewpointConfig:
-    """How viewpoints are tried. The numbers were chosen in drawn and simulated halls.
+    """How viewpoints are evaluated. The numbers were chosen in drawn and simulated halls.
 
     Attributes:
         far_m: Ground further away does not count: the mark is small there.
         bearings: Number of headings at each place.
-        grid_step: Every this many cells a place is tried.
-        min_view_m2: A view that shows less is not worth it. The pad has 0.25 m2.
-        look_s: Time of the view itself.
+        grid_step: Cells between two places that are evaluated.
+        min_view_m2: Least unseen area that makes a view worth flying to. The pad has 0.25 m2.
+        look_s: Time spent at the viewpoint.
         yaw_rate_radps: Rate of turns.
     """
 
@@ -51,8 +50,8 @@ class GroundInView:
     """The ground that the camera shows in level flight: a sector of a ring.
 
     Attributes:
-        near_m: Inner radius.
-        far_m: Outer radius.
+        near_m: Inner radius of the ring.
+        far_m: Outer radius of the ring.
         half_rad: Half of the sector's angle.
     """
 
@@ -85,13 +84,13 @@ class GroundInView:
 
 @dataclass(frozen=True, kw_only=True)
 class Viewpoint:
-    """A place to look from, and the heading of the look, in the map's frame.
+    """A place and a heading to look from, in the map's frame.
 
     Attributes:
-        x_m: Of the place.
-        y_m: Of the place.
-        yaw_rad: The heading.
-        shows_m2: Unseen ground that it shows.
+        x_m: x of the place.
+        y_m: y of the place.
+        yaw_rad: Heading of the view.
+        shows_m2: Area of unseen ground in view.
     """
 
     x_m: float
@@ -101,15 +100,15 @@ class Viewpoint:
 
 
 def unseen(clearance: ClearanceMap, since_s: float, config: ViewpointConfig) -> Flags:
-    """Return the cells that may be ground, or a landing mark on it, and were not seen since.
+    """Return the unseen cells that may be ground or hold a landing mark.
 
     Args:
         clearance: The clearance map.
-        since_s: Ground that was seen before this time counts as unseen again; -inf: never.
-        config: The reach of views.
+        since_s: Ground last seen before this time counts as unseen; -inf for none.
+        config: Reach of views.
 
     Returns:
-        The cells of the map and `config.around_cells` on each side beyond it.
+        Flags of the map's cells, extended by `config.around_cells` on each side.
     """
     solid = clearance.obstacle_m < _SOLID_CELLS * clearance.map.cell_m
     seen = clearance.map.ground & (clearance.map.seen_s >= since_s)
@@ -120,13 +119,13 @@ def unseen(clearance: ClearanceMap, since_s: float, config: ViewpointConfig) -> 
 def best_viewpoint(
     clearance: ClearanceMap, wanted: Flags, in_view: GroundInView, config: ViewpointConfig
 ) -> Viewpoint | None:
-    """Return the view that shows the most wanted cells per second; None when none is worth it.
+    """Return the view that shows the most wanted ground per second; None if none is worth it.
 
     Args:
-        clearance: The clearance map, with the paths to the places to look from.
+        clearance: The clearance map, with the paths to the viewpoints.
         wanted: Cells to see, as `unseen` returns them.
         in_view: The ground that the camera shows.
-        config: How views are tried.
+        config: How views are evaluated.
     """
     step = config.grid_step
     tried = np.zeros(clearance.map.seen_s.shape, dtype=bool)
@@ -197,9 +196,11 @@ def _rays(
     in_view: GroundInView,
     config: ViewpointConfig,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Flags]:
-    """Return the cells on the rays round each place, (K, bearings, S) rows and columns.
+    """Return the samples of the rays around each place.
 
-    And the ranges of the samples, (S,), and whether nothing before them ends the ray.
+    Returns:
+        Rows and columns of the samples' cells, (K, bearings, S) each; the samples' ranges, metres,
+        (S,); whether the ray reaches each sample, (K, bearings, S).
     """
     cell_m = clearance.map.cell_m
     ranges_m = np.arange(cell_m, in_view.far_m, cell_m)
@@ -217,7 +218,7 @@ def _bearing(view: Viewpoint, config: ViewpointConfig) -> int:
 
 
 def _fan(in_view: GroundInView, config: ViewpointConfig) -> NDArray[np.intp]:
-    """Return the bearings of a view, counted from its middle."""
+    """Return the indices of a view's bearings relative to its middle."""
     width = math.floor(in_view.half_rad / (2.0 * math.pi) * config.bearings)
     return np.arange(-width, width + 1)
 

@@ -13,7 +13,7 @@ from uav_bt.types.site_map import SiteMap
 
 
 class ClearanceMaps:
-    """The clearance maps of each passage, made when they are asked for.
+    """The clearance maps of each passage, made on first use.
 
     Attributes:
         map: The site map.
@@ -22,10 +22,10 @@ class ClearanceMaps:
         site_map: The newest map.
         recent: Obstacles that are not on the map.
         margins: Margins of the ordinary passage.
-        crossing: Whether narrower passages lead through where something moved.
-        past_assumed: Whether the tightest passage leads over open ground with assumed obstacles.
-        over: Landing mark that is flown over; narrower passages have the margins of the last metres
-            before it then.
+        crossing: Whether narrower passages may cross the lanes of movers.
+        past_assumed: Whether the tightest passage may cross open ground with assumed obstacles.
+        over: Landing mark that routes may lead over. With it, narrower passages use the margins of
+            the last metres before the mark.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class ClearanceMaps:
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
         """Return the route to a place; None without one.
 
-        It leads through the widest passage, unless a narrower one saves `Margins.saved_s`.
+        The route uses the widest passage, unless a narrower one saves `Margins.saved_s`.
 
         Args:
             to: Place in the map's frame, metres.
             near_m: As in `ClearanceMap.route_to`.
-            far_m: The same.
+            far_m: As in `ClearanceMap.route_to`.
         """
         best: Route | None = None
         for passage in Passage:

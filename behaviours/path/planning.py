@@ -1,4 +1,4 @@
-"""The planner's question: how to get to a place over the map."""
+"""Route planning to a place over the site map."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def route(
         to: (x, y) of the place, metres in the map's frame.
         margins: Distances that the route keeps, and its speeds; `Margins().at_pad()` for the last
             metres before the landing mark.
-        recent: Obstacles beside those of the map, as `recent_obstacles` returns them.
-        near_m: The route may end this near to the place.
+        recent: Obstacles in addition to those of the map, as `recent_obstacles` returns them.
+        near_m: Largest distance from the route's end to the place.
 
     Returns:
-        Path, clearance along it and time; None where no route keeps the margins.
+        The route; None if no route keeps the margins.
     """
     clearance = ClearanceMap(site_map, recent or RecentObstacles(), margins)
     return clearance.route_to(to, near_m=near_m, far_m=near_m)

@@ -1,9 +1,9 @@
-"""The route that covers a place the fastest: it passes the most new ground per second.
+"""Coverage planner: the route that covers the most new ground per second.
 
 A next-best-view planner (Connolly, 1985; Bircher et al., 2016) over the site map. It finds the
-fastest path to every place that is known to be free, at speeds that the clearance allows. On each
-it counts the ground within half a metre that has not been passed yet. Ground that was not seen yet
-counts, too, where it may be: beside known ground.
+fastest path to every known free place, at speeds that the clearance allows. Along each path it
+counts the ground within half a metre that is not covered yet. Unseen cells beside known ground also
+count, because they may be ground.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from behaviours.path.clearance import ClearanceMap, Route
 from behaviours.path.new_ground import passed_for_the_first_time
 from uav_bt.types.arrays import Floats
 
-_AHEAD_CELLS: Final = 4  # on a path: the first turn points there
+_AHEAD_CELLS: Final = 4  # cells along a path to the point that the first turn faces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,11 +27,11 @@ class SurveyConfig:
     """The worth of routes. The numbers were chosen in surveys of the training scenes.
 
     Attributes:
-        reach_m: Ground this near to the path counts as passed, as for `CoveredGround`.
-        unseen_worth: Worth of a cell that may be ground, beside one that is.
+        reach_m: Ground within this distance of the path counts as covered, as for `CoveredGround`.
+        unseen_worth: Worth of an unseen cell beside known ground; a ground cell is worth 1.
         yaw_rate_radps: Rate of the first turn.
         leg_s: Time lost at the end of each route.
-        min_leg_m2: A route that passes less new ground is not worth it.
+        min_leg_m2: Least new ground that makes a route worth flying.
     """
 
     reach_m: float = 0.5
@@ -42,7 +42,7 @@ class SurveyConfig:
 
 
 def new_ground_per_second(new_m2: Floats, time_s: Floats) -> Floats:
-    """Return the worth of routes: the new ground that they pass per second."""
+    """Return the value of routes: the new ground that they cover per second."""
     return new_m2 / time_s
 
 
@@ -51,12 +51,12 @@ def best_route(
     config: SurveyConfig | None = None,
     value: Callable[[Floats, Floats], Floats] = new_ground_per_second,
 ) -> Route | None:
-    """Return the route of the greatest value; None when none is worth it.
+    """Return the route of the greatest value; None if none is worth it.
 
     Args:
         clearance: The clearance map.
         config: The worth of ground.
-        value: The value of routes from the new ground of each, m2, and its time, s.
+        value: Function from new ground, m2, and time, s, of each route to its value.
     """
     cfg, cell_m, paths = config or SurveyConfig(), clearance.map.cell_m, clearance.fastest
     passed = passed_for_the_first_time(
@@ -68,7 +68,7 @@ def best_route(
         + cfg.leg_s
         + _first_turns_s(clearance, cfg.yaw_rate_radps)
     )
-    # Around the drone a route may keep less clearance, but it must end with enough.
+    # A route may begin with less clearance around the drone, but must end with enough.
     roomy = clearance.clear_m.reshape(-1)[paths.reached] >= clearance.margins.touch_m
     worth_it = roomy & (new_m2 >= cfg.min_leg_m2) & (paths.parents != np.arange(len(new_m2)))
     if not worth_it.any():
@@ -80,7 +80,7 @@ def best_route(
 
 
 def _worth(clearance: ClearanceMap, unseen_worth: float) -> Floats:
-    """Return the worth of passing each cell: ground that was not passed, or may be ground."""
+    """Return the worth of covering each cell: known or possible ground not covered yet."""
     import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
     found = clearance.map

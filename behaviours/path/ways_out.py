@@ -1,4 +1,4 @@
-"""Ways out of the way of a mover that comes at the drone."""
+"""Ways out: straight escapes from a mover that approaches the drone."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from behaviours.path.movers_ahead import MoversAheadConfig, gap_m
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapMover, SiteMap
 
-_AROUND_M: Final = 0.15  # beside a mover's circle: the error of its points
+_AROUND_M: Final = 0.15  # m around a mover's circle: error of its points
 
 
 @dataclass(frozen=True, kw_only=True)
 class WayOutConfig:
-    """How ways out are tried. The numbers were chosen in flights among movers in the twin.
+    """Parameters of the search. The numbers were chosen in flights among movers in the twin.
 
     Attributes:
         moving: How movers are predicted.
         directions: Number of directions that are tried.
         speeds_mps: Speeds that are tried.
-        reaction_s: Time from a decision until it is flown.
-        furthest_m: Longest way.
+        reaction_s: Time from a decision to its effect.
+        furthest_m: Length of the longest way.
         brake_mps2: Deceleration that the drone can rely on.
-        enough_m: A wider gap than this is not worth a longer way.
-        per_m: Gap gained per metre flown, at least.
-        kept_m: Gap that another direction than the present one gains, at least.
-        stop_s: The present velocity is predicted for this time; then the drone has stopped.
+        enough_m: Gaps wider than this count as equal.
+        per_m: Least gain in gap per metre flown.
+        kept_m: Bonus in gap for the present direction.
+        stop_s: The drone is predicted to keep its velocity for this time and then stand still.
     """
 
     moving: MoversAheadConfig = field(default_factory=MoversAheadConfig)
@@ -51,8 +51,8 @@ class WayOut:
     """The velocity of a straight way out, in the map's frame; 0 to stay.
 
     Attributes:
-        x_mps: Along the map's x.
-        y_mps: Along the map's y.
+        x_mps: Velocity along the map's x axis.
+        y_mps: Velocity along the map's y axis.
     """
 
     x_mps: float = 0.0
@@ -60,7 +60,7 @@ class WayOut:
 
 
 def is_threatened(site_map: SiteMap, config: WayOutConfig) -> bool:
-    """Return whether something comes too near to a drone that stays where it is."""
+    """Return whether a mover comes too near to a drone that stays where it is."""
     pose, moving = site_map.pose, config.moving
     here_m = np.broadcast_to((pose.x_m, pose.y_m), (len(moving.times_s), 2))
     return bool(gap_m(site_map.movers, here_m, moving) < moving.spare_m)
@@ -106,15 +106,15 @@ def way_out(
     *,
     before: WayOut | None = None,
 ) -> WayOut:
-    """Return the velocity that leaves the widest gap to movers; to stay is one, too.
+    """Return the velocity that leaves the widest gap to movers; 0 to stay.
 
-    The way leads over free ground with clearance, and the drone can stop before that ends.
+    The way leads over free ground with clearance, and the drone can stop before that ground ends.
 
     Args:
         clearance: The clearance map of the standing obstacles.
         movers: The movers.
-        config: How ways are tried.
-        before: The way that is being flown.
+        config: Parameters of the search.
+        before: The way that is being flown; None without one.
     """
     pose, times_s = clearance.map.pose, config.moving.times_s
     here_m = np.array([pose.x_m, pose.y_m])
@@ -144,7 +144,7 @@ def way_out(
 
 
 def _open_m(clearance: ClearanceMap, here_m: Floats, headings: Floats, furthest_m: float) -> Floats:
-    """Return the distance to which the ground is open along each heading, (D,)."""
+    """Return the open distance along each heading, metres, (D,)."""
     found = clearance.map
     ranges_m = np.arange(found.cell_m, furthest_m + found.cell_m / 2, found.cell_m)
     places_m = here_m + ranges_m[:, None] * headings[:, None]

@@ -1,1 +1,1 @@
-"""Leaves that fill the board: perception runs ahead of the mission."""
+"""Perception leaves. They tick before the mission's leaves and fill the board."""
