@@ -44,7 +44,7 @@ class ContactDepthConfig:
     min_edge: int = 3  # columns in which a roof must meet its side before its height is believed
     # By which the network puts roofs too far below the lens where their box's base is out of sight:
     # median 1.14 on the training scenes, 1.06 to 1.17 on the validation scenes, half of all within
-    # 1.01 and 1.45 (`benchmarks/depth_geometry.py --network depth --masks unet`).
+    # 1.01 and 1.45 (commit 71858fd, U-Net masks).
     roof_too_far: float = 1.1
     base: BaseConfig = field(default_factory=BaseConfig)
 
