@@ -17,6 +17,7 @@ from perception.camera.camera_file import load_camera
 from perception.segmentation.mapping import read_mapping
 from sim_bridge.twin.scene_file import load_scene, scene_text
 from uav_bt import app
+from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import load_site
 from uav_bt.campaign.flight_lines import read_flights
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
@@ -48,7 +49,8 @@ FLIGHT: Final = (
     ' "min_clearance_m": null, "path": [[0.0, 1.0, 2.0, 0.0]]}'
 )
 FILES: Final = (PlannedFile(name="a", path="/a", sha256="0" * 64),)
-PLANS: Final = CampaignPlan(trees=FILES, scenes=FILES, flights=5, policies={"a": "b"}).to_json()
+OPTIONS: Final = FlightOptions(policies={"a": "b"})
+PLANS: Final = CampaignPlan(trees=FILES, scenes=FILES, flights=5, options=OPTIONS).to_json()
 PLAN: Final = json.dumps({"format": 1, "plan": PLANS, "runs": [{"began": "now", "host": "here"}]})
 
 

@@ -69,21 +69,12 @@ def _text(found: RecordInfo) -> str:
     return "\n".join(lines)
 
 
-def _refuse_video(_ctx: click.Context, _param: click.Parameter, path: str | None) -> None:
-    if path is not None:
-        raise click.UsageError(
-            "view has no --video: `uav-bt fly --video FILE` makes the film during the flight, and "
-            "RecordedFlight(RECORD).film(FILE) in Python makes it from a record"
-        )
-
-
 @click.command(cls=Command)
 @_file_argument
 @output_option(
     "--save", "Keep the view: an rrd file, which `rerun FILE` opens anywhere.", suffix=".rrd"
 )
 @click.option("--web", is_flag=True, help="Show it in a browser on this machine, until Ctrl-C.")
-@click.option("--video", hidden=True, expose_value=False, callback=_refuse_video)
 @click.option(
     "--from",
     "from_s",

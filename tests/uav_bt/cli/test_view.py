@@ -38,7 +38,7 @@ def test_a_view_is_saved(record: Path, tmp_path: Path) -> None:
 
 def test_the_deleted_option_video_names_what_makes_the_film(record: Path, tmp_path: Path) -> None:
     refused = run("view", record, "--video", tmp_path / "flight.mp4")
-    assert_refused(refused, "view has no --video", "uav-bt fly --video FILE", ".film(FILE)")
+    assert_refused(refused, "was deleted", "uav-bt fly --video FILE", ".film(FILE)")
     assert list(tmp_path.iterdir()) == []
 
 
