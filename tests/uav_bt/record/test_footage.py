@@ -97,7 +97,7 @@ def test_every_answer_comes_back_from_a_record(tmp_path: Path, answer: Answer) -
             Blocked(yaw_rad=0.5, ground_ends=True, free_m=0.2, reason="so"),
         ),
         (of_version_1(done=True), Done(reason="so")),
-        # The first records had neither `speed_mps` nor `done`.
+        # The first records have neither a speed nor the field `done`.
         (
             {"forward_m": 0.3, "yaw_rad": 0.0, "carpet_ends": False, "reason": "so"},
             Advance(forward_m=0.3, reason="so"),
