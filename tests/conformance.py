@@ -1,11 +1,12 @@
 """Run recorded traces of the BehaviorTree.CPP engine through ours and report, per feature set.
 
-`python tests/conformance.py FILE` prints how many trees of each feature set agree tick by tick in
-root status, leaf events in order, and blackboard; exit code 1 when any does not.
+`python tests/conformance.py FILE` prints for each feature set how many trees agree. A tree
+agrees if root status, order of leaf events and blackboard are equal in each tick. The exit code is
+1 if any tree differs.
 
 A trace file has one JSON object a line: the tree (`xml`), the variables before the first tick
 (`blackboard`), variables written before tick k (`set`), ticks before which the tree is halted
-(`halt`), and what the engine did (`ticks`).
+(`halt`), and the reactions of the engine (`ticks`).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 if __name__ == "__main__":
-    # The folder of a script comes first on the path, and `tests/uav_bt` would hide the package.
+    # Python puts a script's folder first on the path, where `tests/uav_bt` would hide the package.
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 from uav_bt.board.blackboard import Blackboard
@@ -34,7 +35,7 @@ _NAMES = {SUCCESS: "SUCCESS", FAILURE: "FAILURE", RUNNING: "RUNNING", SKIPPED: "
 
 
 class Scripted(Leaf):
-    """Answers one letter of its script per tick; the last one for ever."""
+    """Returns one letter of its script per tick, and repeats the last one."""
 
     ports = (Port("script", str, doc="S success, F failure, R running, K skipped"),)
     events: list[list[str]] = []  # noqa: RUF012  # shared on purpose: the order over all leaves
@@ -42,7 +43,7 @@ class Scripted(Leaf):
     _ticks = 0
 
     def update(self) -> Status:
-        """Note the call and answer."""
+        """Record the call and return the next status."""
         self.events.append(["running" if self.node_status is RUNNING else "start", self.name])
         script = self.port_value("script")
         letter = script[min(self._ticks, len(script) - 1)]
@@ -50,7 +51,7 @@ class Scripted(Leaf):
         return _LETTERS[letter]
 
     def terminate(self, new_status: Status) -> None:
-        """Note a halt; an activation that skipped itself was none."""
+        """Record a halt, except after an activation that returned SKIPPED."""
         if new_status is IDLE and self.node_status is RUNNING:
             self.events.append(["halt", self.name])
 
@@ -76,7 +77,7 @@ def _make_tree(trace: dict[str, Any]) -> MissionTree:
 
 
 def mismatch(trace: dict[str, Any]) -> str | None:
-    """Return how our engine differs from a trace, or None when it agrees in everything."""
+    """Return the first difference of our engine from a trace, None without a difference."""
     try:
         tree = _make_tree(trace)
         for index, expected in enumerate(trace["ticks"]):

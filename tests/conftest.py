@@ -1,4 +1,4 @@
-"""What holds for all tests."""
+"""Settings of all tests."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import signal
 
 from hypothesis import settings
 
-# No time limit for an example: how fast a machine is belongs in benchmarks.
+# Examples have no time limit: only benchmarks measure speed.
 settings.register_profile("uav-bt", deadline=None)
 settings.load_profile("uav-bt")
 
-# A shell's background job ignores Ctrl-C, and one of `nohup` the end of its terminal; so would all
-# programs that tests interrupt.
+# A background job of a shell ignores Ctrl-C, and `nohup` ignores the end of the terminal. Child
+# processes inherit this, but tests interrupt them.
 for number, handler in (
     (signal.SIGINT, signal.default_int_handler),
     (signal.SIGHUP, signal.SIG_DFL),

@@ -1,14 +1,14 @@
-"""Record how a running BehaviorTree.CPP ticks the trees of `tests/data/tree_projects`.
+"""Recorder of BehaviorTree.CPP's ticks on the trees of `tests/data/tree_projects`.
 
-The engine is no dependency of this project. Its release 4.8.2 comes with the package
-`behaviortreepy` 0.1.4, which goes into this project's environment for the recording:
+This project does not depend on the engine. The package `behaviortreepy` 0.1.4 contains its release
+4.8.2; install it into this project's environment for the recording:
 
     pip install --no-deps behaviortreepy==0.1.4
     python -m tests.engine_ticks
 
-writes `engine_ticks.yaml` there. What the engine does not know is replaced before: a palette's
-leaves answer by the run's script and have no ports (what they write, a script writes when they have
-succeeded), and its control nodes are those that stand for them.
+The second command writes `engine_ticks.yaml` there. Nodes that the engine does not know are
+replaced. A palette's leaves answer by the run's script and have no ports; after a success a script
+writes their outputs. A palette's control nodes become the nodes that the script names for them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
-from xml.etree import ElementTree as ET  # only written with; read with the project's own reader
+from xml.etree import ElementTree as ET  # for writing only; the project's reader reads the files
 
 import yaml
 
@@ -36,7 +36,7 @@ _OTHERS: Final = {"Control", "Decorator"}
 
 
 class Rewriting:
-    """Writes a project's files as the engine can tick them."""
+    """Converts a project's files to files that the engine can tick."""
 
     def __init__(self, run: Run) -> None:
         self._script = run.script
@@ -78,7 +78,7 @@ class Rewriting:
         return copied
 
     def _numbered(self, text: str) -> str:
-        """Return a text with numbers for members of enumerations, which programs register."""
+        """Return a text in which the members of registered enumerations are numbers."""
         for name, value in self._members.items():
             text = re.sub(rf"\b{name}\b", str(value), text)
         return text
@@ -96,7 +96,7 @@ class Rewriting:
 
     def _stand_in(self, tag: str, given: dict[str, str], children: list[ET.Element]) -> ET.Element:
         entry = self._script.get("nodes", {}).get(tag)
-        if entry is None:  # of a tree that this run does not tick
+        if entry is None:  # the node is in a tree that this run does not tick
             return ET.Element("AlwaysSuccess")
         if entry == "pass":
             return children[0]

@@ -66,7 +66,7 @@ def read_record(path: Path) -> None:
             moment.frame.frame()
 
 
-# Per kind: the reader, the suffix, and a whole file.
+# For each kind: the reader, the suffix, and an intact file.
 TEXTS: Final[dict[str, tuple[Callable[[Path], Any], str, str]]] = {
     "tree": (check_file, ".xml", resolve_tree("survey_and_land").read_text(encoding="utf-8")),
     "scene": (load_scene, ".yaml", scene_text(load_scene("train-a"))),
@@ -80,7 +80,7 @@ TEXTS: Final[dict[str, tuple[Callable[[Path], Any], str, str]]] = {
 WORDS: Final = b"\0 -1 1e999 nan null [] {} '' *a &a !!int <!-- x".split()
 LONG: Final = (b"", b"9" * 5000, b"[" * 500, b"<a>" * 200)
 DAMAGE: Final = st.binary(max_size=8) | st.sampled_from([*WORDS, *LONG])
-# A place in the file as a share of its length, bytes dropped there, and bytes put there.
+# A position as a share of the file's length, the bytes removed there, and the bytes inserted.
 Edit = tuple[float, int, bytes]
 EDITS: Final = st.lists(st.tuples(st.floats(0, 1), st.integers(0, 40), DAMAGE), min_size=1)
 VALUES: Final = st.sampled_from([None, True, -1, 2**63, 1e308, "", "x" * 10_000, [], [None], {}])
@@ -107,8 +107,8 @@ def read_or_refuse(read: Callable[[Path], Any], path: Path, data: bytes) -> None
 
 
 def with_wrong_value(whole: str | bytes, seed: int, value: object) -> bytes:
-    """Return JSON in which one value, at any depth, is another."""
-    content, rng = json.loads(whole), random.Random(seed)  # noqa: S311 - the same place each time
+    """Return JSON with one value, at any depth, replaced."""
+    content, rng = json.loads(whole), random.Random(seed)  # noqa: S311 - reproducible, no secret
     inner = content
     while True:
         key = rng.choice(list(inner) if isinstance(inner, dict) else range(len(inner)))
@@ -120,7 +120,7 @@ def with_wrong_value(whole: str | bytes, seed: int, value: object) -> bytes:
 
 @pytest.mark.parametrize("kind", TEXTS)
 def test_whole_files_are_read(kind: str, tmp_path: Path) -> None:
-    """Otherwise any damage would be refused for another reason."""
+    """The intact files are valid; otherwise the damage would not be the reason of a refusal."""
     read, suffix, text = TEXTS[kind]
     path = tmp_path / f"whole{suffix}"
     path.write_text(text, encoding="utf-8")

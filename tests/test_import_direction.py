@@ -1,4 +1,4 @@
-"""Imports only go down: every import of every module is looked at, late and type-only ones too."""
+"""Imports only go down. Late imports and those for type checkers are checked, too."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 
-# Vocabulary: the flat files of the framework, and its values.
+# The vocabulary: the single-file modules of `uav_bt`, and the package `types`.
 FLOOR_ONE = {
     f"uav_bt.{name}"
     for name in (
@@ -35,13 +35,13 @@ FLOOR_ONE = {
         "yaml_values",
     )
 }
-# What composes everything: it may import all, and only its own kind may import it.
+# The top floor composes everything: it may import all, and only the top floor may import it.
 FLOOR_FOUR = {f"uav_bt.{name}" for name in ("app", "campaign", "cli", "learning")}
-# Networks are made and trained there; what flies them needs no torch.
+# Packages that build and train networks. Flights do not need torch.
 TRAINERS = tuple(
     f"perception.{room}.training" for room in ("segmentation", "depth", "control", "networks")
 )
-# These report their use to their makers; one module switches that off before it imports them.
+# These libraries report their use; one module disables that before it imports them.
 REPORTING = ("openvino", "nncf", "onnxruntime")
 REPORTS_OFF = "perception.networks.inference_packages"
 
@@ -63,7 +63,7 @@ def module_name(path: Path, root: Path = ROOT) -> str:
 
 
 def imports_of(source: str, name: str, *, is_package: bool = False) -> Iterator[Import]:
-    """Find all imports of a module, wherever they stand in it."""
+    """Find all imports in a module, at any place."""
     package = name if is_package else name.rpartition(".")[0]
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
@@ -101,7 +101,7 @@ def floor(module: str) -> int:
 
 
 def objection(found: Import) -> str | None:
-    """Return why an import must not be, None when it may."""
+    """Return why an import is forbidden, None if it is allowed."""
     importer, imported = found.importer, found.imported
     if within(imported, "torch"):
         trains = floor(importer) == 4 or within(importer, *TRAINERS)
@@ -141,12 +141,12 @@ def test_imports_only_go_down(path: Path) -> None:
     assert against == []
 
 
-# Packages in which no module imports one that imports it, on any way.
+# Packages whose modules must not import each other in a circle.
 WITHOUT_CIRCLES = ("uav_bt", "behaviours", "perception", "sim_bridge")
 
 
 def circles(arrows: dict[str, set[str]]) -> list[list[str]]:
-    """Return the groups of modules that reach each other (Tarjan's algorithm)."""
+    """Return the groups of modules that import each other in a circle (Tarjan's algorithm)."""
     index: dict[str, int] = {}
     low: dict[str, int] = {}
     stack: list[str] = []
@@ -174,7 +174,7 @@ def circles(arrows: dict[str, set[str]]) -> list[list[str]]:
 
 
 def arrows_between(packages: tuple[str, ...]) -> dict[str, set[str]]:
-    """Return which modules of some packages each of them imports."""
+    """Return, for each module of some packages, its imports from these packages."""
     sources = {
         module_name(path): path for path in modules() if within(module_name(path), *packages)
     }
@@ -257,7 +257,7 @@ def test_a_downward_import_is_allowed(importer: str, source: str) -> None:
 
 
 def test_flying_needs_no_torch() -> None:
-    """Everything between a tree file and the drone imports where torch is not installed."""
+    """All modules between a tree file and the drone can be imported without torch."""
     flown = [module_name(path) for path in (ROOT / "behaviours").rglob("*.py")]
     flown += ["perception.segmentation.runtime", "perception.depth.runtime"]
     flown += ["sim_bridge.twin.drone", "uav_bt.app"]
@@ -274,13 +274,13 @@ def registered_names() -> set[str]:
     with (ROOT / "pyproject.toml").open("rb") as file:
         groups = tomllib.load(file)["project"]["entry-points"]
     names = {name for group in ("uav_bt.policies", "uav_bt.drones") for name in groups[group]}
-    from behaviours.nodes import NODES  # noqa: PLC0415 - only this test needs a package of ours
+    from behaviours.nodes import NODES  # noqa: PLC0415 - only this test needs one of our packages
 
     return names | {node.node_id for node in NODES}
 
 
 def words_of(source: str) -> Iterator[tuple[int, str]]:
-    """Yield names and whole string constants of a module, docstrings left out."""
+    """Yield the names and the string constants of a module, without docstrings."""
     tree = ast.parse(source)
     prose = {
         id(node.value)
@@ -292,11 +292,11 @@ def words_of(source: str) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.value
 
 
-# Words of the vocabulary that happen to be a leaf's or a policy's name too.
+# Words of the vocabulary that are also the name of a leaf or a policy.
 VOCABULARY = {
-    # commands; the leaves that give them are called alike
+    # commands, which have the names of the leaves that send them
     **{name: {"TakeOff", "Land"} for name in ("uav_bt.types", "uav_bt.types.commands")},
-    # who writes a key of the mission board, shown to people in lists of keys
+    # writers of the mission board's keys, shown in lists of keys
     "uav_bt.board.keys": {
         "Segment",
         "EstimateDepth",
@@ -306,7 +306,7 @@ VOCABULARY = {
         "MapSite",
         "RememberViews",
         "Advise",
-        "corridor",  # a key, called like the policy that reads it
+        "corridor",  # a key with the name of the policy that reads it
     },
 }
 

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import pytest
 
-# Libraries take them for a test machine's, on which they do not report anyway.
+# With these variables libraries assume a test machine, where they never report.
 TEST_MACHINES = ("CI", "TF_BUILD", "JENKINS_URL", "PYTEST_CURRENT_TEST", "ORT_DISABLE_TELEMETRY")
 
 PERCEIVE = """
@@ -54,7 +54,7 @@ viewer.close(end=True)
 
 @contextmanager
 def proxy() -> Iterator[tuple[str, list[str]]]:
-    """Take the requests of a process that asks a proxy: its address, and their first lines."""
+    """Serve as the proxy of a process; yield its address and the first lines of its requests."""
     asked: list[str] = []
 
     def listen() -> None:

@@ -1,4 +1,4 @@
-"""What must hold for the repository as a whole: shipped files, dangerous calls, packaging."""
+"""Rules for the whole repository: shipped files, dangerous calls, packaging."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_the_shipped_weights_load() -> None:
     assert shipped_unet().size_px == (224, 112)
 
 
-# --- what no module does --------------------------------------------------------------------------
+# --- forbidden calls ------------------------------------------------------------------------------
 
 FORBIDDEN_MODULES = ("pickle", "cPickle", "dill", "cloudpickle", "joblib", "marshal", "shelve")
 FORBIDDEN_CALLS = (
@@ -110,7 +110,7 @@ def danger_of_call(call: ast.Call) -> str | None:
 
 
 def dangers(source: str) -> Iterator[str]:
-    """Find what could run or load code that comes from data, and what sleeps."""
+    """Find calls that could run code from data, and calls that sleep."""
     for node in ast.walk(ast.parse(source)):
         for name in imported(node):
             if name.split(".", maxsplit=1)[0] in FORBIDDEN_MODULES:
@@ -119,7 +119,7 @@ def dangers(source: str) -> Iterator[str]:
             yield f"line {node.lineno}: {danger}"
 
 
-MAY_SLEEP = {"uav_bt/clock.py", "sim_bridge/twin/drone.py"}  # clocks: the wall's, and the twin's
+MAY_SLEEP = {"uav_bt/clock.py", "sim_bridge/twin/drone.py"}  # both are clocks
 
 
 @pytest.mark.parametrize("path", MODULES, ids=relative)
@@ -150,7 +150,7 @@ def test_a_danger_would_be_found(source: str) -> None:
 
 # --- texts ----------------------------------------------------------------------------------------
 
-# Put together here, so that this file does not hold what it looks for.
+# Composed of parts, so that this file does not contain the searched words.
 MACHINE = re.compile(
     "|".join(
         [
@@ -250,7 +250,7 @@ def test_ci_runs_what_a_person_runs() -> None:
 
 
 def test_extras_that_exclude_each_other_are_declared_for_uv() -> None:
-    """Olympe pins an old protobuf, which `onnx` does not take; uv resolves all extras together."""
+    """Olympe requires an old protobuf, `onnx` a newer one; uv resolves all extras together."""
     extras = PROJECT["project"]["optional-dependencies"]
     (conflict,) = PROJECT["tool"]["uv"]["conflicts"]
     excluded = {entry["extra"] for entry in conflict}
@@ -259,7 +259,7 @@ def test_extras_that_exclude_each_other_are_declared_for_uv() -> None:
 
 
 def test_make_test_takes_no_plugins_from_a_sourced_shell() -> None:
-    """A shell that has sourced ROS has pytest plug-ins for another Python on PYTHONPATH."""
+    """After sourcing ROS, PYTHONPATH contains pytest plug-ins for another Python."""
     (line,) = (
         line for line in (ROOT / "Makefile").read_text("utf-8").splitlines() if "-m pytest" in line
     )

@@ -1,4 +1,4 @@
-"""The wheel holds all that a mission needs and works where there is no checkout."""
+"""The wheel contains everything for a mission, and works without a checkout."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FLY = """\
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the wheel of a copy of the sources, without the network."""
+    """Build the wheel from a copy of the sources, without network access."""
     copy, out = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("wheel")
     for room in ROOMS:
         shutil.copytree(
@@ -47,7 +47,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Unpack the wheel into a folder, which is what installing it does."""
+    """Unpack the wheel into a folder, like an installation."""
     folder = tmp_path_factory.mktemp("installed")
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(folder)

@@ -1,9 +1,9 @@
-"""The tree files of `tests/data/tree_projects`, and what is asked of them.
+"""The tree files of `tests/data/tree_projects` and their expected results.
 
 Each folder is a project of tree files in the style of public ones, with a `project.yaml`:
 
-    palette: palette.xml             # the file whose models say what the leaves are
-    warned: {game.xml: [...]}        # files with warnings, and words of each; all others have none
+    palette: palette.xml             # the file with the models of the leaves
+    warned: {game.xml: [...]}        # files with warnings, and words of each
     runs:                            # dry runs, by a label
       low battery:
         file: rounds.xml
@@ -34,11 +34,11 @@ class Run:
     ticks: int
     script: Mapping[str, Any]
     palette: Path
-    files: tuple[Path, ...]  # of the project, with trees
+    files: tuple[Path, ...]  # files of the project that contain trees
 
 
 def projects() -> dict[str, dict[str, Any]]:
-    """Return what is asked of each project, by the folder's name."""
+    """Return the expectations of each project, by the folder's name."""
     return {
         path.parent.name: yaml.safe_load(path.read_text(encoding="utf-8"))
         for path in sorted(PROJECTS.glob("*/project.yaml"))
@@ -46,7 +46,7 @@ def projects() -> dict[str, dict[str, Any]]:
 
 
 def tree_files(project: str) -> tuple[Path, ...]:
-    """Return the files of a project that hold trees."""
+    """Return the files of a project that contain trees."""
     return tuple(sorted((PROJECTS / project).rglob("*.xml")))
 
 

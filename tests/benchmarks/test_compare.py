@@ -1,4 +1,4 @@
-"""Comparison of campaigns: pairs, differences, intervals, and what counts as worse."""
+"""Comparison of campaigns: pairs, differences, intervals, and the rule for a worse result."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_small_losses_are_not_worse(changed: dict[str, Any], tmp_path: Path) -> 
 
 
 def test_the_interval_of_a_mean() -> None:
-    """As the normal interval, 1.96 standard errors, for many values."""
+    """For many values it equals the normal interval of 1.96 standard errors."""
     values = np.random.default_rng(1).normal(3.0, 1.0, 400)
     low, high = mean_interval(values)
     assert low == pytest.approx(values.mean() - 1.96 * 0.05, abs=0.015)

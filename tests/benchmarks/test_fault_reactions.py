@@ -1,6 +1,6 @@
-"""Reactions to faults that are right, each flown; and what counts as right.
+"""Flights that react to faults correctly, and the rules that judge a reaction.
 
-A reaction that is mended gets its line in `RIGHT`. The whole matrix: `benchmarks/faults.py`.
+A corrected reaction gets a line in `RIGHT`. `benchmarks/faults.py` flies the whole matrix.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from benchmarks.fault_flight import KINDS, Case, fly
 from benchmarks.fault_reactions import EXPECTED, Expected, Facts, problems, survived
 from benchmarks.faults import Flown
 
-# Two seconds of steps, and down where it is: a flight of a second.
+# Steps for two seconds, then a landing on the spot: a short flight.
 TREE = """
 <root BTCPP_format="4">
   <BehaviorTree ID="Mission">
@@ -35,7 +35,7 @@ TREE = """
 </root>
 """
 
-# What ends the mission, or is survived without harm; right on the day its line came here.
+# Faults that end the mission correctly, and faults that it survives without harm.
 RIGHT = (
     "battery-low@take-off+1",
     "battery-low@explore",
@@ -103,7 +103,7 @@ def test_every_kind_says_what_is_expected() -> None:
 
 
 def test_a_flight_is_watched_to_its_end(tmp_path: Path) -> None:
-    """Landing refused: the place was kept on the way down, and the drone still flies."""
+    """After a refused landing the drone still flies; it had kept its position in the descent."""
     refused = replace(case(tmp_path, "no-landing@explore"), time_limit_s=9.0)
     facts = Flown.of(fly(refused, tmp_path)).facts
     assert facts.began_s is not None
@@ -175,7 +175,7 @@ def test_an_event_or_an_error_names_a_fault_too() -> None:
     ],
 )
 def test_only_words_name_a_fault(reason: str, *, named: bool) -> None:
-    """Paths do not, and no word's end: 'returns' is no turn."""
+    """Paths and the ends of words do not count: 'returns' does not contain the word 'turn'."""
     assert (problems(STRICT, "explore", replace(LANDED, reason=reason)) == ()) is named
 
 
@@ -184,7 +184,7 @@ def test_a_success_must_be_one() -> None:
     bearable = replace(STRICT, bearable=True)
     assert problems(STRICT, "explore", SUCCESS) == (unnoticed,)
     assert problems(bearable, "explore", SUCCESS) == ()
-    assert problems(STRICT, "land", SUCCESS) == ()  # it was landing already
+    assert problems(STRICT, "land", SUCCESS) == ()  # it was already landing
     assert problems(replace(STRICT, may_fall=True), "land", SUCCESS) == (unnoticed,)
     assert problems(bearable, "explore", replace(SUCCESS, on_helipad=False)) == (unnoticed,)
     assert problems(bearable, "explore", replace(SUCCESS, on_helipad=None)) == ()

@@ -1,4 +1,4 @@
-"""The command `benchmarks/faults.py`: its table, its exit codes, and that it goes on."""
+"""The command `benchmarks/faults.py`: its table, its exit codes, and how it resumes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "benchmarks.faults", *map(str, arguments)]
-    return subprocess.run(  # noqa: S603 - ours
+    return subprocess.run(  # noqa: S603 - our own script
         command, cwd=ROOT, capture_output=True, text=True, check=False
     )
 
@@ -36,7 +36,7 @@ def test_flights_are_tabulated_kept_and_gone_on_with(tmp_path: Path) -> None:
     assert done.stdout.endswith("1 of 1 reactions right, 1 flights survived\n")
     flights = tmp_path / "out" / "flights.jsonl"
     first = flights.read_text()
-    flights.write_text(first + '{"case": {"fau')  # killed while it wrote
+    flights.write_text(first + '{"case": {"fau')  # the process was killed during a write
 
     more = run(*wanted, "slow")
     assert more.returncode == 1

@@ -1,4 +1,4 @@
-"""A page taken apart: its blocks in order, their files and their commands."""
+"""Parser of a page: its blocks in order, their files and their commands."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from uav_bt.cli.root import uav_bt
 
 ROOT: Final = Path(__file__).parents[2]
 FENCE: Final = re.compile(r"^( *)```([^\n`]*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
-# A block is a file when its first line is a comment with nothing but the file's name ...
+# A block is a file if its first line is a comment that contains only the file's name ...
 HEADING: Final = re.compile(r"(?:# |<!-- )([\w./-]+\.\w+)(?: -->)?\n")
-# ... or when the sentence before it says so.
+# ... or if the sentence before the block names the file.
 SAVED: Final = re.compile(r"[Ss]ave (?:this|it)\s+as\s+`([\w./-]+)`[^`]*\Z")
-# A command in a block that is no block: four spaces make one, too.
+# Commands of a block that is marked by an indentation of four spaces or more.
 INDENTED: Final = re.compile(r"^ {4,}(?:\$ |uav-bt |pip |python |make |pytest )", re.MULTILINE)
 INLINE: Final = re.compile(r"(?<!`)`(uav-bt [^`]+)`(?!`)")
 
 
 @dataclass(frozen=True)
 class Block:
-    """What stands between two fences."""
+    """The text between two fences."""
 
     kind: str
     text: str
-    line: int  # of its first line in the page
+    line: int  # number of its first line in the page
     file: str | None  # where the reader saves it
 
 
@@ -86,10 +86,10 @@ def _expanded(word: str, line: str, folder: Path) -> list[str]:
 
 
 def resolve(words: tuple[str, ...]) -> tuple[click.Command, click.Context, list[str]]:
-    """Return the click command that words call, its parent's context, and the words left.
+    """Return the click command that words call, its parent's context, and the remaining words.
 
     Raises:
-        UsageError: there is no such command, or an option of a group is unknown.
+        UsageError: the command is unknown, or an option of a group is unknown.
     """
     command: click.Command = uav_bt
     context, left = click.Context(uav_bt, info_name="uav-bt"), list(words[1:])
@@ -106,7 +106,7 @@ def check_inline(text: str) -> None:
     """Check the command and the options of a command in the prose, whose arguments may be `FILE`.
 
     Raises:
-        UsageError: there is no such command or option.
+        UsageError: the command or an option is unknown.
     """
     words = tuple(text.split())
     command, _, left = resolve(tuple(word for word in words if word != "..."))
@@ -117,7 +117,7 @@ def check_inline(text: str) -> None:
 
 
 def check_script(command: Command) -> None:
-    """Check a `python FILE ...` command: the file is there and knows each option."""
+    """Check a `python FILE ...` command: the file exists and has each option."""
     script, *words = command.words[1:]
     if script == "-m":
         module, *words = words
@@ -131,13 +131,13 @@ def check_script(command: Command) -> None:
 
 
 def check_target(target: str) -> None:
-    """Check that `make` knows a target."""
+    """Check that the makefile has a target."""
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert re.search(rf"^{target}:", makefile, re.MULTILINE), f"make has no target {target}"
 
 
 def check_install(words: tuple[str, ...]) -> None:
-    """Check the extras and the constraints that a `pip install` names."""
+    """Check the extras and the constraints of a `pip install` command."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     for word in words:
         if word.startswith("constraints"):
@@ -148,11 +148,11 @@ def check_install(words: tuple[str, ...]) -> None:
 
 
 def check_python(block: Block, names: dict[str, Any]) -> None:
-    """Check a Python block that is not run: its imports work and its calls have the arguments.
+    """Check a Python block without running it: its imports work, its calls have valid arguments.
 
     Args:
         block: the block.
-        names: what the blocks before it left.
+        names: the namespace after the earlier blocks.
     """
     tree = ast.parse(block.text)
     for node in tree.body:
@@ -165,7 +165,7 @@ def check_python(block: Block, names: dict[str, Any]) -> None:
 
 
 def _called(node: ast.expr, names: dict[str, Any]) -> Any:
-    """Return what a dotted name stands for, None when the block's own values are needed."""
+    """Return the object of a dotted name, None if only running the block would create it."""
     if isinstance(node, ast.Attribute):
         owner = _called(node.value, names)
         return None if owner is None else getattr(owner, node.attr)

@@ -1,4 +1,4 @@
-"""One who follows a page to the letter, in a folder of its own."""
+"""Simulated reader who follows a page step by step in a temporary folder."""
 
 from __future__ import annotations
 
@@ -38,20 +38,21 @@ from uav_bt.tree.dry_run.script_file import read_script
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.shipped import tree_files
 
-# Files that an option takes, and what reads them.
+# Functions that load the files of options.
 LOADERS: Final[dict[str, Callable[[Path], object]]] = {"site": load_site, "script": read_script}
-# Arguments whose file is made, though click does not say so.
+# Arguments that name an output file, although their click type does not show it.
 WRITES: Final = {("new", "file")}
 
 
 class Reader:
-    """Saves what a page says to save, runs its Python in one namespace and its commands in turn.
+    """Saves the files of a page, runs its Python in one namespace and its commands in order.
 
     Args:
         page: the page's path in the repository.
-        folder: where it is followed; the working folder.
-        monkeypatch: puts what the page installs on the path.
-        left_out: why a command is only parsed, or None; also what to add when it is run.
+        folder: the working folder.
+        monkeypatch: puts packages that the page installs on the path.
+        left_out: returns the reason why a command is only parsed, or None.
+        added: further arguments for a command when it is run.
         long_python: Python that is not run.
     """
 
@@ -72,8 +73,8 @@ class Reader:
         self._added = added
         self._long_python = long_python
         self._names: dict[str, Any] = {"__name__": "page"}
-        self._tested = False  # by a `pytest` of the page
-        self._unwritten: set[Path] = set()  # stand for what a command that was not run writes
+        self._tested = False  # whether the page has run `pytest`
+        self._unwritten: set[Path] = set()  # placeholders for outputs of commands that were not run
 
     def follow(self) -> None:
         """Follow the page from top to bottom, then run the tests that it wrote."""
@@ -104,9 +105,9 @@ class Reader:
             case "yaml":
                 assert isinstance(yaml.safe_load(block.text), dict)
             case "python" | "xml" | "toml" if block.file is not None:
-                pass  # used by what follows
+                pass  # used by later blocks
             case "text":
-                pass  # what a program prints
+                pass  # output of a program
             case _:
                 raise AssertionError(f"a block of an unknown kind: '{block.kind}'")
 
@@ -136,7 +137,7 @@ class Reader:
     # --- commands ---------------------------------------------------------------------------------
 
     def _console(self, block: Block) -> None:
-        """Run the command of a block that shows what is printed, and compare, with wildcards."""
+        """Run the command of a block and compare its output with the block, with wildcards."""
         first, *expected = block.text.splitlines()
         only = Block("sh", first.removeprefix("$ "), block.line, None)
         (command,) = commands(only, self.folder)
@@ -173,7 +174,7 @@ class Reader:
                 assert self._left_out(str(command)), f"unknown command: {command}"
 
     def _install(self) -> None:
-        """Install the package that the page wrote, as `pip install -e .` does, without pip."""
+        """Install the page's package like `pip install -e .`, but without pip."""
         code = "import setuptools.build_meta as b; b.prepare_metadata_for_build_editable('.meta')"
         (self.folder / ".meta").mkdir()
         subprocess.run(  # noqa: S603  # our own page
@@ -194,7 +195,7 @@ class Reader:
         added = next(
             (more for key, more in self._added.items() if str(command).startswith(key)), ()
         )
-        differs = command.words[1] == "replay"  # 1 says that something differs, as it should
+        differs = command.words[1] == "replay"  # exit code 1: the files differ, as expected
         result = self._run((*command.words, *added), codes=(0, 1) if differs else (0,))
         if command.output:
             (self.folder / command.output).write_text(result.stdout, encoding="utf-8")
@@ -205,7 +206,7 @@ class Reader:
         return result
 
     def _parse(self, command: Command) -> list[Path]:
-        """Let click parse a command, and check that what it reads is there.
+        """Parse a command with click, and check that its input files exist.
 
         Returns:
             The files that it writes.
@@ -245,7 +246,7 @@ def _writes(command: click.Command, param: click.Parameter) -> bool:
 
 
 def _files(path: Path, kind: click.Path) -> list[Path]:
-    """Return what is written for a path: a file in a folder, or the file, with a network's twin."""
+    """Return the files that a command writes for a path; a network has two."""
     if isinstance(kind, OutputFolder):
         return [path / ".kept"]
     return [path, path.with_suffix(".onnx")] if path.suffix == ".safetensors" else [path]

@@ -1,9 +1,8 @@
-"""README, CONTRIBUTING and the pages of `docs/` are followed to the letter, block by block.
+"""README, CONTRIBUTING and the pages of `docs/` are followed step by step.
 
-What takes long, or needs what a test does not have, stands in the tables below with the reason. It
-is still parsed by the real command, and every file that it reads must be there: saved by the page,
-written by a command above it, or brought by the reader. `pytest -m slow tests/docs` runs the long
-ones, too.
+The tables below list commands that take long or cannot run in a test, with the reason. They are
+still parsed by the real command, and each input file must exist: saved by the page, written by an
+earlier command, or provided by the reader. `pytest -m slow tests/docs` also runs the long ones.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ PAGES: Final = (
     *sorted(f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")),
 )
 
-# Commands that take long, and why. An entry stands for all commands that begin so.
+# Commands that take long, with the reason. An entry covers all commands that begin with it.
 LONG: Final = {
     "uav-bt fly": "a flight takes about a minute",
     "uav-bt campaign": "flights",
@@ -39,7 +38,7 @@ LONG: Final = {
     "uav-bt net evaluate": "minutes",
     "uav-bt net export": "half a minute",
 }
-# What is added when those are run, so that they take less: the last value of an option counts.
+# Arguments that shorten those commands when they run: the last value of an option counts.
 ADDED: Final = {
     "uav-bt campaign": ("--flights", "1", "--exact-masks", "--image-size", "320x180"),
     "uav-bt net perceive": ("--seconds", "1"),
@@ -50,7 +49,7 @@ ADDED: Final = {
     "uav-bt net evaluate": ("--views", "20"),
     "uav-bt net export": ("--views", "4"),
 }
-# What no test can run: parsed only.
+# Commands that no test can run; they are only parsed.
 NOT_HERE: Final = {
     "uav-bt serve-anafi": "serves until Ctrl-C",
     "uav-bt fly trees/hover_and_look.xml --drone": "needs a drone",
@@ -72,11 +71,11 @@ NOT_HERE: Final = {
     "pytest -m slow": "runs this test",
     "python3.11 -m venv": "makes another environment",
 }
-# Pages whose commands were run to measure, for hours.
+# Pages whose commands are measurements of hours.
 MEASURED: Final = {"docs/results.md"}
-# Python that flies, or needs the files of a flight.
+# Python that flies or needs the files of a flight.
 LONG_PYTHON: Final = ("app.fly(", "campaign.run(", "BtlogReader(", "RecordedFlight(")
-# What a reader brings along.
+# Files that a reader provides.
 BROUGHT: Final = {
     "docs/camera.md": ("boards/1.jpg", "walk.mp4"),
     "docs/anafi.md": ("boards/1.jpg",),
@@ -84,7 +83,7 @@ BROUGHT: Final = {
 
 
 def _reason(page: str, command: str, *, slow: bool) -> str | None:
-    """Return why a command of a page is only parsed, None when it is run."""
+    """Return the reason why a command of a page is only parsed, None if it is run."""
     tables = [NOT_HERE] if slow else [NOT_HERE, LONG]
     if page in MEASURED:
         return "was run to measure"
@@ -95,7 +94,7 @@ def _reason(page: str, command: str, *, slow: bool) -> str | None:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Return the working folder, with what of the checkout the pages name; forget its modules."""
+    """Return the working folder with links into the checkout; unload its modules at the end."""
     for name in ("trees", "benchmarks", "examples", "constraints.txt"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""The examples run as they stand; what they print is what their idea promises."""
+"""The examples run unchanged, and their output shows the effect that they explain."""
 
 from __future__ import annotations
 

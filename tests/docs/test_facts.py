@@ -1,4 +1,4 @@
-"""What pages say twice, or about the source, is what the source says; and links lead somewhere."""
+"""Pages agree with each other and with the source, and their links have targets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tools read of the project beside its code: how to cite it, what runs before a commit."""
+"""Project files for other tools: the citation and the pre-commit hooks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HOOKS: Final[dict[str, Any]] = yaml.safe_load((ROOT / ".pre-commit-config.yaml")
 
 
 def authors_are_named(entry: dict[str, Any]) -> bool:
-    """A person has a family name, an entity a name; nobody has both."""
+    """A person has a family name, an entity has a name; no author has both."""
     return all(("name" in each) != ("family-names" in each) for each in entry["authors"])
 
 
@@ -47,7 +47,7 @@ def test_the_citation_is_of_this_project() -> None:
 
 @pytest.mark.parametrize("hook", HOOKS["repos"][0]["hooks"], ids=lambda hook: hook["id"])
 def test_a_hook_runs_the_projects_own_tool(hook: dict[str, Any]) -> None:
-    """Its program is in the environment that `make` sets up, so that its version has one home."""
+    """The hook runs the program of the `make` environment, which fixes its version."""
     assert hook["language"] == "system"
     program = Path(hook["entry"].split()[0])
     assert program.parent == Path(".venv/bin")

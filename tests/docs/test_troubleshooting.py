@@ -1,4 +1,4 @@
-"""Every message that the page quotes is one that the program prints."""
+"""The program prints every message that the page quotes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.docs.documents import ROOT
 PAGE: Final = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
 MESSAGES: Final = re.findall(r"^\*\*`(.+)`\*\*$", PAGE, re.MULTILINE)
 ROOMS: Final = ("uav_bt", "behaviours", "perception", "sim_bridge")
-GAP: Final = "\0"  # stands for what a message is filled with
+GAP: Final = "\0"  # placeholder for values in a message
 
 
 def templates_of(tree: ast.AST) -> Iterator[str]:
@@ -39,14 +39,14 @@ def templates() -> frozenset[str]:
         for text in templates_of(ast.parse(path.read_text(encoding="utf-8")))
     }
     installer = (ROOT / "tools" / "install.sh").read_text(encoding="utf-8")
-    lines = re.sub(r'"\s*\\\n\s*"', " ", installer).splitlines()  # a text goes on in the next line
+    lines = re.sub(r'"\s*\\\n\s*"', " ", installer).splitlines()  # continued strings
     return frozenset(found | {re.sub(r"\$\w+", GAP, line) for line in lines})
 
 
 def printed(message: str) -> bool:
-    """Return whether some text of the source begins, ends or holds the message.
+    """Return whether a text of the source contains the message, or matches its beginning.
 
-    What is quoted as `...` may be anything there; what is put into a text may be any words here.
+    `...` in the message matches any text; a gap in the text matches any words of the message.
     """
     quoted = re.compile(".*?".join(re.escape(part) for part in message.split("...")), re.DOTALL)
     if any(quoted.search(text) for text in templates()):

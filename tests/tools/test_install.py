@@ -1,4 +1,4 @@
-"""`tools/install.sh`, the work behind `make`: what is missing is said, in words."""
+"""`tools/install.sh`, which `make` runs: its messages name what is missing."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_the_newest_supported_python_is_taken(tmp_path: Path) -> None:
     tools.mkdir()
     for version in ("3.11", "3.12", "3.13"):
         fake = tools / f"python{version}"
-        # A pyenv shim is there for versions that are not: it fails whatever it is asked.
+        # A pyenv shim exists for versions that are not installed: every call of it fails.
         answer = "exit 127" if version == "3.13" else f'echo "Python {version}.0"; exit 0'
         fake.write_text(f"#!/bin/sh\n{answer}\n", encoding="utf-8")
         fake.chmod(0o755)

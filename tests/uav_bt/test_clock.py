@@ -1,4 +1,4 @@
-"""Clocks: one that moves when told to, one that moves by itself, one that waits for ticks."""
+"""Clocks: a manual one, a real-time one, and one that is constant within a tick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The errors: messages that say what to do, exit codes, and what they carry."""
+"""The errors: messages with a remedy, exit codes, and attributes."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class Asks(MovingLeaf):
 def test_a_failed_node_names_the_innermost_line_of_its_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither the engine that called it nor the library that it called is the author's to mend."""
+    """The author cannot fix the calling engine or the called library."""
     package = tmp_path / "my_package"
     package.mkdir()
     (package / "__init__.py").touch()

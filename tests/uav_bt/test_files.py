@@ -1,4 +1,4 @@
-"""Files are whole or not there; the system's errors name the file."""
+"""Files are complete or absent; the system's errors name the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""YAML files as typed values: every problem with its line, nothing dangerous, nothing guessed."""
+"""YAML files as typed values: problems have lines, nothing is executed or guessed."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def test_a_bomb_of_aliases_does_not_go_off(tmp_path: Path) -> None:
 
 
 def test_a_text_that_aliases_repeat_makes_no_long_message(tmp_path: Path) -> None:
-    """A message shows the beginning of a value, and memory is bounded by the text, too."""
+    """A message shows only the beginning of a value; memory is bounded by the text's size."""
     text = f"a: &a {'x' * 100_000}\nb: [{', '.join(['*a'] * 1000)}]"
     assert len("".join(problems(tmp_path, text))) < 1000
     assert len("".join(problems(tmp_path, f"a: &a {'x' * 100_000}\nb: *a\nsize_m: *a"))) < 1000

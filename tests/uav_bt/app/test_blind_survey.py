@@ -1,4 +1,4 @@
-"""A survey without any ground in view: it says so, flies nowhere, and lands where it is."""
+"""A survey without ground in view: it warns, stays in place, and lands there."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uav_bt.types.ground import Ground
 
 
 class GroundlessReferee:
-    """Knows the truth, but takes everything for background."""
+    """A referee whose class ids are background everywhere."""
 
     def __init__(self, referee: Referee) -> None:
         self._referee = referee
@@ -34,7 +34,7 @@ class GroundlessReferee:
 
 
 class OverUnknownGround(DroneWrapper):
-    """A drone over a floor that no mask knows."""
+    """A drone over a floor that is not ground in any mask."""
 
     @property
     def referee(self) -> Referee | None:

@@ -1,4 +1,4 @@
-"""A camera file in place of what the drone says of its camera."""
+"""A camera file replaces the drone's camera model."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def twin() -> Drone:
 
 
 def test_the_files_camera_is_told_at_the_frames_size(tmp_path: Path) -> None:
-    """Without distortion, since the frames are straightened; the lens is where the drone has it."""
+    """It has no distortion, since the frames are rectified; the lens position is the drone's."""
     inner = twin()
     drone = CalibratedDrone(inner, camera_file(tmp_path))
     drone.connect()

@@ -1,4 +1,4 @@
-"""What the displays are told about our lab, and how they are put together."""
+"""Displays of a flight: their data about the lab, and their composition."""
 
 import io
 import math
@@ -32,7 +32,7 @@ SCENE = Scene(
 
 
 class SceneDrone(ScriptedDrone):
-    """Stands for the twin: it knows its scene."""
+    """Replaces the twin: a drone with a scene."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -101,7 +101,7 @@ def first_image(path: Path, options: app.FlightOptions, title: str = "") -> np.n
 
 
 def test_a_film_names_mission_scene_and_seed_unless_it_is_given_a_title(tmp_path: Path) -> None:
-    # A scene file is called by the name that stands in it.
+    # The title has the name that is written in the scene file.
     options = app.FlightOptions(scene="labs/a file.yaml", seed=7)
     named = first_image(tmp_path / "named.mp4", options)
     said = first_image(tmp_path / "said.mp4", options, "land_only in small, seed 7")
@@ -153,7 +153,7 @@ SECOND_LEVEL = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
 
 
 def class_maps_size(tmp_path: Path, body: str) -> bool:
-    """Film one tick of a tree; return whether the class map has its quarter to itself."""
+    """Film one tick of a tree; return whether the class map fills its quarter alone."""
     tree = tmp_path / "mission.xml"
     tree.write_text(body, encoding="utf-8")
     drone = SceneDrone()

@@ -57,7 +57,7 @@ def tree_file(folder: Path, body: str) -> Path:
 
 
 class Hangar:
-    """Hands out a drone under the name `scripted` and keeps its configurations."""
+    """Provides a drone under the name `scripted` and stores its configurations."""
 
     def __init__(self) -> None:
         self.drone = ScriptedDrone()
@@ -83,7 +83,7 @@ def hangar(monkeypatch: pytest.MonkeyPatch) -> Hangar:
 
 @dataclass(frozen=True, kw_only=True)
 class ScriptedConfig:
-    """What an installed package would register: it declares what it understands."""
+    """A drone configuration as of an installed package; its fields declare its options."""
 
     address: str | None = None
     scene: str = "none"
@@ -95,7 +95,7 @@ SCRIPTED = app.FlightOptions(drone="scripted")
 
 
 def doing(action: Callable[[int], object]) -> app.Listeners:
-    """Return what makes a listener that does something with each tick's number."""
+    """Return a factory of a listener that calls `action` with each tick's number."""
 
     class Doing:
         def on_tick(self, record: TickRecord) -> None:
@@ -124,7 +124,7 @@ def test_a_shipped_mission_is_found_by_its_name_from_anywhere(
 def test_a_name_with_a_suffix_or_a_folder_is_a_file_and_never_a_shipped_mission(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Another mission would fly than the one that the user has in mind."""
+    """Otherwise a different mission than the intended one would fly."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(
         FileError, match="a shipped mission has no suffix; did you mean 'land_only'"
@@ -265,7 +265,7 @@ def test_exact_masks_come_from_the_referee_at_the_networks_size() -> None:
     assert (class_map.ids == 9).all()
 
 
-# --- what is refused before anything flies --------------------------------------------------------
+# --- refusals before take-off ---------------------------------------------------------------------
 
 
 def test_a_report_without_a_folder_is_refused_before_there_is_a_drone(
@@ -303,7 +303,7 @@ def test_a_flight_is_told_in_its_report(hangar: Hangar, tmp_path: Path) -> None:
     assert report.outcome == "success"
     assert (report.tree, report.drone, report.seed) == ("mission.xml", "scripted", 0)
     assert report.scene is None
-    assert report.profile is None  # a drone without a referee is as good as it is
+    assert report.profile is None  # a drone without a referee has no profile
     assert json.loads(path.read_text(encoding="utf-8")) == asdict(report)
     assert not hangar.drone.connected
 
@@ -353,7 +353,7 @@ def test_a_leaf_that_raises_leaves_a_report_of_the_error(
 def test_leaves_that_block_are_named_in_the_report(
     hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("behaviours.fly.land.Land.budget_s", -1.0)  # whatever it takes is too long
+    monkeypatch.setattr("behaviours.fly.land.Land.budget_s", -1.0)  # any duration exceeds it
     report = app.fly(tree_file(tmp_path, HOP), SCRIPTED)
     assert list(report.slow_leaves) == ["Main/Sequence/Land"]
 
@@ -482,11 +482,11 @@ def test_a_drone_that_cannot_say_good_bye_has_flown_all_the_same(
 
 
 def interrupt_at(*indices: int, number: signal.Signals = signal.SIGINT) -> app.Listeners:
-    """Return what makes a listener that sends a signal at these ticks, Ctrl-C's by default."""
+    """Return a factory of a listener that sends a signal, by default Ctrl-C's, at these ticks."""
 
     def press(index: int) -> None:
         for _ in range(indices.count(index)):
-            # As the interpreter would: a real signal may hit the test runner instead.
+            # Call the handler like the interpreter: a real signal might reach the test runner.
             handler = signal.getsignal(number)
             assert callable(handler)
             handler(number, None)
@@ -496,7 +496,7 @@ def interrupt_at(*indices: int, number: signal.Signals = signal.SIGINT) -> app.L
 
 @pytest.fixture(autouse=True)
 def _interruptible() -> Iterator[None]:
-    """A run in the background ignores Ctrl-C from the start; these tests must not depend on it."""
+    """Set Python's handler of Ctrl-C; a background run of the tests would ignore the signal."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -524,7 +524,7 @@ def test_an_interrupt_lands_the_drone_reports_and_gives_the_handlers_back(
 def test_the_first_signal_lands_and_the_second_does_not_wait(
     hangar: Hangar, tmp_path: Path, number: signal.Signals
 ) -> None:
-    """A closed terminal is one of them; the report comes either way."""
+    """A closed terminal is one of them; each one still gives a report."""
     before = handlers()
     path = tmp_path / "report.json"
     report = app.fly(
@@ -550,7 +550,7 @@ def test_the_third_signal_ends_a_program_that_hangs(hangar: Hangar, tmp_path: Pa
 
 
 def test_whoever_ignores_a_signal_means_it(hangar: Hangar, tmp_path: Path) -> None:
-    """With nohup a mission outlives its terminal."""
+    """With nohup a mission continues after its terminal was closed."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     within: list[object] = []
     look = doing(lambda _: within.append(signal.getsignal(signal.SIGHUP)))
@@ -589,7 +589,7 @@ def test_a_flight_in_another_thread_takes_no_handlers(hangar: Hangar, tmp_path: 
 def test_leaves_close_what_they_opened_when_the_flight_is_over(
     hangar: Hangar, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A device that is gone by then is a warning: the flight has its result."""
+    """A device that fails at the end causes a warning: the flight keeps its result."""
 
     class Device(Leaf):
         """Opens a device for the whole mission."""
@@ -614,13 +614,13 @@ TIMINGS = {"tick_ms", "perception_ms", "slow_leaves"}
 
 
 def measured(report: FlightReport) -> dict[str, Any]:
-    """Return everything of a report but how long the computer took."""
+    """Return the fields of a report without the computing times."""
     return {name: value for name, value in report.to_json().items() if name not in TIMINGS}
 
 
 @pytest.fixture(scope="module")
 def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightReport, Path]:
-    """Fly up, once around, and down again, on exact masks."""
+    """Fly up, look around once, and land, with exact masks."""
     path = tmp_path_factory.mktemp("flight") / "report.json"
     return app.fly("hover_and_look", SMALL, report=path), path
 
@@ -682,7 +682,7 @@ def test_a_live_drone_whose_images_show_nothing_does_not_take_off(
     tmp_path: Path,
     rehearse: bool,  # noqa: FBT001
 ) -> None:
-    """A rehearsal shows what is wrong; nothing takes off there."""
+    """A rehearsal shows the problems; it has no take-off."""
     drone = BlackVideo(TwinConfig(image_size_px=(160, 90)).create())
     options = app.FlightOptions(drone=drone, rehearse=rehearse)
     checks: list[str] = []

@@ -1,4 +1,4 @@
-"""Flights given as objects: own leaves, policies, drones and trees fly without a package."""
+"""Flights of Python objects: leaves, policies, drones and trees without a package."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
 from uav_bt.tree.nodes import Sequence
 from uav_bt.types import Hover
 
-# --- what a person writes in a notebook -----------------------------------------------------------
+# --- definitions of a notebook --------------------------------------------------------------------
 
 
 class Peek(Leaf):
-    """Hover for some ticks and note the height."""
+    """Hover for some ticks and record the height."""
 
     ports = (Port("ticks", int, default=3, doc="how many ticks"),)
     reads = (STATE,)
@@ -81,7 +81,7 @@ NODES = NodeRegistry.installed().with_nodes(Peek)
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightReport, Careful, Path]:
-    """Fly text, own leaf, own policy and configured twin, and keep the record."""
+    """Fly a tree's text with an own leaf, an own policy and a configured twin; record it."""
     policy, record = Careful(), tmp_path_factory.mktemp("objects") / "flight.mcap"
     options = app.FlightOptions(
         drone=TWIN,
@@ -241,7 +241,7 @@ def test_options_and_site_replace_attributes_of_a_tree_object() -> None:
 
 
 def test_what_was_replaced_in_a_loaded_tree_is_replayed(tmp_path: Path) -> None:
-    """The file alone would give another flight."""
+    """The file alone would give a different flight."""
     file, record = tmp_path / "hop.xml", tmp_path / "flight.mcap"
     file.write_text(
         '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><TakeOff height_m="1.0"/>'

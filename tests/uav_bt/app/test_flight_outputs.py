@@ -1,4 +1,4 @@
-"""Outputs of a flight in Python: what the flight reads is never written over."""
+"""Outputs of a flight in Python never overwrite its inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Flights and their records: what is in them is what was flown, whatever happened on the way."""
+"""Records of flights are correct and complete, also after faults."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from uav_bt.types import Airframe, Clearances, Command, LandingMark, TakeOff
 
 
 class Notes:
-    """Keeps what the runner told."""
+    """Stores the ticks and statuses of the runner."""
 
     def __init__(self) -> None:
         self.ticks: list[TickRecord] = []
@@ -90,7 +90,7 @@ def test_a_record_tells_what_was_flown_and_how_it_ended(noted: tuple[Path, Notes
     assert reader.finished
     assert (reader.metadata["seed"], reader.metadata["tree"]) == ("5", "mission.xml")
     assert json.loads(reader.metadata["versions"])["numpy"] == np.__version__
-    assert reader.metadata["weights"] == "{}"  # no leaf of this mission loads a network
+    assert reader.metadata["weights"] == "{}"  # this mission loads no network
     assert FLIGHT.encode() in reader.attachments["tree/mission.xml"].data
     assert reader.camera == NoisyDrone().camera
     end = reader.end

@@ -1,4 +1,4 @@
-"""Options of a flight: checked when they are given, and named honestly when they are objects."""
+"""Options of a flight: checked when set; objects among them have a name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from uav_bt.types import Airframe
 
 
 class Ahead:
-    """Goes straight on."""
+    """Flies straight ahead."""
 
     def decide(self, view: PolicyView) -> Answer:
         del view
@@ -164,7 +164,7 @@ def test_an_option_that_flights_do_not_have_is_refused_with_the_nearest_one() ->
 
 
 class Bodiless:
-    """A drone that says nothing of its airframe."""
+    """A drone without a known airframe."""
 
     clock = camera = referee = scene = tick_s = None
     live = False

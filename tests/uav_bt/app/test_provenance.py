@@ -1,4 +1,4 @@
-"""What is kept of where results come from."""
+"""Provenance of results."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_looking_at_a_checkout_changes_nothing_in_it(tmp_path: Path) -> None:
     git = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b"]
     for words in (["init", "-q"], ["add", "file"], ["commit", "-q", "-m", "one"]):
         subprocess.run([*git, *words], check=True)  # noqa: S603 - git itself
-    os.utime(file, (1.0, 1.0))  # git looks at the file again, and would note that
+    os.utime(file, (1.0, 1.0))  # git would check the file again and update its index
     index = tmp_path / ".git" / "index"
     before = index.read_bytes()
     head = provenance.commit(tmp_path)

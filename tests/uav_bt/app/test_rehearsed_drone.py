@@ -1,4 +1,4 @@
-"""A rehearsal: seen for real, flown in numbers."""
+"""A rehearsal: a real camera and a simulated flight."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from uav_bt.types import (
 
 
 class Held:
-    """A drone that a person holds: notes what it is told."""
+    """A drone in a person's hands that records its commands."""
 
     referee = None
     camera = None
@@ -61,7 +61,7 @@ class Stage:
         self.drone.connect()
 
     def play(self, movement: Movement, seconds: float) -> DroneState:
-        """Ask for a movement for a while and return the last state."""
+        """Send a movement for some time and return the last state."""
         clock = self.held.clock
         end_s = clock.now() + seconds
         while clock.now() < end_s:

@@ -1,4 +1,4 @@
-"""A tree file that is edited while it flies: good edits fly, bad ones are reported."""
+"""Edits of a tree file in flight: valid ones are flown, invalid ones are reported."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_the_same_content_is_no_change(path: Path) -> None:
 
 
 def test_an_edit_before_the_first_look_is_noticed(path: Path) -> None:
-    """What counts is what was loaded, not what the file held when the watch began."""
+    """The watch compares with the loaded content, not with the file at the watch's start."""
     clock = ManualClock()
     loaded = path.read_bytes()
     path.write_text("other", encoding="utf-8")
@@ -115,7 +115,7 @@ class World:
         self.reload = TreeReload(self.flight, path, None, self.notes.append, timer=self.clock.now)
 
     def ask(self) -> bool:
-        """Ask once, a second after the last time; return whether there is a new tree."""
+        """Poll once, a second after the last poll; return whether there is a new tree."""
         self.clock.advance(1.0)
         before = self.flight.mission
         tree = self.reload()
@@ -168,7 +168,7 @@ def test_an_edit_that_is_undone_changes_nothing(path: Path) -> None:
 
 
 def test_a_leaf_that_cannot_be_set_up_is_a_bad_edit(path: Path, tmp_path: Path) -> None:
-    """The loader sees that there is a file, and only the leaf what is in it."""
+    """The loader checks only that the file exists; the leaf reads it."""
     network = tmp_path / "broken.onnx"
     network.write_bytes(b"none")
     world = World(path)
@@ -199,7 +199,7 @@ def test_included_files_are_watched_those_of_a_refused_edit_too(path: Path) -> N
 
 
 def test_trees_of_other_folders_are_watched(path: Path, tmp_path: Path) -> None:
-    """Their folders are looked through again for every edit."""
+    """Their folders are searched again at each edit."""
     parts, drone = tmp_path / "parts", ScriptedDrone()
     parts.mkdir()
     part = parts / "part.xml"
@@ -246,7 +246,7 @@ def test_a_link_to_another_file_is_an_edit(path: Path, tmp_path: Path) -> None:
 
 
 class Impatient(ScriptedDrone):
-    """Lets no wall time pass unseen: edits its tree file at some ticks, and waits for the poll."""
+    """A scripted drone that edits its tree file at some ticks."""
 
     def __init__(self, edits: dict[int, Callable[[], object]]) -> None:
         super().__init__()
@@ -260,7 +260,7 @@ class Impatient(ScriptedDrone):
 
 
 def test_a_flight_goes_on_with_the_edited_tree(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its clock and board are kept; what was halted asks for nothing any more."""
+    """Clock and board continue; halted leaves propose no more movements."""
     monkeypatch.setattr("uav_bt.app.file_watch._POLL_S", 0.0)
     land = '<Sequence><TakeOff height_m="1.2"/><HoverFor name="low" seconds="1"/><Land/></Sequence>'
     drone = Impatient(

@@ -1,4 +1,4 @@
-"""Site files: all of it may be left out, nothing of it may be wrong."""
+"""Site files: every field is optional, every mistake is an error."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ EXPLORE = """
 
 
 def test_the_flight_height_of_a_site_holds_after_the_take_off(tmp_path: Path) -> None:
-    """No step corrects it back to what the tree says."""
+    """No step returns to the height in the tree."""
     heights: list[float] = []
 
     class Heights:
@@ -157,11 +157,11 @@ def test_the_flight_height_of_a_site_holds_after_the_take_off(tmp_path: Path) ->
 
 
 class SlowTakeOff(TakeOff):
-    """Climb as the shipped one does, under a name that only its author knows."""
+    """The shipped take-off in a subclass with another name."""
 
 
 class Climb(Leaf):
-    """Take off, written from scratch by a third party."""
+    """A third party's independent take-off."""
 
     ports = (Port("height_m", float, default=2.0, doc="flight height, m"),)
     writes = (FLIGHT_HEIGHT,)
@@ -171,7 +171,7 @@ class Climb(Leaf):
 
 
 class FixedClimb(Leaf):
-    """Take off to a height that nobody can set."""
+    """A take-off to a constant height."""
 
     writes = (FLIGHT_HEIGHT,)
 
@@ -256,7 +256,7 @@ def test_the_mark_and_the_clearances_of_a_site_reach_the_leaves() -> None:
 
 
 def test_a_place_that_is_narrower_than_the_drone_is_refused() -> None:
-    """The body reaches 0.2 m, and narrow passages take off 0.1 m."""
+    """The body's radius is 0.2 m, and narrow passages reduce the distance by 0.1 m."""
     site = Site(clearances=Clearances(obstacle_m=0.25))
     with pytest.raises(InputError, match=r"obstacle_m: must be at least 0\.30 m.*got 0\.25"):
         app.assemble("land_only", app.FlightOptions(scene="val-a", site=site))
@@ -275,7 +275,7 @@ def test_the_least_that_the_drone_needs_is_enough() -> None:
 
 
 def test_a_large_drone_needs_more_than_the_default(tmp_path: Path) -> None:
-    """Its hull reaches 0.5 m from its centre."""
+    """The radius of its hull is 0.5 m."""
     drone = ScriptedDrone()
     drone.airframe = Airframe(body_size_m=(0.6, 0.8, 0.1))
     with pytest.raises(
@@ -303,7 +303,7 @@ def test_the_leaf_that_finds_the_mark_gets_the_sites_height(tmp_path: Path) -> N
 def test_a_mark_that_no_leaf_looks_for_is_no_mistake(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """An emergency landing needs its height as well."""
+    """An emergency landing needs its height, too."""
     loaded(tmp_path, "<EmergencyLand/>", Site(mark=LandingMark()))
     assert caplog.messages == []
 

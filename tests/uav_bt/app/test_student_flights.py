@@ -1,4 +1,4 @@
-"""The shipped control student in the twin, and one that fails on the way."""
+"""Flights of the shipped control student in the twin, and of one that fails in flight."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uav_bt.errors import NodeFailedError
 
 ROOT = Path(__file__).parents[3]
 SMALL = app.FlightOptions(scene="val-b", seed=3, image_size_px=(320, 180))
-EXPLORES = '="90000"'  # the time of the exploration, ms
+EXPLORES = '="90000"'  # duration of the exploration, ms
 
 
 def shortened(name: str, folder: Path) -> Path:
@@ -35,7 +35,7 @@ def test_the_shipped_student_explores_and_comes_home(mission: str, tmp_path: Pat
 
 
 def test_a_network_that_fails_in_flight_ends_the_mission(tmp_path: Path) -> None:
-    """Never a silent zero: the drone lands as after any fault, and whoever flew it hears of it."""
+    """An invalid answer never becomes zero: the drone lands as after any fault, with an error."""
     model = onnx.load(SHIPPED_STUDENT)
     (bias,) = [one for one in model.graph.initializer if one.name == "head.bias"]
     bias.CopyFrom(onnx.numpy_helper.from_array(np.full(5, np.nan, np.float32), bias.name))

@@ -1,4 +1,4 @@
-"""The mission's blackboard: types, ages, and access that is declared or refused."""
+"""The mission's blackboard: types, ages and declared access."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_what_was_never_written_is_unknown_and_infinitely_old(board: Blackboard)
 def test_a_value_reads_as_none_once_it_is_too_old(
     board: Blackboard, manual_clock: ManualClock
 ) -> None:
-    """The age limit itself is still fresh, and the age is told either way."""
+    """A value is fresh up to the age limit; its age is known after it, too."""
     board.write(SPEED, 1.5)
     manual_clock.advance(0.5)
     assert board.read(SPEED).value == 1.5
@@ -53,7 +53,7 @@ def test_an_age_is_a_sum_of_ticks_and_no_rounding_makes_it_stale(
             manual_clock.advance(0.1)
         late += manual_clock.now() - written_s > 0.5
         assert board.read(SPEED).known
-    assert late > 0  # rounding did add up to more than the limit
+    assert late > 0  # rounding errors did exceed the limit
 
 
 def test_age_counts_from_the_capture_and_not_from_the_writing(
@@ -137,7 +137,7 @@ def test_what_is_forgotten_was_never_written(board: Blackboard) -> None:
 def test_a_snapshot_has_every_value_with_its_capture_time(
     board: Blackboard, manual_clock: ManualClock
 ) -> None:
-    """Stale ones, too: a record shows what there was."""
+    """Stale values are included: a record has all values."""
     board.write(SPEED, 1.0)
     manual_clock.advance(9.0)
     board.write(NAME, "x", captured_s=8.5)
@@ -149,7 +149,7 @@ def test_two_boards_do_not_meet(board: Blackboard, manual_clock: ManualClock) ->
     assert not Blackboard(manual_clock, (NAME,)).read(NAME).known
 
 
-# --- a leaf's window on it ------------------------------------------------------------------------
+# --- a leaf's access -----------------------------------------------------------------------------
 
 
 @pytest.fixture

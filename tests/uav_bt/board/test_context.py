@@ -1,4 +1,4 @@
-"""What a leaf is given when its mission sets up."""
+"""The context that a leaf gets at the setup of its mission."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def draw(seed: int, owner: str) -> float:
 
 
 def test_chance_depends_on_the_seed_and_the_owner_and_on_nothing_else() -> None:
-    """The same leaf of the same mission draws the same, whoever drew before."""
+    """A leaf's random numbers do not depend on the draws of other leaves."""
     assert draw(1, "Mission/Explore") == draw(1, "Mission/Explore")
     draws = {draw(seed, owner) for seed in (1, 2) for owner in ("Mission/a", "Mission/b")}
     assert len(draws) == 4
@@ -33,7 +33,7 @@ def test_chance_depends_on_the_seed_and_the_owner_and_on_nothing_else() -> None:
 
 @pytest.mark.parametrize("wrong", [None, "up", Hover, HOVER])
 def test_only_movements_are_proposed(wrong: Any) -> None:
-    """A leaf that forgets to return one fails where it does so."""
+    """A leaf that proposes something else fails at that call."""
     with pytest.raises(TypeError, match=r"expected a movement \(TakeOff or .*\), got "):
         Proposals().propose("Mission/a", wrong)
     with pytest.raises(TypeError, match=r"expected a camera direction \(GimbalTo\), got "):

@@ -1,4 +1,4 @@
-"""Board values as plain data: everything can be told, nothing grows large."""
+"""Board values as plain data: all types are supported, the size is bounded."""
 
 from __future__ import annotations
 

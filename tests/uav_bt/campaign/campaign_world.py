@@ -1,7 +1,7 @@
-"""What the tests of campaigns share: plans, and flights that do not fly.
+"""Helpers of the campaign tests: plans, and simulated flights.
 
-`fly` runs in a worker's process, which imports this module by name; the policies of a plan, which
-nothing here flies with, carry what a seed should come to.
+`fly` runs in a worker's process, which imports this module by name. The policies of a plan map each
+seed to the fate of its flight.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FLY = "tests.uav_bt.campaign.campaign_world:fly"
 def plan(
     *, trees: tuple[str, ...] = ("one.xml",), scenes: tuple[str, ...] = ("lab",), **how: Any
 ) -> CampaignPlan:
-    """Return a plan of files that need not exist; takes the shared options of flights, too."""
+    """Return a plan of files that need not exist; `how` may contain options of flights, too."""
     shared = {name: how.pop(name) for name in SHARED if name in how}
     return CampaignPlan(
         **{
@@ -39,7 +39,7 @@ def plan(
 
 
 def line(seed: int = 0, **fields: Any) -> dict[str, Any]:
-    """Return a flight as it is kept."""
+    """Return a flight as in the campaign's folder."""
     return {
         "tree": "one.xml",
         "scene": "lab",
@@ -62,7 +62,7 @@ def lose_process(fate: str) -> None:
 
 
 def fly(task: dict[str, Any]) -> dict[str, Any]:
-    """End as the plan's policies have it for this seed; the number of the process is `wall_s`."""
+    """End with the fate of this seed; `wall_s` of the result is the process id."""
     if task.get("litters"):
         tempfile.mkdtemp()
     fate = task["policies"].get(str(task["seed"]), "lands")
@@ -78,5 +78,5 @@ def fly(task: dict[str, Any]) -> dict[str, Any]:
         os.write(1, b"a library's banner\n")
     if fate.startswith("leaves a cycle to "):
         collected = Path(fate.removeprefix("leaves a cycle to "))
-        weakref.finalize(type("Cyclic", (), {}), collected.touch)  # as every class is
+        weakref.finalize(type("Cyclic", (), {}), collected.touch)  # a reference cycle
     return line(task["seed"], tree=task["tree"], scene=task["scene"], wall_s=os.getpid())

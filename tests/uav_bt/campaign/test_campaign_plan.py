@@ -1,4 +1,4 @@
-"""Plans: their flights, what makes two of them the same campaign, and how they are written."""
+"""Plans: their flights, the identity of a campaign, and their files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Campaigns from end to end with flights that do not fly: kept, resumed, always the same."""
+"""Whole campaigns with simulated flights: stored, resumed, reproducible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A campaign's folder: nothing that was kept is lost, nothing half written looks whole."""
+"""A campaign's folder: no stored flight is lost, and partial writes are recognized."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_another_plan_is_refused_and_nothing_is_touched(tmp_path: Path) -> None:
 
 
 def test_a_campaign_without_a_flight_may_become_another(tmp_path: Path) -> None:
-    """What was refused before it flew must not stand in the way of the corrected command."""
+    """A command that was refused before any flight must not block the corrected one."""
     keep(tmp_path, of=plan(profile="harsh"))
     kept = keep(tmp_path, line(0), of=plan(profile="ideal"))
     assert kept.kept.flights == ()

@@ -1,4 +1,4 @@
-"""Worker processes: a crash, a hang and a fault cost one flight and say what happened."""
+"""Worker processes: a crash, a hang or a fault loses one flight, with its reason."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_closing_stops_what_flies_and_what_waits() -> None:
 def test_a_pool_leaves_no_temporary_files(
     fate: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not even those of a worker that was killed in flight."""
+    """This includes the files of a worker that was killed in flight."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     pool = WorkerPool(FLY, workers=1)
     (folder,) = tmp_path.glob("uav-bt-workers-*")

@@ -1,4 +1,4 @@
-"""Dask: the same flights as on this machine, and clear words when there is no cluster."""
+"""Dask: the same flights as on this machine, and a clear error without a cluster."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def cluster() -> Iterator[LocalCluster]:
 
 @pytest.fixture
 def unanswered() -> Iterator[str]:
-    """An address where somebody listens and never says a word."""
+    """Yield an address where a process listens but never answers."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield f"127.0.0.1:{server.getsockname()[1]}"
 

@@ -1,4 +1,4 @@
-"""Lines of flights: what is one, what is not, and which part of it can be compared."""
+"""Lines of flights: valid and invalid lines, and their comparable part."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uav_bt.errors import FileError, InputError
 
 
 def test_flights_without_a_path_are_read(tmp_path: Path) -> None:
-    """A report needs only what came of a flight; where it went may be left out."""
+    """A report needs only the result of a flight; its positions are optional."""
     kept = tmp_path / "flights.jsonl"
     kept.write_text("".join(json.dumps(line(seed)) + "\n" for seed in range(3)), encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""From names to plans: what is found, what it hashes, what is refused."""
+"""From names to plans: files found, their hashes, and refusals."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_shipped_missions_and_scenes_are_named_so_that_every_machine_finds_them(
     plan = make_plan(["land_only"], scenes=["val-*,train-a", "val-a"], flights=1)
     assert [(file.name, file.path) for file in plan.trees] == [("land_only.xml", "land_only")]
     assert [file.path for file in plan.scenes] == ["val-a", "val-b", "train-a"]
-    # The trees of the library that the mission uses count, too.
+    # Files of the library that the mission uses are included.
     parts = ("land_only.xml", "lib/return_to_base.xml")
     texts = [(shipped_trees() / name).read_bytes() for name in parts]
     assert plan.trees[0].sha256 == hashlib.sha256(b"\0".join(texts)).hexdigest()

@@ -1,4 +1,4 @@
-"""What the tests of the command line share: running it, and the smallest missions."""
+"""Helpers of the command line's tests: calls, and minimal missions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from uav_bt.cli.root import uav_bt
 
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
-"""Up and down again on the helipad, without a network: some seconds of flight."""
+"""Take-off and landing on the helipad, without a network: some seconds of flight."""
 
 
 def run(*arguments: object) -> Result:
@@ -39,7 +39,7 @@ def assert_refused(result: Result, *words: str) -> None:
 
 
 def all_commands() -> Iterator[tuple[tuple[str, ...], click.Command]]:
-    """Yield every command that is no group, with the words by which it is called."""
+    """Yield every command that is not a group, with the words of its call."""
     context = click.Context(uav_bt, info_name="uav-bt")
     for words in uav_bt.paths():
         command: click.Command = uav_bt

@@ -1,4 +1,4 @@
-"""A third-party package that is broken is named, and stops only what needs it."""
+"""A broken third-party package is named, and affects only its users."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Broken:
     """A package whose module `broken_NAME` registers something that cannot be used."""
 
     name: str
-    source: str  # of its module
-    words: tuple[str, ...]  # in messages
+    source: str  # source of its module
+    words: tuple[str, ...]  # words of the messages
 
     def install(self, folder: Path) -> None:
         module = f"broken_{self.name}"
@@ -82,7 +82,7 @@ def test_the_doctor_names_it(broken: Broken) -> None:
     assert result.exit_code == 1
     (line,) = (each for each in result.stdout.split("\n") if each.startswith("behaviours:"))
     assert "NOT READY" in line
-    assert "behaviours (" in line  # ours are there
+    assert "behaviours (" in line  # those of our packages
     for word in broken.words:
         assert word in result.stdout
 

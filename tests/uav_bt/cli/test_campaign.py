@@ -1,4 +1,4 @@
-"""`uav-bt campaign` and `uav-bt report`: a small campaign, and everything that is refused."""
+"""`uav-bt campaign` and `uav-bt report`: a small campaign, and all refusals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def flights_of(folder: Path) -> list[dict[str, Any]]:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A campaign of two short flights, really flown."""
+    """A campaign of two short flights of the twin."""
     folder = tmp_path_factory.mktemp("campaign")
     mission = tree_file(folder, HOP)
     out = folder / "out"
@@ -41,7 +41,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def folder(flown: Path, tmp_path: Path) -> Path:
-    """A copy of it, to do as one likes with."""
+    """A copy of the campaign, which a test may change."""
     return Path(shutil.copytree(flown, tmp_path / "c"))
 
 

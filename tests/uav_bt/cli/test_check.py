@@ -1,4 +1,4 @@
-"""`uav-bt check` and `new`: all findings of all files; a mission to begin with."""
+"""`uav-bt check` finds all problems of all files; `uav-bt new` writes a first mission."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def test_sarif_of_a_folder_names_good_and_refused_files_in_one_run(
         ("unknown-node", f"file://{outside}"),
         ("file", "absent.xml"),
     ]
-    # A file that is not there has no place, and a result without a line is shown nowhere.
+    # A missing file has no lines, but viewers hide results without a line.
     assert log["results"][2]["locations"][0]["physicalLocation"]["region"] == {"startLine": 1}
 
 
@@ -278,9 +278,9 @@ def test_networks_that_are_not_there_are_found(
     (tmp_path / "text.onnx").write_text("no network")
     (tmp_path / "net.safetensors").write_bytes(b"\x02\0\0\0\0\0\0\0{}")
     tree = tree_file(tmp_path, f"<Sequence>\n<{leaf}/>\n</Sequence>")
-    column = len(f"<{leaf.split(maxsplit=1)[0]} ") + 1  # of the attribute
+    column = len(f"<{leaf.split(maxsplit=1)[0]} ") + 1  # column of the attribute
     assert_refused(run("check", tree), f"{tree}:4:{column}: ", *words)
-    assert run("tree", "render", tree).exit_code == 0  # which loads nothing
+    assert run("tree", "render", tree).exit_code == 0  # leaves that load nothing
 
 
 @pytest.mark.parametrize(
@@ -340,7 +340,7 @@ def test_a_warning_is_no_reason_to_refuse(tmp_path: Path) -> None:
 
 
 def test_a_height_above_the_ceiling_is_a_warning(tmp_path: Path) -> None:
-    """A site may have another ceiling; without one the flight is refused."""
+    """A site may have a different ceiling; without a site the flight is refused."""
     path = tree_file(tmp_path, '<Sequence>\n<TakeOff height_m="15"/>\n<Land/>\n</Sequence>')
     result = run("check", path)
     assert (result.exit_code, result.stdout) == (0, f"{path}: good\n")
@@ -356,7 +356,7 @@ def test_a_height_above_the_ceiling_is_a_warning(tmp_path: Path) -> None:
 
 
 def test_a_folder_is_one_workspace(tmp_path: Path) -> None:
-    """Trees of other files are found, and what is wrong with one is in its own report only."""
+    """Trees of other files are found, and problems appear only in the report of their file."""
     used = tree_file(tmp_path, '<Land hight="1"/>', "used.xml")
     used.write_text(used.read_text().replace("Main", "Used"))
     user = tree_file(tmp_path, '<SubTree ID="Used"/>', "user.xml")
@@ -386,7 +386,7 @@ def test_a_folder_is_one_workspace(tmp_path: Path) -> None:
 def test_what_is_wrong_with_a_used_file_is_reported_once(
     tmp_path: Path, through: str, body: str, code: int, words: str
 ) -> None:
-    """In its own report when it lies in the folder, else in that of the file that uses it."""
+    """It is in the used file's report if that is in the folder, else in the user's report."""
     folder = tmp_path / "folder"
     (folder / "sub").mkdir(parents=True)
     part = folder / "sub" / "b.xml"
@@ -414,7 +414,7 @@ def test_what_is_wrong_with_a_used_file_is_reported_once(
 
 @pytest.mark.parametrize("include", ["", '<include path="sub/b.xml"/>'])
 def test_what_is_wrong_only_in_the_use_of_a_file_is_reported(tmp_path: Path, include: str) -> None:
-    """The used file is good by itself: its variable could be set from Python."""
+    """Alone, the used file is valid: its variable could be set from Python."""
     (tmp_path / "sub").mkdir()
     part = tree_file(tmp_path / "sub", '<AlwaysSuccess _failureIf="x"/>', "b.xml")
     part.write_text(part.read_text().replace("Main", "B"))

@@ -82,7 +82,7 @@ def test_the_doctor_looks_at_a_drone_when_asked() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     result = run("doctor", "--drone", f"anafi:127.0.0.1:{port}")
-    assert result.exit_code in (1, 2)  # where Parrot's SDK is missing that comes first
+    assert result.exit_code in (1, 2)  # without Parrot's SDK its error comes first
     assert "Parrot's SDK" in result.stderr or "cannot reach anafi" in result.stderr
 
 

@@ -1,4 +1,4 @@
-"""`uav-bt net evaluate depth`: what it prints, what it writes, what it refuses."""
+"""`uav-bt net evaluate depth`: output, files and refusals."""
 
 from __future__ import annotations
 

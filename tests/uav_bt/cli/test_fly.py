@@ -1,4 +1,4 @@
-"""`uav-bt fly`: outcomes become exit codes, reports and videos; mistakes become one message."""
+"""`uav-bt fly`: exit codes, reports and videos of outcomes; one message per mistake."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_mission_that_fails_exits_with_1_and_still_reports(tmp_path: Path) -> 
     assert "aborted" in result.stdout
     told = json.loads(report.read_text())
     assert told["outcome"] == "aborted"
-    assert told["scene"] == "train-a"  # the twin's own choice, since nobody made one
+    assert told["scene"] == "train-a"  # the twin's default
 
 
 def test_a_fault_in_a_leaf_is_told_in_a_line_and_reported(
@@ -254,7 +254,7 @@ def test_absent_or_damaged_weights_are_told_and_nothing_is_flown(
 def test_weights_of_a_training_are_refused_without_noise(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """What OpenVINO says about a file that is none goes past Python, to the process's streams."""
+    """OpenVINO would write about an invalid file directly to the process's streams."""
     weights = tmp_path / "teacher.safetensors"
     weights.write_bytes(b"\x02\0\0\0\0\0\0\0{}")
     tree = tree_file(tmp_path, f'<Sequence><Segment model="{weights}"/>{HOP}</Sequence>')
@@ -270,7 +270,7 @@ def test_an_old_report_survives_a_refusal(tmp_path: Path) -> None:
 
 
 def test_without_opengl_it_says_what_to_install(tmp_path: Path) -> None:
-    """OpenGL is settled once in a process, so another one has to do without."""
+    """OpenGL is chosen once per process, so a second process runs without it."""
     done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
         [sys.executable, "-m", "uav_bt.cli", "fly", str(tree_file(tmp_path, HOP))],
         env={**os.environ, "MUJOCO_GL": "off"},
@@ -311,7 +311,7 @@ def test_an_interrupt_lands_the_drone_and_writes_the_report(
 
 
 def fly_in_a_process(tmp_path: Path, *options: object, limit_bytes: int) -> Any:
-    """Fly where no file can become larger than a limit, as on a full disk."""
+    """Fly with a limit of the file size, as on a full disk."""
     tree = tree_file(tmp_path, HOP)
     code = (
         "import resource, sys; from uav_bt.cli import main; "
@@ -342,7 +342,7 @@ def test_a_reader_that_goes_away_does_not_end_the_flight(tmp_path: Path) -> None
         [sys.executable, "-m", "uav_bt.cli", *arguments], stdout=write, stderr=write, check=False
     )
     os.close(write)
-    assert done.returncode == 1  # what was asked for could not be shown
+    assert done.returncode == 1  # the requested display failed
     assert json.loads(report.read_text())["outcome"] == "success"
 
 
@@ -439,7 +439,7 @@ WATCHED = """<ReactiveSequence>
 
 
 class Editor:
-    """Follows a flight of the command line, and saves its tree file at some of its ticks."""
+    """Follows a flight of the command line, and edits its tree file at some ticks."""
 
     def __init__(self, path: Path, edits: dict[int, str]) -> None:
         self.ticks: list[TickRecord] = []
@@ -463,7 +463,7 @@ class Editor:
 def test_a_file_that_is_edited_in_flight_flies_from_the_next_tick_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A bad edit is reported and the old tree flies on; clock and map go on through both."""
+    """A bad edit is reported and the old tree continues; clock and map continue in both cases."""
     path = tree_file(tmp_path, WATCHED.format(height=1.0, name="first", seconds=250))
     good = WATCHED.format(height=1.2, name="second", seconds=1)
     editor = Editor(path, {60: good.replace("seconds", "secnds"), 70: good})
@@ -485,7 +485,7 @@ def test_a_file_that_is_edited_in_flight_flies_from_the_next_tick_on(
     flies_on = result.stderr.index("The edited tree is refused; the one before it flies on.")
     flies = result.stderr.index(f"{path}: the edited tree flies, from its root on")
     assert refused < flies_on < flies
-    assert result.stderr.count(str(path)) == 3  # the refusal has it twice
+    assert result.stderr.count(str(path)) == 3  # the refusal contains it twice
 
     active = [" ".join(tick.active) for tick in editor.ticks]
     assert all("first" in each for each in active[60:71])
@@ -496,6 +496,6 @@ def test_a_file_that_is_edited_in_flight_flies_from_the_next_tick_on(
     before, after = editor.maps[70:72]
     assert before is not None
     assert after is not None
-    # What was seen on the way up, and is out of view since, is still known.
+    # Objects seen during the climb, and out of view since, are still known.
     oldest_s = [one.seen_s[one.ground].min() for one in (before, after)]
     assert oldest_s[0] == oldest_s[1] < times[50]

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and closed pipes at every stage: one line, exit code 1, nothing half written."""
+"""Ctrl-C, SIGTERM and closed pipes at every stage: one line, exit code 1, no partial files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from uav_bt.record.info import record_info
 HOVER = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
 LONG = '<Repeat num_cycles="-1"><HoverFor seconds="1"/></Repeat>'
 SMALL = "--image-size 160x90 --profile ideal"
-# Says when it is about to begin, as nothing else does.
+# Announces the start of the command, which has no output at that time.
 BEGIN = "import sys; from uav_bt.cli import main; print('begun', flush=True); main()"
 SLOW_DRONE = """
 import dataclasses, time
@@ -37,15 +37,15 @@ OLD = b"what was there before"
 
 @dataclass(frozen=True)
 class Case:
-    """Something interrupted."""
+    """An interrupted command."""
 
-    line: str  # after `uav-bt`
-    when: str  # a pattern of the output, or a file, after which it is interrupted
-    words: str  # a pattern of the output in the end
+    line: str  # arguments of `uav-bt`
+    when: str  # pattern of the output, or file, that the interruption waits for
+    words: str  # pattern of the final output
     by: tuple[signal.Signals, ...] = (signal.SIGINT,)
     code: int = 1
-    after_s: float = 0.0  # since `when`
-    kept: tuple[str, ...] = ()  # files that stay as they were
+    after_s: float = 0.0  # delay after `when`
+    kept: tuple[str, ...] = ()  # files that stay unchanged
 
 
 INT, TERM = signal.SIGINT, signal.SIGTERM
@@ -202,10 +202,10 @@ def world(tmp_path: Path, flown: Path) -> Path:
 
 
 def until(pattern: str, process: subprocess.Popen[bytes], files: tuple[Path, ...]) -> None:
-    """Wait for what a process writes: a text, or a file.
+    """Wait until a process has written a text or a file.
 
     Raises:
-        AssertionError: it ended, or 60 s went by, without.
+        AssertionError: the process ended before, or 60 s passed.
     """
     for _ in range(1200):
         said = "".join(file.read_text(errors="replace") for file in files)
@@ -267,7 +267,7 @@ def test_half_a_film_of_a_record_does_not_replace_a_whole_one(flown: Path, tmp_p
 
 @pytest.fixture
 def closed() -> Iterator[int]:
-    """A pipe whose reader has gone."""
+    """A pipe whose reader is closed."""
     reader, writer = os.pipe()
     os.close(reader)
     yield writer

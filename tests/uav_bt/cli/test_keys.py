@@ -14,7 +14,7 @@ from uav_bt.cli.keys import KEYS_HELP, obey, pilot_keys
 
 
 class Noted:
-    """A runner that notes what it is asked for."""
+    """A runner that records its requests."""
 
     def __init__(self) -> None:
         self.manual = False
@@ -67,7 +67,7 @@ def test_other_keys_do_nothing(key: str) -> None:
 
 
 def test_without_a_terminal_there_are_no_keys(monkeypatch: pytest.MonkeyPatch) -> None:
-    with open(os.devnull, encoding="utf-8") as nothing:  # noqa: PTH123  (no path, a device)
+    with open(os.devnull, encoding="utf-8") as nothing:  # noqa: PTH123  (a device, not a path)
         monkeypatch.setattr(sys, "stdin", nothing)
         with pilot_keys(Noted()):  # type: ignore[arg-type]
             assert readers() == []
@@ -96,7 +96,7 @@ def test_a_key_at_a_terminal_counts_and_reader_and_terminal_are_as_before(
 def test_a_closed_standard_input_has_no_keys(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Python's `sys.stdin` is then None, as under `uav-bt fly tree.xml <&-`."""
+    """Then Python's `sys.stdin` is None, as in `uav-bt fly tree.xml <&-`."""
     monkeypatch.setattr(sys, "stdin", None)
     with pilot_keys(Noted()):  # type: ignore[arg-type]
         pass

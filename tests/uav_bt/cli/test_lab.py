@@ -13,7 +13,7 @@ from perception.camera.camera_file import load_camera
 from sim_bridge.twin.scene_file import scene_names
 from tests.uav_bt.cli.cli_world import assert_refused, run
 
-# A board seen by a camera of this focal length, drawn by warping: quick, and exact enough here.
+# The board is drawn by warping, with this focal length: fast, and accurate enough here.
 FOCAL_PX, SIZE = 600.0, (640, 360)
 
 
@@ -37,7 +37,7 @@ def board_picture(turn: tuple[float, float, float]) -> np.ndarray:
 
 @pytest.fixture
 def pictures(tmp_path: Path) -> Path:
-    """Return a folder of five boards, and one picture of nothing."""
+    """Return a folder with pictures of five boards, and one without a board."""
     folder = tmp_path / "pictures"
     folder.mkdir()
     turns = [(0.5, 0, 0), (-0.5, 0.2, 0.1), (0.1, 0.6, 0), (0, -0.6, 0.2), (0.4, 0.4, -0.2)]
@@ -62,11 +62,11 @@ def test_a_folder_of_pictures_becomes_a_camera_file(pictures: Path, tmp_path: Pa
 
 
 def test_photographs_of_a_phone_are_taken_as_stored(pictures: Path, tmp_path: Path) -> None:
-    """Held upright or not, in 8 or 12 bits: the same sensor, and the same camera."""
+    """Rotated pictures and those of 8 or 12 bits give the same camera."""
     stored = sorted(pictures.glob("board*.png"))
     for path, tag in zip(stored[:2], (6, 8), strict=True):
         exif = Image.Exif()
-        exif[0x0112] = tag  # a viewer turns it by a quarter
+        exif[0x0112] = tag  # a viewer rotates it by 90 degrees
         Image.open(path).save(path.with_suffix(".jpg"), quality=98, exif=exif)
         path.unlink()
     deep = cv2.imread(str(stored[2]), cv2.IMREAD_GRAYSCALE).astype(np.uint16) * 16

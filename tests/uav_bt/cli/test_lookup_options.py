@@ -43,14 +43,14 @@ class Mission:
             '<include path="../shared/up.xml"/><include ros_pkg="robot" path="trees/wait.xml"/>',
         )
         write(folder / "shared" / "up.xml", "Up", '<TakeOff height_m="1.0"/>')
-        # As `colcon build --symlink-install` has it: the installed file is a link to its source.
+        # As after `colcon build --symlink-install`: the installed file is a link to its source.
         source = folder / "src" / "robot" / "trees" / "wait.xml"
         write(source, "Wait", '<HoverFor seconds="0.2"/>', '<include path="deep/more.xml"/>')
         write(source.parent / "deep" / "more.xml", "More", "<AlwaysSuccess/>")
         installed = folder / "install" / "robot" / "trees"
         installed.mkdir(parents=True)
         (installed / "wait.xml").symlink_to(source)
-        # Beside it a tree that nothing uses, and that cannot be loaded: nobody asks for it.
+        # Beside it an invalid tree that no file uses; it is never loaded.
         write(folder / "parts" / "other.xml", "Other", "<Nonsense/>")
         self.down = write(
             folder / "parts" / "deep" / "down.xml",
@@ -144,7 +144,7 @@ def test_a_tree_in_two_files_and_a_circle_of_includes_are_refused(
 
 
 def test_a_record_replays_without_the_folders(mission: Mission, tmp_path: Path) -> None:
-    """It has all files that were used, links included, and no other."""
+    """It contains all used files, including links, and no others."""
     record = tmp_path / "flight.mcap"
     flown = run("fly", mission.path, *SMALL, *mission.options, "--record", record)
     assert flown.exit_code == 0, flown.output
@@ -202,7 +202,7 @@ def test_a_report_does_not_replace_a_tree_file(mission: Mission) -> None:
 def test_a_campaign_keeps_its_folders(
     mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Given relative to one folder, they are found from another; what changed in them is named."""
+    """Folders given by relative paths are found from elsewhere; changed files are named."""
     monkeypatch.chdir(mission.folder)
     out = tmp_path / "out"
     options = ("--trees", "parts", "--include-root", ".", "--ros-pkg", "robot=install/robot")
@@ -228,7 +228,7 @@ def test_a_campaign_keeps_its_folders(
 def test_a_failure_is_flown_again_with_its_folders(
     mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also when the report is made without them: the command has them."""
+    """A report without these options still has the folders of the campaign's command."""
     write(mission.down, "Down", "<AlwaysFailure/>")
     out = tmp_path / "out"
     command = ("campaign", mission.path, "--scenes", "val-a", "--flights", 1, "--workers", 1)

@@ -1,4 +1,4 @@
-"""What people get wrong at the command line: each mistake gets its answer and costs no file."""
+"""Mistakes at the command line: each gets its message and changes no file."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ MISTAKES = [
     ("fly mission.xml --drone twin:1.2.3.4 --view windw", "windw"),
     ("net collect land_only --out out", "Advise"),
 ]
-"""What is typed after `uav-bt`, and a pattern of the answer."""
+"""The arguments of `uav-bt`, and a pattern of the message."""
 
 
 @pytest.fixture

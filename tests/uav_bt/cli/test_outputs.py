@@ -1,4 +1,4 @@
-"""Outputs of every command: never over an input, and never found impossible after the work."""
+"""Outputs of every command: never an input's path, and checked before the work begins."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SITE = "camera: camera.yaml\n"
 
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a small mission and all that commands can be given beside it."""
+    """A folder with a small mission and all other inputs of commands."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sub").mkdir()
     tree_file(tmp_path, HOP)

@@ -1,4 +1,4 @@
-"""`uav-bt net perceive`: what it prints, its exit codes, and what it refuses."""
+"""`uav-bt net perceive`: output, exit codes and refusals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def perceive(*arguments: object) -> Result:
 
 @pytest.fixture
 def views(tmp_path: Path) -> Path:
-    """Return a folder with a grey image, a black one and one that is none."""
+    """Return a folder with a grey image, a black one, and a file that is not an image."""
     folder = tmp_path / "views"
     folder.mkdir()
     for name, value in (("1.png", 120), ("2.png", 0)):

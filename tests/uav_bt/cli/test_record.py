@@ -130,7 +130,7 @@ def test_a_full_disk_costs_the_record_and_not_the_missions_result(
     monkeypatch.setattr(record_file.RecordFile, "flush", full)
     record = tmp_path / "flight.mcap"
     result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--record", record)
-    assert result.exit_code == 1, result.output  # something that was asked for is not there
+    assert result.exit_code == 1, result.output  # a requested item is missing
     assert "success" in result.stdout
     assert "Error: record was lost: " in result.stderr
     assert "record is incomplete" in caplog.text

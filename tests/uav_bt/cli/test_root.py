@@ -1,4 +1,4 @@
-"""`uav-bt` itself: quick to answer, errors in a line, nobody else's folders."""
+"""`uav-bt` itself: fast start, errors in one line, no imports from foreign folders."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_help_fits_a_terminal_and_keeps_the_lines_of_its_examples(words: tuple[s
     lines = done.stdout.splitlines()
     assert max(map(len, lines)) <= 80, done.stdout
     for line in inspect.cleandoc(str(command.help)).splitlines():
-        # What is indented in the source are examples, tables and files.
+        # Indented text in the source is an example, a table or a file.
         assert not line.startswith("  ") or f"  {line.rstrip()}" in lines, line
     assert "RANGE" not in done.stdout
     for option in command.params:
@@ -253,7 +253,7 @@ def test_the_command_refuses_to_start_among_someone_elses_folders(tmp_path: Path
 def test_a_folder_beside_a_script_that_hides_a_package_is_named(
     tmp_path: Path, shadow: str
 ) -> None:
-    """Python puts a script's folder ahead of what is installed."""
+    """Python searches a script's folder before the installed packages."""
     (tmp_path / shadow).mkdir()
     (tmp_path / shadow / "__init__.py").touch()
     (tmp_path / "mine.py").write_text("from uav_bt import app\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""`uav-bt net pick`, `train` and `evaluate`: what they take, where they write, what they refuse."""
+"""`uav-bt net pick`, `train` and `evaluate`: inputs, outputs and refusals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ONE_SCENE = ("--scene", "train-a", "--views", 2)
 
 @pytest.fixture(autouse=True)
 def _one_thread() -> Iterator[None]:
-    """Two runs of tests side by side must not fight over the processor."""
+    """Limit the threads, so that parallel test runs do not compete for the processor."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
@@ -34,7 +34,7 @@ def _one_thread() -> Iterator[None]:
 
 @pytest.fixture
 def masks(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
-    """Stand in for the masks, which take minutes to make; return what they were asked for."""
+    """Replace the masks, which take minutes to compute; return the requests for them."""
     asked: list[tuple[Any, ...]] = []
 
     def label_views(teacher: Path, plan: Any, folder: Path, **_: Any) -> Any:

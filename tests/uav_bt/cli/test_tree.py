@@ -121,7 +121,7 @@ def test_a_tree_that_is_not_there_is_not_drawn(tmp_path: Path) -> None:
 
 
 def test_the_tools_need_nothing_that_flies_or_draws_pictures(tmp_path: Path) -> None:
-    """They start at once, and run where no simulator and no network runtime is installed."""
+    """They start fast, and work without a simulator and without a network runtime."""
     (tmp_path / "script.yaml").write_text("default: S", encoding="utf-8")
     heavy = ("mujoco", "openvino", "torch", "cv2", "av", "rich", "sklearn", "zmq", "scipy")
     calls = [

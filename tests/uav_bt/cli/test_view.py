@@ -1,4 +1,4 @@
-"""`uav-bt view`: what it makes of records, and what it refuses."""
+"""`uav-bt view`: views of records, and refusals."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ NET = ControlNetConfig(
 )
 QUICK = ControlTrainingConfig(steps=4, batch=8, warm_up_steps=2, checkpoint_every=2)
 
-# In a class map of noise the way is not free, so the rule of the first level gives advice.
+# In a class map of noise the path is blocked, so the rule of the first level gives advice.
 MISSION = """
 <ReactiveSequence>
   <Segment/>

@@ -1,4 +1,4 @@
-"""An editor without a screen: pygls' own client, and a server of ours behind its pipes."""
+"""An editor without a screen: a pygls client that starts our server and uses its pipes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _TIMEOUT_S = 60
 
 
 class Editor:
-    """Opens, changes and asks about documents of one running server.
+    """Opens and changes documents, and sends requests to one running server.
 
     Args:
-        arguments: of `uav-bt lsp`.
-        snippets: whether it says that it takes snippets.
-        folders: that it has open; it then says that it watches their files.
+        arguments: arguments of `uav-bt lsp`.
+        snippets: whether the client announces support of snippets.
+        folders: open folders; with folders the client announces that it watches files.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Editor:
 
     @property
     def process_id(self) -> int:
-        """Of the server."""
+        """Process id of the server."""
         return int(self._client._server.pid)
 
     @property
@@ -77,7 +77,7 @@ class Editor:
         return self._client._server.returncode is None
 
     def close(self) -> int:
-        """Say goodbye, and return the server's exit code."""
+        """Shut the server down, and return its exit code."""
         self._wait(self._client.shutdown_async(None))
         self._client.exit(None)
         process = self._client._server
@@ -111,19 +111,19 @@ class Editor:
         self._send("text_document_did_close", types.DidCloseTextDocumentParams(which))
 
     def save(self, uri: str) -> None:
-        """Say that a document was saved."""
+        """Notify the server that a document was saved."""
         params = types.DidSaveTextDocumentParams(types.TextDocumentIdentifier(uri))
         self._send("text_document_did_save", params)
 
     def move(self, old: Path | None, new: Path | None) -> None:
-        """Say that one folder is open instead of another."""
+        """Notify the server that one folder was closed and another opened."""
         gone, come = ([] if one is None else [_folder(one)] for one in (old, new))
         event = types.WorkspaceFoldersChangeEvent(added=come, removed=gone)
         params = types.DidChangeWorkspaceFoldersParams(event)
         self._send("workspace_did_change_workspace_folders", params)
 
     def disk_changed(self, *paths: Path) -> None:
-        """Say that files have changed on the disk."""
+        """Notify the server that files have changed on the disk."""
         events = [types.FileEvent(path.as_uri(), types.FileChangeType.Changed) for path in paths]
         params = types.DidChangeWatchedFilesParams(events)
         self._send("workspace_did_change_watched_files", params)
@@ -132,7 +132,7 @@ class Editor:
         self._loop.call_soon_threadsafe(getattr(self._client, notification), params)
 
     def diagnostics(self, uri: str) -> list[types.Diagnostic]:
-        """Wait until a document's newest text was checked, and return what was found."""
+        """Wait until a document's newest text was checked, and return the diagnostics."""
         while True:
             found = self._published.get(timeout=_TIMEOUT_S)
             if found.uri == uri and found.version in {None, self._versions.get(uri)}:
@@ -145,31 +145,31 @@ class Editor:
         return self._wait(getattr(self._client, f"{request}_async")(params))
 
     def complete(self, uri: str, line: int, character: int) -> dict[str, types.CompletionItem]:
-        """Return what could stand at a position, by label."""
+        """Return the completions at a position, by label."""
         items = self.ask(
             "text_document_completion", _at(types.CompletionParams, uri, line, character)
         )
         return {item.label: item for item in items}
 
     def hover(self, uri: str, line: int, character: int) -> str:
-        """Return what is said of a position; empty for nothing."""
+        """Return the hover text at a position, empty without one."""
         found = self.ask("text_document_hover", _at(types.HoverParams, uri, line, character))
         return "" if found is None else str(found.contents.value)
 
     def define(self, uri: str, line: int, character: int) -> list[types.Location]:
-        """Return where the thing at a position is defined."""
+        """Return the definitions of the name at a position."""
         params = _at(types.DefinitionParams, uri, line, character)
         return list(self.ask("text_document_definition", params))
 
     def format(self, uri: str) -> list[types.TextEdit]:
-        """Return the edits that lay a document out."""
+        """Return the edits that format a document."""
         params = types.DocumentFormattingParams(
             types.TextDocumentIdentifier(uri), types.FormattingOptions(2, insert_spaces=True)
         )
         return list(self.ask("text_document_formatting", params))
 
     def rename(self, uri: str, line: int, character: int, new: str) -> dict[str, Any]:
-        """Return the edits that rename the thing at a position, by document."""
+        """Return the edits that rename the name at a position, by document."""
         where = types.Position(line, character)
         params = types.RenameParams(
             text_document=types.TextDocumentIdentifier(uri), position=where, new_name=new

@@ -1,4 +1,4 @@
-"""The language server at a node that is made of a tree."""
+"""The language server at a node that expands to a tree."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The language server, asked by a client over its standard input and output."""
+"""The language server, tested by a client over standard input and output."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def editor() -> Iterator[Editor]:
 
 
 class Document:
-    """A document in a folder with what it includes."""
+    """A document in a folder with its included files."""
 
     def __init__(self, editor: Editor, folder: Path, text: str = MISSION) -> None:
         (folder / "lib.xml").write_text(LIB, encoding="utf-8")
@@ -61,7 +61,7 @@ class Document:
         self.found = editor.diagnostics(self.uri)
 
     def place(self, words: str, shift: int = 0) -> tuple[int, int]:
-        """Return line and character of words in the text."""
+        """Return the line and the character of the words in the text."""
         before = self.text[: self.text.index(words) + shift]
         return before.count("\n"), len(before.rpartition("\n")[2])
 
@@ -82,7 +82,7 @@ def mission(editor: Editor, tmp_path: Path) -> Iterator[Document]:
 
 
 def typed(editor: Editor, folder: Path, body: str) -> Document:
-    """Open a mission whose tree is this body, up to where somebody types."""
+    """Open a mission with this body of the tree, which ends at the cursor."""
     return Document(editor, folder, f'<root BTCPP_format="4">\n<BehaviorTree ID="M">\n{body}')
 
 
@@ -152,7 +152,7 @@ def test_places_count_as_the_editor_counts(editor: Editor, tmp_path: Path) -> No
     )
     (found,) = document.found
     assert (found.range.start.character, found.range.end.character) == (25, 35)
-    assert editor.fixes(document.uri, found) == []  # nothing is like it
+    assert editor.fixes(document.uri, found) == []  # nothing similar exists
 
 
 # --- completion -----------------------------------------------------------------------------------

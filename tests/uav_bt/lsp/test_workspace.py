@@ -81,7 +81,7 @@ class Folder:
         return path
 
     def open(self, name: str, text: str) -> list[str]:
-        """Open a document that is on the disk like this, and return what is wrong with it."""
+        """Write a document, open it, and return its diagnostics."""
         path = self.write(name, text)
         self.editor.open(path.as_uri(), text)
         self.opened.append(path.as_uri())
@@ -97,7 +97,7 @@ class Folder:
         return path.as_uri(), before.count("\n"), len(before.rpartition("\n")[2])
 
     def rename(self, name: str, words: str, new: str) -> set[str]:
-        """Rename what stands here, write all files, and return which they were."""
+        """Rename the name at these words, write all edited files, and return their names."""
         changes = self.editor.rename(*self.place(name, words), new)
         for uri, edits in changes.items():
             path = Path(uri.removeprefix("file://"))
@@ -130,7 +130,7 @@ def folder(editor: Editor, tmp_path: Path) -> Iterator[Folder]:
 
 
 def same_verdict(folder: Folder, name: str) -> list[str]:
-    """Return what `uav-bt check FOLDER` finds in a file, as the editor words it."""
+    """Return the findings of `uav-bt check FOLDER` in a file, in the editor's form."""
     lookup = Lookup(Library(files_in(folder.path)))
     found = check_file(folder.path / name, lookup=lookup)
     return [f"{one.node}: {one.message}" for one in found]
@@ -140,7 +140,7 @@ def same_verdict(folder: Folder, name: str) -> list[str]:
 
 
 def test_trees_of_other_files_are_found_completed_and_jumped_to(folder: Folder) -> None:
-    # ALONE holds a tree of its own by this ID; PARTS' has no rival but that one.
+    # ALONE also has a tree with this ID; PARTS' tree has no other rival.
     (folder.path / "alone.xml").unlink()
     assert folder.open("main.xml", MAIN) == []
     uri, line, column = folder.place("main.xml", '"Round"')
@@ -188,8 +188,8 @@ def test_a_tree_that_appears_or_changes_on_the_disk_is_noticed(folder: Folder) -
     folder.editor.disk_changed(parts)
     assert folder.said(main) == []
     folder.write("parts/parts.xml", PARTS.replace("count +=", "missing +="))
-    folder.editor.save(main.as_uri())  # an editor that watches nothing says this much
-    assert folder.said(main) == []  # it stands in the other file
+    folder.editor.save(main.as_uri())  # the only notification of an editor that watches no files
+    assert folder.said(main) == []  # the mistake is in the other file
     assert any("'missing'" in one for one in folder.said(parts))
 
 
@@ -219,7 +219,7 @@ def test_files_that_include_each_other_are_read_once(folder: Folder) -> None:
 
 
 def test_a_tree_is_renamed_in_all_files_that_use_it(folder: Folder) -> None:
-    """One that has a tree of its own by that name keeps it."""
+    """A file with its own tree of that name is not changed."""
     (folder.path / "alone.xml").unlink()
     folder.open("main.xml", MAIN)
     folder.write("alone.xml", ALONE)
@@ -233,12 +233,12 @@ def test_a_tree_is_renamed_in_all_files_that_use_it(folder: Folder) -> None:
 def test_a_variable_is_renamed_in_all_files_that_share_it(folder: Folder) -> None:
     (folder.path / "alone.xml").unlink()
     folder.open("main.xml", MAIN)
-    # Round's own variable: an entry in both files that use it.
+    # A variable of Round: both files that use Round have an entry for it.
     assert folder.rename("main.xml", " count=", "passed") == {"main.xml", "parts.xml", "other.xml"}
     folder.editor.change(
         (folder.path / "main.xml").as_uri(), (folder.path / "main.xml").read_text("utf-8")
     )
-    # Main's, which Shared has by _autoremap; Other's variable of that name is another.
+    # Main's variable, which Shared gets by _autoremap; Other has a different one of that name.
     assert folder.rename("main.xml", "rounds :=", "done") == {"main.xml", "parts.xml"}
 
 

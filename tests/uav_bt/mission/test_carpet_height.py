@@ -1,4 +1,4 @@
-"""The height above the carpet: without the altimeter's error, and not fooled by what is below."""
+"""The height above the carpet: free of the altimeter's error and of objects below the drone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def observed(
     down_mps: float = 0.0,
     captured_s: float | None = None,
 ) -> Observation:
-    """Return what a drone reports whose altimeter is off, above a surface, with a frame."""
+    """Return the report of a drone above a surface, with an altimeter error and a frame."""
     altitude_m = true_m + altimeter_m
     frame = Frame(
         image=np.zeros((9, 16, 3), dtype=np.uint8),
@@ -45,7 +45,7 @@ def observed(
         captured_s=time_s,
         flying=FlyingState.FLYING,
         velocity=BodyVelocity(down_mps=down_mps),
-        altitude_m=altitude_m - 0.1,  # it stood that high
+        altitude_m=altitude_m - 0.1,  # height of its stand at the start
         height_m=true_m - surface_m,
         height_above_carpet_m=altitude_m,
     )
@@ -53,7 +53,7 @@ def observed(
 
 
 def errors_m(report: Callable[[float], Observation], last_s: float = 60.0) -> list[float]:
-    """Return how far the estimates of a flight at one height are off."""
+    """Return the errors of the estimates of a flight at constant height, m."""
     height, found = CarpetHeight(), []
     for tick in range(round(last_s / TICK_S)):
         corrected = height.corrected(report(tick * TICK_S))
@@ -89,7 +89,7 @@ def test_a_box_or_the_pad_below_is_no_carpet() -> None:
 
 
 def test_a_wrong_velocity_does_not_take_the_pad_for_the_carpet_for_long() -> None:
-    """It hovers above the pad for 40 s and believes to sink: back over carpet all is well."""
+    """It hovers above the pad for 40 s with a false sink rate; over carpet it recovers."""
 
     def report(time_s: float) -> Observation:
         surface_m = 0.4 if 10.0 < time_s < 50.0 else 0.0
@@ -100,7 +100,7 @@ def test_a_wrong_velocity_does_not_take_the_pad_for_the_carpet_for_long() -> Non
 
 def test_a_drone_without_a_rangefinder_flies_by_its_altimeter() -> None:
     def report(time_s: float) -> Observation:
-        return observed(time_s, surface_m=0.15)  # as far from the altitude all the time
+        return observed(time_s, surface_m=0.15)  # at a constant distance from the altitude
 
     assert np.abs(errors_m(report)).max() < 1e-6
 
@@ -137,7 +137,7 @@ def test_after_a_gap_the_altimeter_counts_less_its_known_error() -> None:
 
 
 def test_what_was_estimated_is_estimated_again_from_its_record() -> None:
-    """A replay flies by what is on record, which was corrected already."""
+    """A replay uses the recorded heights, which are already corrected."""
     rng, first, second = np.random.default_rng(2), CarpetHeight(), CarpetHeight()
     for tick in range(100):
         altimeter_m, below_m = rng.normal(0.0, 0.03, 2)

@@ -1,4 +1,4 @@
-"""Coverage: passed and seen shares of the free ground, against areas and rendered images."""
+"""Coverage: covered and seen shares of the free ground, against areas and rendered images."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ def test_near_a_corner_only_the_ground_counts() -> None:
     corner = CoveredGround(BARE, CAMERA)
     corner.add(0.0, truth(2.5, 2.0))
     assert corner.now(0.0).passed == pytest.approx(math.pi * 0.25 / 4 / 20.0, rel=0.03)
-    corner.add(0.1, truth(4.0, 9.0))  # outside, where nothing is
+    corner.add(0.1, truth(4.0, 9.0))  # outside the room
     assert corner.now(0.1).passed == pytest.approx(math.pi * 0.25 / 4 / 20.0, rel=0.03)
 
 
 def _seen_by_rendering(pose: CameraPose, ids: NDArray[np.uint8]) -> tuple[Flags, Flags]:
-    """Return which cells an image shows as carpet, and which have no edge beside them."""
+    """Return the mask of cells that an image shows as carpet, and of cells away from edges."""
     height_px, width_px = ids.shape
     cells = GroundCells(load_scene("val-a").ground_plan)
     x, y = np.meshgrid(cells.x_m, cells.y_m)
@@ -101,7 +101,7 @@ def _seen_by_rendering(pose: CameraPose, ids: NDArray[np.uint8]) -> tuple[Flags,
 def test_the_seen_ground_is_what_an_image_shows_of_the_carpet(
     x_m: float, y_m: float, yaw_deg: float, pitch_deg: float
 ) -> None:
-    """The exact masks of the twin know nothing of the geometry that is tested."""
+    """The twin's exact masks are independent of the tested geometry."""
     scene = load_scene("val-a")
     body = truth(x_m, y_m, math.radians(yaw_deg), math.radians(pitch_deg))
     lens_x, lens_y = body.pose.to_world(CAMERA_FORWARD_M, 0.0)
@@ -123,12 +123,12 @@ def test_the_seen_ground_is_what_an_image_shows_of_the_carpet(
 
 
 def test_what_is_far_or_behind_is_not_seen() -> None:
-    """A level camera at 1.5 m sees no ground within 3 m ahead that its lower edge leaves out."""
+    """The lower edge of a level camera's image at 1.5 m hides the ground within 3 m ahead."""
     level = CoveredGround(BARE, CAMERA)
     level.add(0.0, truth(-2.0, 0.0, pitch_rad=0.0))
     assert level.now(0.0).seen == 0.0
     away = CoveredGround(BARE, CAMERA)
-    away.add(0.0, truth(2.5, 0.0, pitch_rad=-0.5))  # looks off the ground
+    away.add(0.0, truth(2.5, 0.0, pitch_rad=-0.5))  # looks beyond the edge of the ground
     assert away.now(0.0).seen == 0.0
 
 

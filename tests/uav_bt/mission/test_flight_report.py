@@ -1,4 +1,4 @@
-"""The flight report: what is measured from where to where, and null for what was not reached."""
+"""The flight report: begin and end of its quantities, and null for those not reached."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LANDED = Verdict(outcome=Outcome.SUCCESS, reason="landed")
 
 
 class Tale:
-    """Tells a log a flight tick by tick; half a second a tick."""
+    """Writes a flight into a log, tick by tick; a tick is 0.5 s."""
 
     tick_s = 0.5
 
@@ -63,7 +63,7 @@ class Tale:
         compute_s: float = 0.001,
         warnings: tuple[str, ...] = (),
     ) -> None:
-        """Tell of a tick, a step further than the last one."""
+        """Log a tick, displaced from the last one by (`dx_m`, `dy_m`)."""
         self.x_m += dx_m
         self.y_m += dy_m
         state = DroneState(
@@ -104,7 +104,7 @@ class Tale:
         self.now_s += self.tick_s
 
     def take_off(self) -> None:
-        """Tell of a second on the ground and the take-off command."""
+        """Log a second on the ground and the take-off command."""
         for _ in range(2):
             self.tick(motors_on=False)
         self.tick("take-off", movement=TakeOff(), motors_on=False)
@@ -124,7 +124,7 @@ class Tale:
 
 
 def whole_flight(*, referee: bool = True) -> Tale:
-    """Return a flight through all phases; in every tick of a phase it goes the same way."""
+    """Return a flight through all phases; each tick of a phase has the same displacement."""
     tale = Tale(referee=referee)
     tale.take_off()  # command at 3 s
     for _ in range(6):
@@ -140,7 +140,7 @@ def whole_flight(*, referee: bool = True) -> Tale:
 
 
 def test_a_flight_that_explores_up_to_the_mark_has_found_it_at_once() -> None:
-    """Without a search and an approach the way home takes no time to find the mark."""
+    """Without a search and an approach the time to find the mark is 0."""
     tale = Tale()
     tale.take_off()
     for _ in range(6):
@@ -198,7 +198,7 @@ def test_a_prompt_and_a_notebook_show_what_was_reached() -> None:
 
 
 def test_what_was_not_reached_is_none() -> None:
-    """A flight that ends while it explores has found and landed nothing."""
+    """A flight that ends in the exploration has no times of search and landing."""
     tale = Tale()
     tale.take_off()
     tale.tick("explore", dx_m=0.5)
@@ -271,7 +271,7 @@ def test_the_way_explored_ends_90_s_after_the_take_off_command() -> None:
 
 
 def test_what_happens_before_the_take_off_is_not_flown() -> None:
-    """Somebody who carries the drone to its place flies no distance."""
+    """Carrying the drone to its start adds no distance."""
     tale = Tale()
     tale.tick(dx_m=1.0, motors_on=False)
     tale.take_off()
@@ -298,7 +298,7 @@ def test_a_second_take_off_command_starts_nothing_anew() -> None:
 
 
 def test_climbing_is_no_distance() -> None:
-    """The told flight climbs all the time, both in truth and in telemetry."""
+    """The logged flight climbs all the time, both in truth and in telemetry."""
     for referee in (True, False):
         tale = Tale(referee=referee)
         tale.take_off()
@@ -307,7 +307,7 @@ def test_climbing_is_no_distance() -> None:
 
 
 def test_without_a_referee_the_distance_comes_from_the_speed() -> None:
-    """And the landing from the telemetry; what only the truth knows is none."""
+    """The landing comes from the telemetry; quantities that need the truth are None."""
     report = whole_flight(referee=False).report()
     assert report.total_distance_m == pytest.approx(4.1)
     assert report.search_distance_m == pytest.approx(1.1)
@@ -341,7 +341,7 @@ def test_coverage_counts_from_the_take_off_command_and_at_90_s() -> None:
     tale = Tale(coverage=CoveredGround(Ground(size_m=(5.0, 4.0)), anafi_camera(640, 360)))
     tale.x_m = -2.0
     for _ in range(40):
-        tale.tick(dy_m=0.05, motors_on=False)  # carried across before the command
+        tale.tick(dy_m=0.05, motors_on=False)  # carried before the command
     tale.y_m = 0.0
     tale.take_off()
     disc = math.pi * 0.25 / 20.0

@@ -1,4 +1,4 @@
-"""A held landing hands over to the drone's own landing by height, whatever height it began at."""
+"""A held landing hands over to the drone's landing at a height independent of its start."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TICK_S = 0.1
 
 
 def descend(height_m: float, *, sinks: float = 1.0) -> tuple[float, float]:
-    """Return height and time at the hand-over of a drone that sinks by a share of the order."""
+    """Return height and time at the hand-over; the drone sinks by a share of the command."""
     landing, time_s = HeldLanding(HeldLandingConfig(), height_m), 0.0
     while (down_mps := landing.order(height_m, TICK_S)) is not None:
         height_m -= sinks * down_mps * TICK_S

@@ -1,4 +1,4 @@
-"""The judge: when a flight has ended, and how."""
+"""The judge: end and outcome of a flight."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_motors_that_are_cut_end_the_flight_at_once(abort: str | None, reason: s
 
 
 def test_a_landing_that_nobody_hears_of_is_no_collision() -> None:
-    """The last word was hovering; the drone lands by its own rules."""
+    """The last report is HOVERING, but the drone has landed since."""
     state = DroneState(captured_s=15.0, flying=FlyingState.HOVERING)
     assert flown().verdict(20.0, state, ON_PAD, Status.RUNNING, abort_reason=None) is None
 
@@ -111,7 +111,7 @@ def test_a_tree_that_never_flew_is_no_success() -> None:
 
 @pytest.mark.parametrize("status", [Status.SUCCESS, Status.FAILURE])
 def test_a_tree_that_ends_in_the_air_ends_no_flight(status: Status) -> None:
-    """It has to come down first."""
+    """The drone must land first."""
     assert ask(flown(), 20.0, FlyingState.HOVERING, truth_of(), status) is None
 
 
@@ -140,7 +140,7 @@ def test_the_landing_surface_may_be_touched_only_while_taking_off_or_landing(
     verdict = ask(flown(), 20.0, flying, truth_of(contacts=(geom,)))
     if flying is FlyingState.EMERGENCY:
         assert verdict is not None
-        assert verdict.outcome is Outcome.ABORTED  # it fell
+        assert verdict.outcome is Outcome.ABORTED  # the drone fell
     elif flying in GROUND_STATES:
         assert verdict is None
     else:
@@ -149,7 +149,7 @@ def test_the_landing_surface_may_be_touched_only_while_taking_off_or_landing(
 
 @pytest.mark.parametrize("flying", FlyingState)
 def test_a_box_may_never_be_touched(flying: FlyingState) -> None:
-    """Beside the allowed surface it is named all the same."""
+    """It is named even if an allowed surface is touched, too."""
     verdict = ask(flown(), 20.0, flying, truth_of(contacts=("helipad_top", "box_3")))
     assert verdict is not None
     assert verdict.outcome is Outcome.COLLISION
@@ -196,7 +196,7 @@ def test_elapsed_time_is_zero_until_the_take_off() -> None:
 
 
 def test_a_mission_that_never_takes_off_ends_when_patience_does() -> None:
-    """Patience begins with the first tick, whatever the clock says then."""
+    """The patience begins with the first tick, at any time of the clock."""
     judge = Judge(JudgeConfig(patience_s=5.0))
     assert ask(judge, 100.0, FlyingState.LANDED) is None
     assert ask(judge, 105.0, FlyingState.LANDED) is None
@@ -212,7 +212,7 @@ def test_patience_ends_with_the_take_off() -> None:
 
 
 def test_a_violation_comes_before_an_ending() -> None:
-    """A drone that lands on the pad and touches a box has collided; so has one that aborts."""
+    """Touching a box is a collision, also in a landing on the pad or after an abort."""
     hit = truth_of(contacts=("box_1",), on_pad=True, inside=False)
     for abort in (None, "stopped"):
         verdict = ask(flown(), 500.0, FlyingState.LANDED, hit, Status.SUCCESS, abort=abort)

@@ -1,4 +1,4 @@
-"""Short flights of the twin: a landing goes on when video or telemetry stops on the way down."""
+"""Short flights of the twin: a landing continues if video or telemetry stops."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TREE = """
 
 
 class Landing:
-    """Keeps the ticks of the phase of the landing."""
+    """Stores the ticks of the landing phase."""
 
     def __init__(self) -> None:
         self.ticks: list[TickRecord] = []
@@ -37,7 +37,7 @@ class Landing:
 
 @pytest.mark.parametrize("fault", ["video-lost@land+2", "late=1@land+2", "no-telemetry@land+2~2"])
 def test_a_landing_goes_on_when_data_stop(fault: str) -> None:
-    """The drone is 0.5 m up then; it neither hovers nor waits until the data return."""
+    """At 0.5 m the data stop; the drone neither hovers nor waits for their return."""
     twin = app.make_drone(app.FlightOptions(scene="train-a", seed=1, image_size_px=(160, 90)))
     drone, landing = FaultyDrone(twin, Fault.parse(fault)), Landing()
     options = app.FlightOptions(

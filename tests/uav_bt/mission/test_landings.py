@@ -1,4 +1,4 @@
-"""Landings: no automatic override takes one back; a pilot and the motor cut do."""
+"""Landings: no automatic override cancels one; a pilot and the motor cut do."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Climb(Leaf):
 
 
 class Track(Leaf):
-    """Says that the drone stands still over the ground, so that the position hold is at work."""
+    """Writes odometry of a drone at rest, which activates the position hold."""
 
     reads = (STATE,)
     writes = (ODOMETRY,)
@@ -97,7 +97,7 @@ REGISTRY = NodeRegistry([Up, Down, Climb, Track])
 LANDS = "<ReactiveSequence><Track/><Sequence><Up/><Down/></Sequence></ReactiveSequence>"
 
 Fault = Callable[[Observation, Observation], Observation]
-"""Returns the report, from the observation of now and that of the fault's first tick."""
+"""Returns the faulty report from the present observation and that of the fault's first tick."""
 
 
 def frozen_video(now: Observation, then: Observation) -> Observation:
@@ -114,7 +114,7 @@ def empty_battery(now: Observation, then: Observation) -> Observation:
 
 
 class Sinking(ScriptedDrone):
-    """Has a fault from the moment at which it has sunk to a height, for some seconds."""
+    """Has a fault for some seconds, from the moment when it has descended to a height."""
 
     def __init__(self, fault: Fault, *, below_m: float = LOW_M, lasts_s: float = 3.0) -> None:
         super().__init__()
@@ -123,7 +123,7 @@ class Sinking(ScriptedDrone):
 
     @property
     def sent_since(self) -> list[Movement]:
-        """The movements that were sent since the fault began, until the drone was down."""
+        """The movements sent from the begin of the fault on."""
         assert self._begin is not None
         first = round(self._begin[0] / 0.1)
         return [command.movement for command in self.commands[first:]]
@@ -154,7 +154,7 @@ def tree_of(body: str, context: MissionContext) -> MissionTree:
 def fly(
     drone: ScriptedDrone, *, then: str | None = None, until_s: float = 30.0
 ) -> tuple[Outcome, Records]:
-    """Fly a landing; `then` is another tree, offered from the time at which the drone sinks."""
+    """Fly a landing; `then` is another tree, offered from the begin of the descent."""
     context = MissionContext(
         board=Blackboard(drone.clock, MISSION_KEYS), clock=drone.clock, proposals=Proposals()
     )
@@ -195,13 +195,13 @@ def test_a_landing_is_flown_down_to_the_drone_s_own() -> None:
 def test_a_landing_goes_on_as_the_drone_s_own_where_data_are_old(
     fault: Fault, override: Override, height_m: float
 ) -> None:
-    """It neither hovers in ground effect nor goes back to velocities when data return."""
+    """It neither hovers in ground effect nor returns to velocities when the data return."""
     drone = Sinking(fault, below_m=height_m)
     outcome, records = fly(drone)
     sent = drone.sent_since
     own = sent.index(Land())
     assert outcome is Outcome.SUCCESS
-    assert own <= 8  # 0.7 s is the greatest age of a frame
+    assert own <= 8  # 0.7 s is the maximum age of a frame
     assert all(isinstance(movement, Velocity) for movement in sent[:own])
     ended = next(index for index, each in enumerate(sent) if isinstance(each, Hover))
     assert set(sent[own:ended]) == {Land()}
@@ -297,7 +297,7 @@ def test_a_pilot_and_the_motor_cut_end_a_landing(
     arbiter = landing()
     assert arbiter.decide(proposing(Land()), circumstances(**changes)).movement == movement
     assert not arbiter.landing
-    # Handed back with old data, the drone hovers until a leaf asks for the landing again.
+    # After the pilot, with old data, the drone hovers until a leaf proposes the landing again.
     assert arbiter.decide(proposing(None), circumstances(frame_age_s=5.0)).movement == Hover()
 
 

@@ -13,7 +13,7 @@ def test_time_is_counted_from_the_first_tick() -> None:
 
 
 def test_a_short_gap_does_not_end_it_and_a_long_one_does() -> None:
-    """Frames whose latency lies at its limit are fresh and stale in turn."""
+    """Frames with a latency near the limit are alternately fresh and stale."""
     lasting = Lasting()
     lasting.update(1.0, holds=True)
     assert lasting.update(1.4, holds=False) == 0.0

@@ -34,7 +34,7 @@ def at(height_m: float) -> DroneState:
 
 
 def decide(movement: Movement, height_m: float, *, flown: Movement | None = None) -> Movement:
-    """Return the arbiter's answer to a proposal that the hold flies as another movement."""
+    """Return the arbiter's command; the hold converts the proposal to `flown`."""
     proposals = Proposals()
     proposals.propose("leaf", movement)
     now = Circumstances(state=at(height_m))
@@ -70,7 +70,7 @@ def test_a_prompt_drone_brakes_with_its_deceleration() -> None:
 
 
 def test_a_landing_is_bound_in_speed_only() -> None:
-    """The position hold flies it down as a velocity, through the floor."""
+    """The position hold flies the landing as a velocity, also below the floor."""
     sinks = Velocity(forward_mps=3.0, right_mps=4.0, down_mps=0.45)
     flown = decide(Land(), 0.25, flown=sinks)
     assert isinstance(flown, Velocity)
@@ -91,7 +91,7 @@ def test_a_late_drone_stops_at_the_bound(
     report_s: float,
     climbs: bool,  # noqa: FBT001
 ) -> None:
-    """It is asked for 0.6 m/s for a minute; its height is reported every `report_s`."""
+    """0.6 m/s is proposed for a minute; the height is reported every `report_s`."""
     airframe = Airframe(command_delay_s=delay_s, command_lag_s=lag_s)
     height_m, mps, step_s = 1.35, 0.0, 0.01
     waiting: deque[tuple[float, float]] = deque()

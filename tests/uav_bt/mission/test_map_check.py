@@ -1,4 +1,4 @@
-"""The mission's map beside the truth: how it lies in the world, its drift, its objects."""
+"""The mission's map against the truth: its pose in the world, its drift, its objects."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from uav_bt.types.site_map import MapObject, SiteMap
 
 BOX_1, BOX_2 = 4, 5
 START = Pose(x_m=-1.0, y_m=0.5, z_m=0.0, yaw_rad=math.radians(30))
-REPORTED_RAD = math.radians(20)  # clockwise, so that the map's x axis is at 50 degrees in the world
+REPORTED_RAD = math.radians(20)  # clockwise: the map's x axis is at 50 degrees in the world
 
 
 def tick(
@@ -94,7 +94,7 @@ def site_map(
 
 
 def in_map(x_m: float, y_m: float) -> tuple[float, float]:
-    """Return a world point in the map's frame, worked out by hand: y is to the right."""
+    """Return a world point in the map's frame, computed independently; y is to the right."""
     along_rad = math.radians(50)
     dx, dy = x_m - START.x_m, y_m - START.y_m
     ahead = dx * math.cos(along_rad) + dy * math.sin(along_rad)
@@ -138,7 +138,7 @@ def test_a_map_that_begins_in_flight_is_aligned_where_it_began() -> None:
 
 
 class Flight:
-    """A flight's log beside a map that is set."""
+    """A flight's log, with a map that the test sets."""
 
     def __init__(self, *standing: Standing) -> None:
         self.map: SiteMap | None = None
@@ -173,9 +173,9 @@ def test_objects_are_found_by_class_and_place() -> None:
         0.0,
         0.0,
         (BOX_1, *in_map(1.3, 1.0)),
-        (BOX_1, *in_map(1.0, 1.1)),  # the nearer of two stands for it
-        (BOX_2, *in_map(-1.0, -0.4)),  # more than half a metre away
-        (BOX_1, *in_map(-1.0, -1.0)),  # of another class
+        (BOX_1, *in_map(1.0, 1.1)),  # of two candidates the nearer counts
+        (BOX_2, *in_map(-1.0, -0.4)),  # more than 0.5 m away
+        (BOX_1, *in_map(-1.0, -1.0)),  # of a different class
     )
     flight.at(0.1)
     report = flight.report()
@@ -198,7 +198,7 @@ def test_the_drift_is_measured_after_the_take_off_and_at_the_end() -> None:
 
 
 def test_a_map_that_was_begun_anew_is_aligned_where_it_begins() -> None:
-    """The drone was carried two metres aside: its new map begins there, without drift."""
+    """After the drone was carried 2 m aside, its new map begins there without drift."""
     flight = Flight()
     flight.map = site_map()
     flight.at(1.0, taking_off=True)

@@ -1,4 +1,4 @@
-"""What is wrong with a mission's map: it is named, and without any ground it ends the mission."""
+"""Faults of a mission's map are named; a map without any ground ends the mission."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NO_GROUND = replace(GROUND, seen_s=np.full((5, 5), -np.inf), mark=None)
 
 
 def watched(maps: Sequence[SiteMap | None], *, airborne: bool = True) -> MapWatch:
-    """Return a watch that has seen a map, made of a view of that time, in each tick."""
+    """Return a watch after one map per tick, each captured in its tick."""
     watch = MapWatch()
     for tick, each in enumerate(maps):
         now_s = tick * TICK_S
@@ -42,7 +42,7 @@ def watched(maps: Sequence[SiteMap | None], *, airborne: bool = True) -> MapWatc
 
 
 def shown(maps: Sequence[SiteMap | None], *, airborne: bool = True) -> str:
-    """Return the warnings after the last of the maps."""
+    """Return the warnings after the last map."""
     return "; ".join(watched(maps, airborne=airborne).warnings)
 
 
@@ -60,7 +60,7 @@ def test_no_ground_since_the_take_off_is_named_and_then_ends_the_mission() -> No
 
 
 def test_ground_that_is_seen_no_more_is_named_and_ends_nothing() -> None:
-    """What the map has of it is old; the mission may still find back."""
+    """The map's ground is old, but the drone may still return to it."""
     assert "no ground in view" in shown([GROUND] * 400)
     assert watched([GROUND] * 400).trouble is None
     at_it = replace(GROUND, seen_s=np.full((5, 5), 20.0))

@@ -1,4 +1,4 @@
-"""Obedience: a drone that does not do what it was commanded is named; one that does never is."""
+"""Obedience: a drone that does not execute its commands is named, an obedient one never."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TICK_S = 0.1
 HOVERS = DroneState(captured_s=0.0, flying=FlyingState.HOVERING)
 
 Body = Callable[[float], tuple[Movement, DroneState]]
-"""From the time, the movement that is commanded and what the drone reports then."""
+"""Returns the commanded movement and the drone's report at a time, s."""
 
 
 def first_complaint(body: Body, *, seconds: float = 60.0, gimbal_rad: float | None = None) -> str:
@@ -52,7 +52,7 @@ def status(number: int, state: MovementState) -> DroneState:
 
 
 def steps(lasts_s: float, end: MovementState, *, yaw_rad: float = 0.0) -> Body:
-    """Return a mission of one step after the other, each reported as over after a while."""
+    """Return a mission of consecutive steps, each reported as ended near the end of its time."""
 
     def body(now_s: float) -> tuple[Movement, DroneState]:
         number = int(now_s // lasts_s)
@@ -109,7 +109,7 @@ def test_velocity_orders_must_turn_it_too(rate_radps: float, said: str) -> None:
 @pytest.mark.parametrize("noise_rad", [0.0, 0.005, 0.015], ids=["no", "lab", "harsh"])
 @pytest.mark.parametrize("hovers_s", [0.0, 120.0])
 def test_noise_of_the_heading_is_not_taken_for_a_turn(noise_rad: float, hovers_s: float) -> None:
-    """150 degrees at 0.6 rad/s take 4.4 s, after 0.6 s in which the turn may begin."""
+    """150 degrees at 0.6 rad/s take 4.4 s, after 0.6 s of allowed delay."""
     random = np.random.default_rng(3)
     watch, found_s = ObedienceWatch(), math.inf
     for tick in range(round((hovers_s + 20.0) / TICK_S)):
@@ -133,7 +133,7 @@ def test_a_drone_that_turns_the_other_way_is_named() -> None:
 
 
 def test_corrections_to_and_fro_are_no_ordered_turn() -> None:
-    """A heading controller that swings faster than the drone answers asks for no turn."""
+    """A heading controller that oscillates faster than the drone reacts commands no turn."""
 
     def body(now_s: float) -> tuple[Movement, DroneState]:
         return Velocity(yaw_rate_radps=0.4 * math.copysign(1.0, math.sin(9.0 * now_s))), HOVERS

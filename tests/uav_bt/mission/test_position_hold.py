@@ -1,4 +1,4 @@
-"""Position hold: a drone in numbers that drifts, or reports a wrong velocity, stays where it is."""
+"""Position hold: a simulated drone with drift or a wrong velocity keeps its place."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ from uav_bt.types import (
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 TICK_S = 0.1
-LATE_TICKS = 2  # from a command to its effect
-LEARNED_S = 1.0  # of the odometry
+LATE_TICKS = 2  # delay of a command
+LEARNED_S = 1.0  # time constant of the odometry's correction
 
 
 @dataclass
 class Body:
-    """Flies what it is ordered, and drifts; all velocities of the world, x forward at yaw 0."""
+    """A drone that follows commands and drifts. Velocities are in the world; yaw 0 is along x."""
 
     drift_mps: tuple[float, float] = (0.0, 0.0)
-    bias_mps: float = 0.0  # forward, more than it flies
-    leapt_m: float = 0.0  # of dead reckoning, along x
+    bias_mps: float = 0.0  # error of the reported forward velocity
+    leapt_m: float = 0.0  # jump of dead reckoning along x
     hold: PositionHold = field(default_factory=PositionHold)
     x_m: float = 0.0
     y_m: float = 0.0
     height_m: float = 1.5
     yaw_rad: float = 0.0
     now_s: float = 0.0
-    mps: tuple[float, float] = (0.0, 0.0)  # over the ground, less the drift
-    error_mps: tuple[float, float] = (0.0, 0.0)  # as the odometry has learned it
+    mps: tuple[float, float] = (0.0, 0.0)  # velocity over the ground without the drift
+    error_mps: tuple[float, float] = (0.0, 0.0)  # velocity error that the odometry has estimated
     untracked_s: float = 0.0
     flying: FlyingState = FlyingState.FLYING
     movement: MovementStatus | None = None
     sees: bool = True
     telemetry_ticks: int = 0  # age of the reported velocity
-    flown_mps: list[tuple[float, float]] = field(default_factory=list)  # of each tick
+    flown_mps: list[tuple[float, float]] = field(default_factory=list)  # velocity in each tick
     sent: list[Movement] = field(default_factory=list)
 
     def motion(self) -> MotionEstimate:
@@ -105,7 +105,7 @@ class Body:
         return flown
 
     def fly(self, proposed: Movement, seconds: float) -> float:
-        """Return how far it was from where it began, at most."""
+        """Return the greatest distance from the origin, m."""
         away = 0.0
         for _ in range(round(seconds / TICK_S)):
             self.tick(proposed)
@@ -134,7 +134,7 @@ def test_a_drift_is_held(proposed: Movement, drift: tuple[float, float]) -> None
 def test_a_velocity_that_is_told_wrong_moves_nothing_for_long(
     proposed: Movement, bias_mps: float
 ) -> None:
-    """The drone itself knows better: nothing is to be ordered against it."""
+    """The drone's own position is correct, so the hold must not act against it."""
     body = Body(bias_mps=bias_mps)
 
     assert body.fly(proposed, 20.0) < 0.25
@@ -156,7 +156,7 @@ def test_a_turn_keeps_its_rate() -> None:
 
 
 def test_a_velocity_flight_goes_where_it_is_ordered_to() -> None:
-    """Sideways it was carried by 0.15 m until the drift was known, and no further."""
+    """It drifts sideways by less than 0.2 m until the drift is known, and then no further."""
     body = Body(drift_mps=(0.0, 0.1))
     body.fly(Velocity(forward_mps=0.4), 3.0)
     begun_m = body.y_m
@@ -168,7 +168,7 @@ def test_a_velocity_flight_goes_where_it_is_ordered_to() -> None:
 
 
 def test_a_place_follows_a_slow_order() -> None:
-    """A turn that keeps away from something moves at a few centimetres a second."""
+    """A turn that keeps a distance from an obstacle moves at a few cm/s."""
     body = Body(drift_mps=(-0.1, 0.0))
     body.fly(Hover(), 5.0)
     x_m = body.x_m
@@ -193,7 +193,7 @@ def test_a_movement_is_aimed_for_the_drift_once_and_its_goal_is_kept() -> None:
 
     goal_m = body.x_m + 0.3 - 0.02
     body.movement = MovementStatus(id=7, state=MovementState.DONE)
-    body.x_m += 0.2  # it ended short of it
+    body.x_m += 0.2  # the movement ended before its goal
     body.fly(Hover(), 8.0)
     assert body.x_m == pytest.approx(goal_m, abs=0.04)
 
@@ -222,14 +222,14 @@ def test_a_landing_keeps_its_place_and_ends_with_the_drone_s_own() -> None:
         assert abs(body.x_m - x_m) < 0.03
     assert body.height_m == pytest.approx(0.2, abs=0.05)
 
-    body.height_m = 0.25  # by the height's noise
+    body.height_m = 0.25  # noise of the height
     assert body.tick(Land()) == Land()
 
 
 @pytest.mark.parametrize("proposed", [Hover(), Land()], ids=str)
 @pytest.mark.parametrize("leap_m", [1.0, -0.5])
 def test_where_dead_reckoning_leaps_the_drone_stays(proposed: Movement, leap_m: float) -> None:
-    """One sample of a velocity that no drone flies at, which it is not to learn from either."""
+    """The hold also ignores a sample of an impossible velocity."""
     body = Body()
     body.fly(Hover(), 3.0)
     body.fly(proposed, 0.5)
@@ -373,7 +373,7 @@ def test_a_warning_ends_with_its_cause() -> None:
 
 @pytest.mark.parametrize("telemetry_ticks", [0, 2, 3])
 def test_late_telemetry_of_changing_orders_is_no_disturbance(telemetry_ticks: int) -> None:
-    """Orders of 0 and 0.1 m/s in turn; nothing drifts, the velocity is 0 to 0.3 s old."""
+    """Commands alternate between 0 and 0.1 m/s; no drift, the velocity is 0 to 0.3 s old."""
     body, most_mps = Body(telemetry_ticks=telemetry_ticks), 0.0
     for tick in range(80):
         body.tick(Velocity(forward_mps=0.1 if tick // 10 % 2 else 0.0))

@@ -1,4 +1,4 @@
-"""Short flights of the twin: the place is held by what the camera shows of the carpet."""
+"""Short flights of the twin: the position is held by the camera's view of the carpet."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TREE = """
 
 
 class Places:
-    """Notes where the drone truly is while it hovers, and at the end."""
+    """Records the true position while the drone hovers, and at the end."""
 
     def __init__(self) -> None:
         self.hovering: list[tuple[float, float]] = []
@@ -43,7 +43,7 @@ class Places:
 
 @pytest.mark.parametrize("fault", ["drift=0.1@hover", "velocity-bias=-0.2@hover"])
 def test_a_fault_of_the_velocity_moves_the_drone_by_decimetres_only(fault: str) -> None:
-    """Ten seconds: a drift would carry it by a metre, and the descent by another 0.2 m."""
+    """In 10 s the drift alone would be 1 m, and in the descent another 0.2 m."""
     twin = app.make_drone(app.FlightOptions(scene="train-a", seed=1, image_size_px=(160, 90)))
     drone, places = FaultyDrone(twin, Fault.parse(fault)), Places()
     options = app.FlightOptions(
@@ -58,7 +58,7 @@ def test_a_fault_of_the_velocity_moves_the_drone_by_decimetres_only(fault: str) 
     assert len(places.hovering) > 90
     assert max(math.dist(place, places.hovering[0]) for place in places.hovering) < 0.3
     assert math.dist(places.hovering[-1], places.hovering[0]) < 0.15
-    # Before it descends it takes the camera's place.
+    # Before the descent it moves the body to the camera's position.
     moved_m = math.dist(places.last, places.hovering[-1])
     assert moved_m == pytest.approx(CAMERA_FORWARD_M, abs=0.13)
     assert len(report.warnings) == 1

@@ -1,4 +1,4 @@
-"""The check before take-off: everything that is wrong, in one list, with what to do."""
+"""The check before take-off: all faults in one list, with remedies."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ LAB = RANDOM.integers(60, 180, (4, 7, 3)).repeat(9, axis=0).repeat(10, axis=1)[:
 
 
 class Filming(Parked):
-    """Its images are given by their time of capture."""
+    """A drone whose image is a function of its capture time."""
 
     def __init__(self, image_at: Callable[[float], NDArray[np.float64]]) -> None:
         super().__init__()

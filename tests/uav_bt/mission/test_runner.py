@@ -1,4 +1,4 @@
-"""The runner: the order of a tick, and how a flight that goes wrong is brought down."""
+"""The runner: the order of a tick, and landings after faults."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ HALTED: list[str] = []  # paths of the leaves that were halted, in order
 
 
 class Up(Leaf):
-    """Takes off; SUCCESS in the air, in a tick in which it asks for nothing."""
+    """Takes off; SUCCESS in the air, in a tick without a proposal."""
 
     reads = (STATE,)
 
@@ -69,7 +69,7 @@ class Down(Leaf):
 
 
 class Drift(Leaf):
-    """Drifts ahead for some ticks, or for ever, and says so."""
+    """Flies ahead for some ticks, or for ever, with feedback."""
 
     ports = (Port("ticks", int, default=-1), Port("fails", bool, default=False))
     writes = (PHASE,)
@@ -92,7 +92,7 @@ class Drift(Leaf):
 
 
 class Wait(Leaf):
-    """Asks for nothing, for ever."""
+    """Runs for ever without a proposal."""
 
     def update(self) -> Status:
         return Status.RUNNING
@@ -103,7 +103,7 @@ class Wait(Leaf):
 
 
 class Break(Leaf):
-    """Raises in its first tick, after it asked for something."""
+    """Raises in its first tick, after a proposal."""
 
     def update(self) -> Status:
         self.propose(MoveBy(id=1, forward_m=9.0))
@@ -111,7 +111,7 @@ class Break(Leaf):
 
 
 class Clumsy(Leaf):
-    """Hovers, and raises when it is halted."""
+    """Runs, and raises when it is halted."""
 
     def update(self) -> Status:
         return Status.RUNNING
@@ -121,7 +121,7 @@ class Clumsy(Leaf):
 
 
 class Look(Leaf):
-    """Notes what the board holds in each tick."""
+    """Records the board's values in each tick."""
 
     reads = (STATE, FRAME, HEIGHT, ELAPSED, CAMERA)
     seen: ClassVar[list[tuple[float | None, float | None, float | None]]] = []
@@ -136,7 +136,7 @@ class Look(Leaf):
 
 
 class Count(Leaf):
-    """Counts its ticks, and goes on counting where a leaf before it stopped; for ever."""
+    """Counts its ticks for ever, from the count of its predecessor on."""
 
     ports = (Port("fussy", bool, default=False),)
 
@@ -159,14 +159,14 @@ REGISTRY = NodeRegistry([Up, Down, Drift, Wait, Break, Clumsy, Look, Count])
 
 
 class Records(list[TickRecord]):
-    """Keeps every tick."""
+    """Stores every tick."""
 
     def on_tick(self, record: TickRecord) -> None:
         self.append(record)
 
 
 class At:
-    """Does something at a tick."""
+    """Calls a function at a tick."""
 
     def __init__(self, index: int, action: Callable[[], object]) -> None:
         self.index = index
@@ -184,7 +184,7 @@ def tree_of(body: str) -> MissionTree:
 
 
 class Flight:
-    """A scripted drone, a tree and a runner; `then` has other trees by the tick they begin in."""
+    """A scripted drone, a tree and a runner; `then` has further trees by their first tick."""
 
     def __init__(
         self,
@@ -228,7 +228,7 @@ class Flight:
 
     @property
     def sent(self) -> list[str]:
-        """The movements that were sent, repetitions told once."""
+        """The names of the sent movements, without repetitions."""
         names: list[str] = []
         for command in self.drone.commands:
             name = type(command.movement).__name__
@@ -317,7 +317,7 @@ def test_all_listeners_are_told_in_their_order() -> None:
 
 
 def test_a_tick_observes_then_thinks_then_sends_then_tells_then_waits() -> None:
-    """Each tick sees the world as the last command left it, and the clock stands still within."""
+    """Each tick observes the effect of the last command; the clock is constant within it."""
     calls: list[str] = []
 
     class Noting(ScriptedDrone):
@@ -354,7 +354,7 @@ def test_a_tick_observes_then_thinks_then_sends_then_tells_then_waits() -> None:
 
 
 def test_the_board_holds_what_was_observed_in_this_tick() -> None:
-    """Leaves see frame, state and camera of now, and the time since the take-off command."""
+    """Leaves see the present frame, state and camera, and the time since the take-off command."""
     flight = Flight(
         "<ParallelAll><Up/><Look/></ParallelAll>",
         judge=JudgeConfig(time_limit_s=1.0),
@@ -365,7 +365,7 @@ def test_the_board_holds_what_was_observed_in_this_tick() -> None:
     assert frames == pytest.approx(times)
     assert heights[0] == 0.0
     assert heights[-1] == flight.drone.config.take_off_height_m
-    assert elapsed == pytest.approx(times)  # it took off in the first tick, at 0 s
+    assert elapsed == pytest.approx(times)  # the take-off was in the first tick, at 0 s
 
 
 def test_nothing_proposed_means_hover() -> None:
@@ -377,7 +377,7 @@ def test_nothing_proposed_means_hover() -> None:
 
 
 def test_a_proposal_does_not_survive_its_tick() -> None:
-    """What a leaf asked for last is not flown on when the next leaf asks for nothing."""
+    """The last proposal of a leaf ends when the next leaf proposes nothing."""
     flight = Flight(
         '<Sequence><Up/><Drift ticks="1"/><Wait/></Sequence>', judge=JudgeConfig(time_limit_s=2.0)
     )
@@ -387,7 +387,7 @@ def test_a_proposal_does_not_survive_its_tick() -> None:
 
 
 def test_without_a_frame_nothing_is_on_the_board_and_the_drone_hovers() -> None:
-    """Overrides see the age of a frame that never came as infinite."""
+    """For overrides the age of a missing frame is infinite."""
 
     class Blind(ScriptedDrone):
         def observe(self) -> Observation:
@@ -405,7 +405,7 @@ def test_without_a_frame_nothing_is_on_the_board_and_the_drone_hovers() -> None:
 
 
 def test_a_frozen_camera_is_noticed() -> None:
-    """Frames that no longer change grow old, and the drone stops."""
+    """A frame that no longer changes becomes stale, and the drone stops."""
 
     class Frozen(ScriptedDrone):
         def observe(self) -> Observation:
@@ -423,9 +423,9 @@ def test_a_frozen_camera_is_noticed() -> None:
     stopped = [record for record in flight.records if record.override is Override.STALE_FRAME]
     assert 1.7 <= stopped[0].time_s <= 1.9
     assert all(record.command.movement == Hover() for record in stopped)
-    assert stopped[0].proposed_by is not None  # asked for, and overruled
+    assert stopped[0].proposed_by is not None  # proposed, and overridden
     assert Look.seen[0][0] is not None
-    assert Look.seen[-1][0] is None  # to the leaves the old frame is none
+    assert Look.seen[-1][0] is None  # leaves do not see the stale frame
 
 
 # --- faults ---------------------------------------------------------------------------------------
@@ -465,7 +465,7 @@ def test_two_leaves_that_both_move_are_an_error_that_names_both() -> None:
 
 
 def test_a_leaf_that_raises_when_it_is_halted_does_not_keep_the_drone_up() -> None:
-    """The flight is over, the drone comes down, and the fault is told."""
+    """The drone lands, and the fault is raised."""
     flight = Flight("<Sequence><Up/><Clumsy/></Sequence>", judge=JudgeConfig(time_limit_s=1.0))
     with pytest.raises(NodeFailedError, match="cannot let go"):
         flight.runner.run()
@@ -473,7 +473,7 @@ def test_a_leaf_that_raises_when_it_is_halted_does_not_keep_the_drone_up() -> No
 
 
 def test_a_listener_that_raises_is_left_out_and_the_flight_goes_on() -> None:
-    """A display that dies and a disk that is full are no reason to land somewhere."""
+    """A failed display or a full disk does not end a flight."""
 
     def fail() -> None:
         raise OSError("disk full")
@@ -489,7 +489,7 @@ def test_a_listener_that_raises_is_left_out_and_the_flight_goes_on() -> None:
 
 def test_an_interrupt_that_gets_through_lands_the_drone() -> None:
     def interrupt() -> None:
-        raise KeyboardInterrupt  # not an Exception: nothing stops it
+        raise KeyboardInterrupt  # not an Exception, so the runner does not catch it
 
     flight = Flight("<Sequence><Up/><Drift/></Sequence>", listeners=(At(9, interrupt),))
     with pytest.raises(KeyboardInterrupt):
@@ -530,7 +530,7 @@ def test_a_drone_that_does_not_land_is_given_up_after_the_grace_time() -> None:
 
 
 class Faulty(ScriptedDrone):
-    """Raises from a command on, in what it is asked to raise in."""
+    """Raises in the given methods, from the command with number `after` on."""
 
     def __init__(self, *methods: str, after: int = 12) -> None:
         super().__init__()
@@ -559,7 +559,7 @@ def test_landing_is_asked_for_again_and_again_whatever_raises(method: str) -> No
     with pytest.raises(DroneError, match=f"{method} failed"):
         flight.runner.run()
     asked = [c for c in drone.commands[12:] if isinstance(c.movement, Land)]
-    assert len(asked) == pytest.approx(2.0 / TICK_S, abs=2)  # the whole time of grace
+    assert len(asked) == pytest.approx(2.0 / TICK_S, abs=2)  # during the whole grace time
 
 
 def test_a_drone_that_recovers_while_it_is_brought_down_lands() -> None:
@@ -606,7 +606,7 @@ def test_whoever_follows_the_descent_sees_why_and_that_it_goes_on() -> None:
 
 
 def test_nobody_waits_for_a_landing_that_was_given_up() -> None:
-    """It is asked for all the same, and the drone is known to be up."""
+    """The landing is still commanded, and the result says that the drone is in the air."""
 
     def stop_twice() -> None:
         flight.runner.request_abort("stopped")
@@ -621,7 +621,7 @@ def test_nobody_waits_for_a_landing_that_was_given_up() -> None:
 
 
 def test_motors_that_the_drone_cut_stay_off() -> None:
-    """It lies there; nothing takes off again."""
+    """The drone is on the ground and does not take off again."""
 
     class Stalls(ScriptedDrone):
         def observe(self) -> Observation:
@@ -689,11 +689,11 @@ def test_a_tree_that_ends_in_the_air_is_brought_down_and_aborted(fails: str, sta
     assert verdict.outcome is Outcome.ABORTED
     assert verdict.reason == f"the tree ended with {status} in the air"
     assert flight.landed
-    assert flight.drone.x_m == pytest.approx(2 * TICK_S * 0.5)  # it was not begun again
+    assert flight.drone.x_m == pytest.approx(2 * TICK_S * 0.5)  # the tree was not started again
 
 
 class Draining(ScriptedDrone):
-    """Has a critical battery from a time on."""
+    """Has a critical battery after 1 s."""
 
     def observe(self) -> Observation:
         seen = super().observe()
@@ -702,7 +702,7 @@ class Draining(ScriptedDrone):
 
 
 def test_a_critical_battery_ends_the_flight_on_the_ground() -> None:
-    """The landing is not taken back while it lasts, whatever the leaves ask for."""
+    """No proposal of a leaf cancels the landing."""
     flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=Draining())
     verdict = flight.runner.run()
     assert verdict.outcome is Outcome.ABORTED
@@ -714,7 +714,7 @@ def test_a_critical_battery_ends_the_flight_on_the_ground() -> None:
 
 
 class Taken(ScriptedDrone):
-    """A pilot has control for a while."""
+    """A pilot has control between 1.0 and 1.5 s."""
 
     def observe(self) -> Observation:
         seen = super().observe()
@@ -751,7 +751,7 @@ def test_an_abort_does_not_take_the_drone_from_a_pilot() -> None:
 
 
 def test_a_person_at_this_machine_takes_over_and_hands_back() -> None:
-    """The mission rests meanwhile: its leaf has as many ticks left as before."""
+    """The mission pauses meanwhile: its leaf keeps its remaining ticks."""
     flight = Flight('<Sequence><Up/><Drift ticks="15"/><Down/></Sequence>')
     take = At(8, lambda: flight.runner.set_manual(manual=True))
     back = At(28, lambda: flight.runner.set_manual(manual=False))
@@ -787,7 +787,7 @@ def with_listeners(flight: Flight, *listeners: TickListener) -> MissionRunner:
 
 
 class Blind(ScriptedDrone):
-    """The video stops after a second."""
+    """The video stops after 1 s."""
 
     def observe(self) -> Observation:
         seen = super().observe()
@@ -807,7 +807,7 @@ def test_blind_for_long_is_a_landing() -> None:
 
 
 class Unheard(ScriptedDrone):
-    """Nothing comes from the drone any more, for a while or for ever."""
+    """The telemetry stops at 1 s, until a time or for ever."""
 
     def __init__(self, until_s: float) -> None:
         super().__init__()
@@ -836,7 +836,7 @@ def test_a_link_lost_for_long_is_the_end() -> None:
 
 
 class Lost(ScriptedDrone):
-    """From a time on, its connection is broken: for a while, or for good."""
+    """Its connection is broken from 2 s on, possibly for good."""
 
     def __init__(self, *, for_good: bool) -> None:
         super().__init__()
@@ -851,7 +851,7 @@ class Lost(ScriptedDrone):
 
 
 def test_nobody_waits_for_a_drone_whose_connection_is_broken_for_good() -> None:
-    """A landing is asked for once; nobody could hear of it."""
+    """The landing is commanded once; further commands could not arrive."""
     drone = Lost(for_good=True)
     flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=drone)
     with pytest.raises(DroneError, match=r"is broken: .*take over with its remote control"):
@@ -874,7 +874,7 @@ def test_a_connection_that_may_come_back_is_waited_for() -> None:
 
 
 def test_a_record_holds_what_was_really_sent() -> None:
-    """A drone has limits of its own, and says what is left of a command."""
+    """The drone returns the command after its own limits."""
 
     class Slow(ScriptedDrone):
         def send(self, command: Command) -> Command:
@@ -917,7 +917,7 @@ def test_a_tick_has_a_sensible_length(tick_s: float) -> None:
 
 
 def test_another_tree_begins_at_its_root_between_two_ticks() -> None:
-    """The old one is halted, asks for nothing any more, and the drone stays where it is: up."""
+    """The old tree is halted and proposes nothing more; the drone stays in the air."""
     flight = Flight(
         '<Sequence><Up/><Drift ticks="-1"/></Sequence>',
         then={9: '<Sequence name="second"><Wait/></Sequence>', 14: "<Down/>"},
@@ -935,7 +935,7 @@ def test_another_tree_begins_at_its_root_between_two_ticks() -> None:
     assert [record.time_s for record in records] == pytest.approx(
         [index * TICK_S for index in range(len(records))]
     )
-    assert records[13].phase == "drift"  # the board is the same
+    assert records[13].phase == "drift"  # the board is kept
 
 
 def test_leaves_go_on_from_those_of_their_class() -> None:
@@ -947,8 +947,8 @@ def test_leaves_go_on_from_those_of_their_class() -> None:
     counts = [int(record.feedback) for record in flight.records if record.feedback.isdigit()]
     jumps = [after - before for before, after in itertools.pairwise(counts)]
     new = next(index for index, jump in enumerate(jumps) if jump != 1)
-    assert jumps[:new] == [1] * new  # `c` went on from `a`, as far as `b` was
-    assert counts[new + 1] == 1  # the second `b` has nobody to go on from
+    assert jumps[:new] == [1] * new  # `c` continued from `a`, whose count equals that of `b`
+    assert counts[new + 1] == 1  # the second `b` has no predecessor
 
 
 def test_no_other_tree_flies_once_the_mission_is_aborted() -> None:

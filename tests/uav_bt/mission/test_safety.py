@@ -1,4 +1,4 @@
-"""The safety table: its order, what each rule answers, and what lasts too long."""
+"""The safety table: its order, the command of each rule, and time limits."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from uav_bt.types import (
 )
 
 LIMITS = Limits()
-# What makes each rule hold, as changes of calm circumstances.
+# The cause of each rule, as changes of normal circumstances.
 CAUSES = {
     Override.CUT: {"cut": True},
     Override.MANUAL: {"manual": True},
@@ -81,7 +81,7 @@ def test_each_rule_has_one_answer(override: Override, command: Command) -> None:
 
 @pytest.mark.parametrize("count", range(1, len(SAFETY) + 1))
 def test_whatever_else_is_wrong_the_strongest_rule_decides(count: int) -> None:
-    """Every set of things that go wrong at once."""
+    """All combinations of simultaneous causes."""
     for causes in itertools.combinations(list(Override), count):
         rule = rule_in_force(circumstances(*causes), LIMITS)
         assert rule is not None
@@ -119,7 +119,7 @@ def test_what_only_matters_in_the_air_matters_only_there(
 
 
 def test_a_broken_connection_is_a_lost_link_at_once() -> None:
-    """Before the last word of the drone is old."""
+    """The link is lost even while the drone's last report is fresh."""
     state = DroneState(captured_s=0.0, flying=FlyingState.FLYING, connected=False)
     rule = rule_in_force(Circumstances(state=state), LIMITS)
     assert rule is not None
@@ -179,7 +179,7 @@ def proposals_of(movement: Movement | None = None, gimbal: GimbalTo | None = Non
 
 
 def decide(movement: Movement, *, height_m: float = 1.5) -> Movement:
-    """Return what becomes of a proposal in calm circumstances."""
+    """Return the command for a proposal in normal circumstances."""
     arbiter = Arbiter(LIMITS)
     state = state_of(height_m=height_m)
     return arbiter.decide(proposals_of(movement), Circumstances(state=state)).movement
@@ -196,7 +196,7 @@ def test_nothing_proposed_means_hover() -> None:
 
 
 def test_movement_and_gimbal_are_channels_of_their_own() -> None:
-    """Two leaves may share a tick when each has its channel."""
+    """Two leaves may propose in the same tick on different channels."""
     proposals = Proposals()
     proposals.propose("a", Land())
     proposals.propose_gimbal("b", DOWN)
@@ -244,7 +244,7 @@ def test_clearing_forgets_all_but_the_count_of_ids() -> None:
 
 # --- overrides ------------------------------------------------------------------------------------
 
-# Everything that can override, strongest first, with what is then sent.
+# All overrides in order of priority, with the sent movement.
 OVERRIDES = [
     (Override.MANUAL, Release()),
     (Override.ABORT, Land()),
@@ -255,7 +255,7 @@ OVERRIDES = [
 
 @pytest.mark.parametrize("first", range(len(OVERRIDES)))
 def test_the_strongest_override_wins_over_all_weaker_ones(first: int) -> None:
-    """From each place in the order on, everything below is the case as well."""
+    """The causes of all lower overrides hold, too."""
     override, movement = OVERRIDES[first]
     arbiter = Arbiter(LIMITS)
     command = arbiter.decide(
@@ -281,7 +281,7 @@ def test_an_override_ends_with_its_reason() -> None:
 
 
 def test_only_a_stale_frame_leaves_the_camera_to_the_leaves() -> None:
-    """Pointing it may be the cure; a landing or a pilot is not interfered with."""
+    """Pointing the camera may end the override; landings and pilots are not disturbed."""
     proposals = proposals_of(Hover(), DOWN)
     arbiter = Arbiter(LIMITS)
     assert (
@@ -310,7 +310,7 @@ def test_a_stale_frame_interrupts_neither_take_off_nor_landing(flying: FlyingSta
 
 
 def test_limits_are_reached_only_beyond_them() -> None:
-    """The critical charge and the oldest frame are themselves still good."""
+    """The critical charge and the maximum age of a frame are still valid values."""
     arbiter = Arbiter(LIMITS)
     proposals = proposals_of(CutMotors())
     arbiter.decide(
@@ -357,7 +357,7 @@ def test_a_step_is_bounded_and_keeps_its_direction() -> None:
 
 
 def test_no_step_leads_into_the_ground() -> None:
-    """From 1.2 m it goes down to 0.3 m; from below that not at all."""
+    """From 1.2 m it descends to 0.3 m; from below 0.3 m it does not descend."""
     state = state_of()
     down = decide(MoveBy(id=1, down_m=50.0))
     assert isinstance(down, MoveBy)
@@ -369,7 +369,7 @@ def test_no_step_leads_into_the_ground() -> None:
 
 
 def test_nobody_climbs_through_the_ceiling() -> None:
-    """A step ends at the ceiling; under it only sinking is left."""
+    """A step ends at the ceiling; above it only descents remain."""
     step = decide(MoveBy(id=1, forward_m=0.3, down_m=-2.0), height_m=1.5)
     assert isinstance(step, MoveBy)
     assert step.down_m == pytest.approx(-0.9)

@@ -1,4 +1,4 @@
-"""Screening: what cannot be is refused, and what is left ages like a missing measurement."""
+"""Screening: impossible values are refused, and the last valid ones age as without a report."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_telemetry_that_cannot_be_is_the_last_good_one_growing_old(
     assert screening.state_fault == why
     assert seen.captured_s == 1.1
     assert (seen.altitude_m, seen.battery, seen.velocity) == (1.5, 1.0, BodyVelocity())
-    assert seen.flying is FlyingState.LANDED  # what it says in words is believed
+    assert seen.flying is FlyingState.LANDED  # the flying state is always accepted
 
 
 def test_one_quantity_from_the_future_refuses_the_telemetry() -> None:

@@ -1,4 +1,4 @@
-"""Records written by hand: the frames and states that a test gives, and nothing else."""
+"""Handwritten records that contain only a test's frames and states."""
 
 from __future__ import annotations
 

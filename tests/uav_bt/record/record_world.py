@@ -1,4 +1,4 @@
-"""What the tests of records share: a drone that sees noise, and short flights of it."""
+"""Helpers of the tests of records: a drone with noise images, and its short flights."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FLIGHT = """
 
 
 class NoisyDrone(ScriptedDrone):
-    """Its frames are noise of their own, so that none passes for another."""
+    """A scripted drone whose frames are different noise images."""
 
     def observe(self) -> Observation:
         """Return the scripted observation with a noisy image."""
@@ -80,19 +80,19 @@ def copy_part(
     messages: Mapping[str, bytes] | None = None,
     without: str | None = None,
 ) -> Path:
-    """Write what is whole of a record, or a part of it, as `mcap recover` and `mcap filter` do.
+    """Copy the intact content of a record, or a part, as `mcap recover` and `mcap filter` do.
 
     Args:
         path: the record.
-        out: the part.
-        from_s: since its start.
-        to_s: since its start.
+        out: the file to write.
+        from_s: begin of the part, s since the record's start.
+        to_s: end of the part, s since the record's start.
         metadata: entries that replace the record's, by the metadata's name.
-        messages: what replaces the content of all messages of a topic.
-        without: a topic that is left out.
+        messages: new contents of all messages, by topic.
+        without: topic to leave out.
 
     Returns:
-        The part's path.
+        The path of the written file.
     """
     topics: dict[int, str] = {}
     timeline = RecordReader(path).timeline

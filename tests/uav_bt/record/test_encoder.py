@@ -1,4 +1,4 @@
-"""What the board and the referee knew comes out of the messages as it went in."""
+"""Encoding and decoding of messages keeps the values of the board and of the referee."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def test_what_is_not_new_is_not_told_again() -> None:
     again = read(made, raw_moment())
     assert again.class_map is None
     assert again.corridor is None
-    assert again.statuses == ("FAILURE",)  # those of the tick before hold on
+    assert again.statuses == ("FAILURE",)  # the statuses of the last tick are kept
     newer = replace(BOARD["corridor"], nearest_m=0.6)
     assert read(made, raw_moment({**BOARD, "corridor": newer})).corridor == newer
 
@@ -179,7 +179,7 @@ def test_a_site_map_is_kept_at_most_twice_a_second() -> None:
 
 
 def test_what_is_near_is_kept_with_every_new_map() -> None:
-    """Maps are kept twice a second, what is near in every tick."""
+    """Maps are recorded twice a second, near obstacles in every tick."""
     made, first = encoder(), NearObstacles(captured_s=1.0)
     then = NearObstacles(captured_s=1.1)
     assert read(made, raw_moment({"site_map": map_with(first)})).near is not None
@@ -188,7 +188,7 @@ def test_what_is_near_is_kept_with_every_new_map() -> None:
 
 
 def test_a_note_of_obstacles_of_an_older_record_is_read() -> None:
-    """Their board had a key for them; the message is the same."""
+    """Older boards had a separate key for them; the message is unchanged."""
     found = {
         message.channel.topic: message.data
         for message in encoder().encode(raw_moment({"phase": "explore"}), images=True)

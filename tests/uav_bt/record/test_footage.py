@@ -1,4 +1,4 @@
-"""What perception and training read of a record."""
+"""Content of a record for perception and training."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def advice_in(reader: RecordReader) -> list[Advice]:
 
 
 def of_version_1(**fields: Any) -> dict[str, Any]:
-    """Return an answer as records of schema version 1 have it."""
+    """Return an answer in the form of schema version 1."""
     nothing = {"forward_m": 0.0, "yaw_rad": 0.0, "carpet_ends": False, "reason": "so"}
     return nothing | {"free_m": None, "speed_mps": None, "done": False} | fields
 
@@ -97,7 +97,7 @@ def test_every_answer_comes_back_from_a_record(tmp_path: Path, answer: Answer) -
             Blocked(yaw_rad=0.5, ground_ends=True, free_m=0.2, reason="so"),
         ),
         (of_version_1(done=True), Done(reason="so")),
-        # The first records had no speed and no end.
+        # The first records have neither a speed nor the field `done`.
         (
             {"forward_m": 0.3, "yaw_rad": 0.0, "carpet_ends": False, "reason": "so"},
             Advance(forward_m=0.3, reason="so"),

@@ -1,4 +1,4 @@
-"""Images in records: exact where they must be, refused where they are none."""
+"""Images in records: lossless if required; invalid ones are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records of killed flights and damaged files: what is whole is read, what is not is told."""
+"""Records of killed flights and damaged files: intact parts are read, damage is reported."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from uav_bt.record.scan import RecordScan, opened
 
 HERE = Path(__file__).parents[3]
 
-# A flight that kills itself in a tick, as `kill -9` would: nothing is closed, nothing is flushed.
+# A flight that kills its process in a tick, like `kill -9`, without closing or flushing files.
 KILLED = """
 import os, signal, sys
 from pathlib import Path
@@ -95,7 +95,7 @@ def test_a_record_cut_at_any_byte_is_read_as_far_as_it_goes(
     try:
         reader = RecordReader(cut)
     except FileError:
-        assert share < 0.1  # not even the flight's metadata is there
+        assert share < 0.1  # even the flight's metadata is missing
         return
     assert not reader.finished
     times = [moment.tick.time_s for moment in reader.moments()]
@@ -120,7 +120,7 @@ def test_a_flipped_bit_gives_a_clear_error_or_less_and_never_something_else(
         part = list(RecordReader(damaged).moments(from_s=0.5, to_s=1.0))
         assert record_info(damaged).ticks == len(found)
     except FileError as error:
-        assert str(damaged) in str(error)  # noqa: PT017 - either is fine
+        assert str(damaged) in str(error)  # noqa: PT017 - both are valid
         return
     for moment in (*found, *part):
         assert moment.state == originals[moment.tick.index].state
@@ -186,7 +186,7 @@ def chunk_of(data: bytes, compression: str, claimed_bytes: int) -> Chunk:
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 def test_a_chunk_that_grows_to_gigabytes_is_not_opened(compression: str) -> None:
-    """Neither one that says so nor one that says something else."""
+    """The declared size does not matter, whether it is true or false."""
     zeros = bytes(200_000_000)
     with pytest.raises(ValueError, match="a chunk of 200000000 bytes, opened, more than 33554432"):
         opened(chunk_of(zeros, compression, len(zeros)))
@@ -205,7 +205,7 @@ def test_other_compressions_are_named() -> None:
 
 
 def test_many_chunks_that_grow_are_opened_up_to_a_sum(tmp_path: Path) -> None:
-    """A file of some kilobytes does not become gigabytes, one chunk after another."""
+    """A file of some kilobytes does not expand to gigabytes through many chunks."""
     path = tmp_path / "bomb.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=1)
@@ -329,7 +329,7 @@ def rewritten(
         ]
         if by_topic:
             messages.sort(key=lambda item: item[0])
-        if by_time:  # those of one time in the order of their topics' names
+        if by_time:  # messages of the same time in the order of their topics' names
             messages.sort(key=lambda item: (item[2].log_time, item[0]))
         for _, number, each in messages:
             writer.add_message(

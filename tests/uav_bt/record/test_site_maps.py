@@ -1,4 +1,4 @@
-"""Site maps as a record keeps them."""
+"""Site maps in records."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def site_map() -> SiteMap:
         contradicted_s=0.5,
         restarts=2,
         full=True,
-        untracked_s=math.inf,  # no ground was ever followed
+        untracked_s=math.inf,  # the ground was never tracked
     )
 
 

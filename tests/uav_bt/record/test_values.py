@@ -1,4 +1,4 @@
-"""Values of ours as JSON and back: not a bit is lost, and what is none of ours is refused."""
+"""Our values to JSON and back without loss; foreign values are refused."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from uav_bt.types import (
     Velocity,
 )
 
-WHOLE = st.integers(-(2**63) + 1, 2**63 - 1)  # as viewers have them
+WHOLE = st.integers(-(2**63) + 1, 2**63 - 1)  # as viewers write them
 ANY = st.floats(allow_nan=False)
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -182,7 +182,7 @@ def test_a_schema_names_fields_and_their_types() -> None:
 
 @pytest.mark.parametrize("data", [2**63, -(2**63), True, 0.5, "7", None, [0]])
 def test_whole_numbers_have_64_bits(data: object) -> None:
-    """What no viewer and no array can hold is damage."""
+    """Other numbers fit neither viewers nor arrays, so they count as damage."""
     with pytest.raises(InputError, match="expected the fields of FrameNote"):
         decode(FrameNote, {"index": data, "captured_s": 0.0})
 

@@ -1,4 +1,4 @@
-"""The writing thread: order kept, no flight waits for a disk, all that is left out is counted."""
+"""The writing thread: it keeps the order, never blocks a flight, and counts omissions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PATIENCE_S = 30.0
 
 
 class Disk:
-    """A sink that can be held up and can be full."""
+    """A sink that a test can block or fill."""
 
     def __init__(self, full_after: int | None = None) -> None:
         self.free = threading.Event()
@@ -74,12 +74,12 @@ def test_a_slow_disk_costs_images_first_and_then_ticks_and_every_loss_is_counted
     disk.free.clear()
     worker = RecordWorker(disk, encode, config())
     worker.put(0, 0.0)
-    assert disk.busy.wait(PATIENCE_S)  # item 0 is in the thread's hands, the queue is empty
+    assert disk.busy.wait(PATIENCE_S)  # the thread processes item 0, the queue is empty
     for index in range(1, 8):
         worker.put(index, 0.1 * index)
     disk.free.set()
     worker.close()
-    # 0 and 1 have images, 2 to 4 came when two were waiting, 5 to 7 found the queue full.
+    # 0 and 1 have images; at 2 to 4 two items were waiting; at 5 to 7 the queue was full.
     assert disk.written == [
         ("/mission/tick", 0),
         ("/camera/image", 0),
@@ -139,7 +139,7 @@ def test_a_full_disk_ends_the_writing_and_not_the_flight() -> None:
     worker.close()
     assert len(disk.written) == 3
     assert isinstance(worker.failure, OSError)
-    assert worker.lost_ticks == 9  # the second tick's image did not fit, nor anything after it
+    assert worker.lost_ticks == 9  # the second tick's image and all later messages did not fit
 
 
 def test_the_file_is_flushed_every_half_second_of_the_mission() -> None:
@@ -148,7 +148,7 @@ def test_the_file_is_flushed_every_half_second_of_the_mission() -> None:
     for index in range(21):
         worker.put(index, index / 10)
     worker.close()
-    assert disk.flushes >= 5  # at 0, 0.5, 1.0, 1.5 and 2.0 s, and when there was nothing to do
+    assert disk.flushes >= 5  # at 0, 0.5, 1.0, 1.5 and 2.0 s, and when idle
 
 
 def test_closing_twice_is_fine() -> None:

@@ -1,4 +1,4 @@
-"""The leaf bench: a leaf in a few lines, and everything a leaf must not do fails the test."""
+"""The leaf bench: short tests of leaves, which fail on any forbidden access."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def bench_of(**attributes: object) -> LeafBench:
     [(MovementState.DONE, Status.SUCCESS), (MovementState.INTERRUPTED, Status.FAILURE)],
 )
 def test_a_movement_from_proposal_to_end(word: MovementState, answer: Status) -> None:
-    """Attributes as in XML, telemetry, a proposal, the drone's word on it."""
+    """Attributes as in XML, telemetry, a proposal, and the drone's report on it."""
     bench = bench_of(step_m="0.25")
     bench.hover(height_m=1.5)
     assert bench.tick() is Status.RUNNING
@@ -140,14 +140,14 @@ def test_dir_shows_the_kit_before_it_is_imported() -> None:
 
 
 def test_missing_is_not_stale() -> None:
-    """A leaf that starts without telemetry copes, as in flight."""
+    """A leaf may start without telemetry, as in flight."""
     bench = bench_of()
     assert bench.tick() is Status.RUNNING
     assert bench.feedback == "no telemetry"
 
 
 def test_stale_access_fails_the_test() -> None:
-    """A board that the test forgot to refresh is an error, unless staleness is the subject."""
+    """A stale board is an error, unless the test allows it."""
     bench = bench_of()
     bench.hover()
     bench.tick()
@@ -160,20 +160,20 @@ def test_stale_access_fails_the_test() -> None:
 
 
 def test_undeclared_access_fails_the_test() -> None:
-    """A key that the leaf did not declare cannot be read by accident."""
+    """An undeclared key cannot be read by accident."""
     bench = bench_of(reads_too="undeclared")
     with pytest.raises(NodeFailedError, match="'Bench/Step' reads board key 'elapsed_s'"):
         bench.tick()
 
 
 def test_mistyped_writing_fails_the_test() -> None:
-    """The test itself cannot put a value of another type on the board."""
+    """The test cannot write a value of a wrong type to the board either."""
     with pytest.raises(BoardAccessError, match="holds ClassMap, got int"):
         bench_of().board[CLASS_MAP] = 3  # type: ignore[misc]
 
 
 def test_halting() -> None:
-    """A halted leaf is told, once."""
+    """`terminate` of a halted leaf is called once."""
     bench = bench_of()
     bench.hover()
     bench.tick()
@@ -184,7 +184,7 @@ def test_halting() -> None:
 
 
 def test_wrong_use_is_explained() -> None:
-    """Unknown attributes, unknown policies and endings of nothing are refused."""
+    """Unknown attributes, unknown policies and the end of no movement are refused."""
     with pytest.raises(InputError, match="did you mean 'step_m'"):
         LeafBench(Step, step="1")
     with pytest.raises(InputError, match="unknown policy 'none-of-these'"):
@@ -196,7 +196,7 @@ def test_wrong_use_is_explained() -> None:
 
 
 def test_benches_do_not_meet() -> None:
-    """Two benches share nothing."""
+    """Two benches are independent."""
     one, other = bench_of(), bench_of()
     one.hover()
     assert STATE in one.board

@@ -1,4 +1,4 @@
-"""Which branches a tree file has."""
+"""The branches of a tree file."""
 
 from __future__ import annotations
 
@@ -85,26 +85,26 @@ OK, NO = "<AlwaysSuccess/>", "<AlwaysFailure/>"
     ],
 )
 def test_what_can_happen(tmp_path: Path, body: str, expected: str) -> None:
-    """By kind, conditions and what the children can answer."""
+    """Outcomes depend on the kind, the conditions and the outcomes of the children."""
     assert branches(tmp_path, body) == expected
 
 
 def test_a_subtree_answers_what_its_tree_answers(tmp_path: Path) -> None:
-    """A tree that nobody refers to is there too; one that holds itself does not hang."""
+    """An unused tree is listed, too; recursion does not hang."""
     used = f'<BehaviorTree ID="U"><Sequence>{OK}</Sequence></BehaviorTree>'
     unused = '<BehaviorTree ID="N"><SubTree ID="N"/></BehaviorTree>'
     assert branches(tmp_path, '<SubTree ID="U"/>', used, unused) == "S S S SF"
 
 
 def test_every_node_of_the_format_with_children_has_a_rule(tmp_path: Path) -> None:
-    """Only foreign nodes are guessed."""
+    """The outcomes of foreign nodes only are assumed."""
     for node in BUILTIN_NODES:
         if node.kind is not NodeKind.SUBTREE:
             assert node.node_id in (_LEAVES if issubclass(node, Leaf) else _RULES)
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
-    """With the place."""
+    """The message has the position."""
     (tmp_path / "x.xml").write_text("<root>", encoding="utf-8")
     with pytest.raises(TreeError, match=r"x\.xml:1:7: not well-formed XML"):
         tree_branches(tmp_path / "x.xml", REGISTRY)
@@ -114,7 +114,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_file_that_the_loader_refuses_can_be_listed(tmp_path: Path) -> None:
-    """Too few children and unknown trees are the checker's business."""
+    """Only the checker reports missing children and unknown trees."""
     empty = '<BehaviorTree ID="E"/>'
     body = f'<Sequence><IfThenElse>{OK}</IfThenElse><SubTree ID="E"/><SubTree ID="?"/></Sequence>'
     assert branches(tmp_path, body, empty) == "SF SF S SF SF"

@@ -1,4 +1,4 @@
-"""The event log: what it writes down, and how its assertions fail."""
+"""The event log: its events, and the failures of its assertions."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ REACTIVE = '<ReactiveSequence name="r"><Clear/><Fly/></ReactiveSequence>'
 
 
 def test_every_node_is_followed_from_start_to_end() -> None:
-    """Starts, further ticks, answers and halts, in the order in which they happen."""
+    """Starts, further ticks, answers and halts, in order."""
     bench = bench_of(REACTIVE, Clear="SSF", Fly="R")
     for _ in range(3):
         bench.tick()
@@ -56,7 +56,7 @@ def test_every_node_is_followed_from_start_to_end() -> None:
 
 
 def test_conditions_forestall_and_skip() -> None:
-    """A node that its conditions answer for never starts."""
+    """A node whose conditions give the answer never starts."""
     bench = bench_of('<Sequence><Fly _successIf="true"/><Look _skipIf="true"/></Sequence>')
     assert bench.tick() is Status.SUCCESS
     bench.log.assert_not_started("Fly")
@@ -65,7 +65,7 @@ def test_conditions_forestall_and_skip() -> None:
 
 
 def test_a_finished_leaf_that_nobody_reset_does_not_start_again() -> None:
-    """A tick passes over it, and the log says so."""
+    """A tick skips the node, and the log shows it."""
     bench = bench_of("<Parallel success_count='2'><Fly/><Look/></Parallel>", Fly="S", Look="RRS")
     bench.tick_until(Status.SUCCESS, max_ticks=3)
     bench.log.assert_started("Fly", times=1)
@@ -73,7 +73,7 @@ def test_a_finished_leaf_that_nobody_reset_does_not_start_again() -> None:
 
 
 def test_halting_the_tree_is_told_once() -> None:
-    """Every running node once, idle ones not at all, a second halt nothing."""
+    """Running nodes have one event, idle ones none; a second halt adds none."""
     bench = bench_of("<Sequence><Look/><Fly/></Sequence>", Look="S", Fly="R")
     bench.tick()
     bench.halt()
@@ -84,7 +84,7 @@ def test_halting_the_tree_is_told_once() -> None:
 
 
 def test_an_exception_is_an_event_of_its_node() -> None:
-    """The node that raised, not those above it; what ran is halted."""
+    """The event belongs to the raising node, not to its parents; running nodes are halted."""
     bench = bench_of("<Parallel><Fly/><Look/></Parallel>", Fly="R")
     with pytest.raises(NodeFailedError, match="'M/Parallel/Look' failed"):
         bench.tick()
@@ -94,7 +94,7 @@ def test_an_exception_is_an_event_of_its_node() -> None:
 
 
 def test_order() -> None:
-    """Steps may have others between them, but not change places."""
+    """Other events may be between the steps, but their order must be right."""
     bench = bench_of(REACTIVE, Clear="SF", Fly="R")
     bench.tick()
     bench.tick()
@@ -110,7 +110,7 @@ def test_order() -> None:
 
 
 def test_a_failing_assertion_shows_the_log() -> None:
-    """What was expected, how often it was, and a table of everything."""
+    """The message has the expected event, its count, and a table of all events."""
     bench = bench_of("<Fly/>", Fly="RS")
     bench.tick_until(Status.SUCCESS, max_ticks=2)
     with pytest.raises(AssertionError) as failure:
@@ -131,7 +131,7 @@ def test_a_failing_assertion_shows_the_log() -> None:
 
 
 def test_a_long_log_is_cut() -> None:
-    """The last events are shown, and how many came before."""
+    """The message shows the last events, and the number of earlier ones."""
     bench = bench_of("<Fly/>", Fly="R")
     assert "(nothing happened)" in bench.log.table()
     for _ in range(300):
@@ -141,7 +141,7 @@ def test_a_long_log_is_cut() -> None:
 
 
 def test_misspelt_names_are_no_silent_pass() -> None:
-    """A node or a kind that there is not is an error, also in a negative assertion."""
+    """An unknown node or kind is an error, also in a negative assertion."""
     bench = bench_of("<Fly/>", Fly="R")
     with pytest.raises(UnknownNameError, match="unknown node 'Flu'; did you mean 'Fly'"):
         bench.log.assert_not_started("Flu")

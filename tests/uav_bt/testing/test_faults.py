@@ -1,4 +1,4 @@
-"""Faults: when they begin and end, and what each kind does to what is observed and sent."""
+"""Faults: their begin and end, and the effect of each kind on observations and commands."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from uav_bt.types import (
 
 
 class World(ScriptedDrone):
-    """A scripted drone whose images differ, at a height that is known."""
+    """A scripted drone whose images differ from frame to frame."""
 
     def observe(self) -> Observation:
         seen = super().observe()
@@ -50,7 +50,7 @@ def faulty(text: str) -> tuple[FaultyDrone, World]:
 
 
 def ticks(drone: FaultyDrone, world: World, *commands: Command) -> list[Observation]:
-    """Observe and send, a tick for each command."""
+    """Observe and send once per command; return the observations."""
     seen = []
     for command in commands:
         seen.append(drone.observe())
@@ -80,7 +80,7 @@ def tick_of(phase: str, observation: Observation, time_s: float) -> TickRecord:
 
 
 def last(text: str) -> Observation:
-    """Return what is observed in the second tick after the fault began, in its fourth tick."""
+    """Return the observation of the flight's fourth tick."""
     drone, world = faulty(text)
     return ticks(drone, world, *go(TakeOff(), Hover(), Hover(), Hover()))[-1]
 
@@ -130,7 +130,7 @@ def test_a_fault_waits_for_its_phase() -> None:
     assert drone.observe().state.battery == 0.05
 
 
-# --- what is observed -----------------------------------------------------------------------------
+# --- observations ---------------------------------------------------------------------------------
 
 
 def test_a_frozen_image_has_fresh_stamps() -> None:
@@ -233,7 +233,7 @@ def test_the_state_changes(kind: str, what: str, expected: object) -> None:
         assert told is expected
 
 
-# --- what is sent ---------------------------------------------------------------------------------
+# --- commands -------------------------------------------------------------------------------------
 
 TURN = MoveBy(id=7, forward_m=0.2, yaw_rad=0.5)
 
@@ -289,7 +289,7 @@ def test_movements_do_not_end_as_they_should(kind: str, state: MovementState) ->
     assert (moving.id, moving.state) == (TURN.id, state)
 
 
-# --- what raises ----------------------------------------------------------------------------------
+# --- exceptions -----------------------------------------------------------------------------------
 
 
 def test_drones_and_listeners_raise() -> None:
@@ -330,7 +330,7 @@ def test_faults_of_the_air_need_a_drone_that_is_in_it() -> None:
 
 
 def hovering_off_m(text: str | None) -> tuple[float, float]:
-    """Return how far the twin is from its take-off after six seconds, truly and as it believes."""
+    """Return the twin's distance from its take-off along x, m: the truth and its estimate."""
     drone: Drone = TwinConfig(profile="ideal", image_size_px=(160, 90)).create()
     if text is not None:
         drone = FaultyDrone(drone, Fault.parse(text))
@@ -352,7 +352,7 @@ def hovering_off_m(text: str | None) -> tuple[float, float]:
 def test_wind_pushes_and_drift_is_not_noticed() -> None:
     calm, wind, drift = map(hovering_off_m, (None, "wind=0.8@start+4", "drift=0.2@start+4"))
     assert calm[0] == pytest.approx(0.0, abs=0.02)
-    assert wind[0] == pytest.approx(0.2, abs=0.05)  # it leans against it
+    assert wind[0] == pytest.approx(0.2, abs=0.05)  # the drone tilts against the wind
     assert drift[0] == pytest.approx(1.2, abs=0.15)
     assert drift[1] == pytest.approx(0.0, abs=0.1)
 

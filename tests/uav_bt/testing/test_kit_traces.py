@@ -1,4 +1,4 @@
-"""The kit against BehaviorTree.CPP: mocks answer, and the log tells, as its traces have it."""
+"""The kit against BehaviorTree.CPP: mocks and logs agree with the recorded traces."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def mismatch(trace: dict[str, Any]) -> str | None:
 
 
 def test_mocks_and_log_agree_with_the_engine() -> None:
-    """Root status and leaf events in order, tick by tick, on every trace of the sample."""
+    """Root status and order of leaf events agree in each tick of every trace of the sample."""
     traces = [json.loads(line) for line in SAMPLE.read_text(encoding="utf-8").splitlines()]
     assert len(traces) >= 200
     assert [found for trace in traces if (found := mismatch(trace))] == []

@@ -12,7 +12,7 @@ pytest_plugins = ["pytester"]
 
 @pytest.fixture(scope="module", autouse=True)
 def _loaded() -> None:
-    """Load what the inner runs load, which otherwise each would do anew."""
+    """Load the modules of the inner runs once, not once per run."""
     assert coverage_plugin
     NodeRegistry.installed()
 
@@ -62,7 +62,7 @@ ONE = '("S", "S", "SUCCESS")'
 ALL = f'{ONE}, ("F", "S", "SUCCESS"), ("F", "RF", "FAILURE")'
 
 
-# Plug-ins that have no part in this and take seconds to load.
+# Unrelated plug-ins that take seconds to load.
 WITHOUT = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest", "-p", "no:benchmark")
 
 
@@ -76,7 +76,7 @@ def run(pytester: pytest.Pytester, *options: str) -> pytest.RunResult:
 
 
 def test_coverage_tells_what_never_happened(pytester: pytest.Pytester) -> None:
-    """Each node with a missing branch has a line with its place; kinds come from the run."""
+    """Each node with a missing branch has a line with its position; kinds come from the run."""
     project(pytester, ONE)
     result = run(pytester, "--tree-coverage=mission.xml")
     assert result.ret == pytest.ExitCode.OK
@@ -95,7 +95,7 @@ def test_coverage_tells_what_never_happened(pytester: pytest.Pytester) -> None:
 
 
 def test_a_covered_file_is_a_hundred_percent(pytester: pytest.Pytester) -> None:
-    """With every branch taken nothing is listed, and the threshold holds."""
+    """If all branches were taken, none is listed, and the threshold is met."""
     project(pytester, ALL)
     result = run(pytester, "--tree-coverage=mission.xml", "--tree-coverage-fail-under=100")
     assert result.ret == pytest.ExitCode.OK
@@ -106,7 +106,7 @@ def test_a_covered_file_is_a_hundred_percent(pytester: pytest.Pytester) -> None:
 
 
 def test_too_little_coverage_fails_the_run(pytester: pytest.Pytester) -> None:
-    """The ini file may ask for it, and a folder stands for its tree files."""
+    """The ini file may request coverage; a folder means all its tree files."""
     project(pytester, ONE)
     pytester.path.joinpath("other.xml").write_text("<config/>", encoding="utf-8")
     pytester.makeini("[pytest]\nuav_bt_tree_coverage = .\nuav_bt_tree_coverage_fail_under = 40.5\n")
@@ -117,7 +117,7 @@ def test_too_little_coverage_fails_the_run(pytester: pytest.Pytester) -> None:
 
 
 def test_a_run_without_tests_is_not_judged(pytester: pytest.Pytester) -> None:
-    """Listing the tests covers nothing, and need not."""
+    """Listing the tests runs none, so the threshold does not apply."""
     project(pytester, ONE)
     options = ["--tree-coverage=mission.xml", "--tree-coverage-fail-under=90", "--collect-only"]
     result = run(pytester, *options)
@@ -159,7 +159,7 @@ def test_included_files_have_their_own_coverage(pytester: pytest.Pytester) -> No
 
 
 def test_a_file_that_no_test_loads_has_no_coverage(pytester: pytest.Pytester) -> None:
-    """Its nodes were never ticked; one that is damaged is no reason to look covered."""
+    """Its nodes were never ticked; a damaged file does not count as covered."""
     project(pytester, ONE)
     other = TREE.replace("Look", "Foreign")
     pytester.path.joinpath("other.xml").write_text(other, encoding="utf-8")
@@ -178,7 +178,7 @@ def test_a_file_that_no_test_loads_has_no_coverage(pytester: pytest.Pytester) ->
 
 
 def test_workers_hand_their_share_over(pytester: pytest.Pytester) -> None:
-    """Distributed over two processes, the result is the same."""
+    """With two processes the result is the same."""
     project(pytester, ALL)
     result = pytester.runpytest_subprocess(
         *WITHOUT, "-n2", "--tree-coverage=mission.xml", "--tree-coverage-fail-under=100"
@@ -208,7 +208,7 @@ def test_workers_hand_their_share_over(pytester: pytest.Pytester) -> None:
 def test_wrong_options_are_refused(
     pytester: pytest.Pytester, options: list[str], message: str
 ) -> None:
-    """As pytest refuses its own."""
+    """The refusal is like that of pytest's own options."""
     project(pytester, ONE)
     pytester.mkdir("empty").joinpath("other.xml").write_text("<config/>", encoding="utf-8")
     result = run(pytester, *options)
@@ -221,7 +221,7 @@ BAD = GOOD.replace("<AlwaysSuccess/>", '<Sequence><Alwayssuccess/><Sleep msecs="
 
 
 def test_tree_files_are_collected_and_checked(pytester: pytest.Pytester) -> None:
-    """Good ones pass, bad and damaged ones show their findings only, other XML is no test."""
+    """Valid files pass, invalid ones show only their findings, other XML is not collected."""
     trees = pytester.mkdir("trees")
     for name, text in {
         "good": GOOD,
@@ -244,7 +244,7 @@ def test_tree_files_are_collected_and_checked(pytester: pytest.Pytester) -> None
 
 
 def test_the_ini_file_can_ask_for_the_collection(pytester: pytest.Pytester) -> None:
-    """Without either, tree files are no tests."""
+    """Without the option and the ini entry, tree files are not collected."""
     pytester.path.joinpath("mission.xml").write_text(GOOD, encoding="utf-8")
     assert run(pytester).ret == pytest.ExitCode.NO_TESTS_COLLECTED
     pytester.makeini("[pytest]\nuav_bt_check_trees = true\n")
@@ -252,7 +252,7 @@ def test_the_ini_file_can_ask_for_the_collection(pytester: pytest.Pytester) -> N
 
 
 def test_fixtures(pytester: pytest.Pytester) -> None:
-    """A bench for trees and a strict board come as fixtures."""
+    """A tree bench and a strict board are available as fixtures."""
     pytester.path.joinpath("mission.xml").write_text(GOOD, encoding="utf-8")
     pytester.makepyfile(
         """

@@ -1,4 +1,4 @@
-"""The scripted drone: a `Drone` without a world that answers exactly."""
+"""The scripted drone: a `Drone` without a world and with exact reactions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def word(drone: ScriptedDrone) -> tuple[int, MovementState] | None:
 
 
 def test_it_is_a_drone() -> None:
-    """It offers what the protocol asks for, and connects to nothing."""
+    """It implements the protocol, without a real connection."""
     drone = ScriptedDrone()
     assert isinstance(drone, Drone)
     drone.connect()
@@ -50,7 +50,7 @@ def test_it_is_a_drone() -> None:
 
 
 def test_it_takes_off_and_lands() -> None:
-    """Each takes its number of commands."""
+    """Take-off and landing take their configured number of commands."""
     drone = ScriptedDrone(config=ScriptedDroneConfig(take_off_ticks=2, landing_ticks=2))
     states = []
     for movement in (TakeOff(), TakeOff(), Hover(), Land(), Land(), Hover()):
@@ -61,7 +61,7 @@ def test_it_takes_off_and_lands() -> None:
 
 
 def test_a_movement_ends_after_its_ticks() -> None:
-    """The same id goes on, is done exactly, and is not flown a second time."""
+    """The same id continues the movement, which ends exactly and is not repeated."""
     drone = flying()
     move = MoveBy(id=4, forward_m=1.0, down_m=-0.5, yaw_rad=math.pi / 2)
     words = []
@@ -80,7 +80,7 @@ def test_a_movement_ends_after_its_ticks() -> None:
 
 
 def test_a_new_movement_supersedes_and_anything_else_cancels() -> None:
-    """What is no longer proposed is interrupted."""
+    """A movement that is no longer proposed is interrupted."""
     drone = flying()
     drone.send(Command(movement=MoveBy(id=1, forward_m=1.0)))
     drone.send(Command(movement=MoveBy(id=2, forward_m=1.0)))
@@ -91,14 +91,14 @@ def test_a_new_movement_supersedes_and_anything_else_cancels() -> None:
 
 
 def test_on_the_ground_movements_are_rejected() -> None:
-    """A drone that stands moves nowhere."""
+    """A drone on the ground does not move."""
     drone = ScriptedDrone()
     drone.send(Command(movement=MoveBy(id=1, forward_m=1.0)))
     assert word(drone) == (1, MovementState.REJECTED)
 
 
 def test_velocity_and_gimbal_and_the_last_resort() -> None:
-    """Velocity moves by a tick, the gimbal is on its own channel, cut motors are cut."""
+    """A velocity moves it for a tick, the gimbal has a separate channel, a motor cut lands it."""
     drone = flying()
     sent = drone.send(Command(movement=Velocity(right_mps=1.0), gimbal=GimbalTo(pitch_rad=-1.0)))
     assert drone.commands == [sent]
@@ -121,7 +121,7 @@ def test_frames_count_up_and_carry_the_time() -> None:
 
 
 def test_a_script_is_shown_in_order() -> None:
-    """Given observations come one by one, and the last one stays."""
+    """Given observations are returned in order, and the last one is repeated."""
     shown = [
         Observation(frame=None, state=DroneState(captured_s=s, flying=FlyingState.LANDED))
         for s in (0.0, 1.0)
@@ -131,6 +131,6 @@ def test_a_script_is_shown_in_order() -> None:
 
 
 def test_settings_are_checked() -> None:
-    """Nothing takes no time at all."""
+    """A duration of 0 ticks is refused."""
     with pytest.raises(ValueRangeError, match="1 or more"):
         ScriptedDroneConfig(movement_ticks=0)

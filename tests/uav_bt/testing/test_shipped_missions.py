@@ -1,4 +1,4 @@
-"""The kit on missions that ship: what they do when a leaf succeeds, fails or takes its time."""
+"""Shipped missions in the kit: reactions to leaves that succeed, fail or keep running."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def land_only(**mocks: str) -> TreeBench:
 
 
 def test_landing_follows_finding_the_pad() -> None:
-    """Perception is asked at every tick, the emergency landing never."""
+    """Perception runs in every tick, the emergency landing never."""
     bench = land_only()
     ticks = bench.tick_until(Status.SUCCESS, max_ticks=20)
     bench.log.assert_order(
@@ -34,7 +34,7 @@ def test_landing_follows_finding_the_pad() -> None:
 
 @pytest.mark.parametrize(("centring", "tries"), [("FFS", 3), ("FFFFS", 5)])
 def test_a_pad_that_is_lost_is_searched_for_again(centring: str, tries: int) -> None:
-    """Up to five times."""
+    """It is searched for up to five times."""
     bench = land_only(HelipadCenter=centring)
     bench.tick_until(Status.SUCCESS, max_ticks=40)
     bench.log.assert_started("ReturnToBase", times=tries)
@@ -43,21 +43,21 @@ def test_a_pad_that_is_lost_is_searched_for_again(centring: str, tries: int) -> 
 
 @pytest.mark.parametrize("mocks", [{"HelipadCenter": "F"}, {"TakeOff": "RF"}, {"Land": "RF"}])
 def test_what_fails_for_good_ends_in_an_emergency_landing(mocks: dict[str, str]) -> None:
-    """Whichever leaf it was; the mission then ends, and has failed."""
+    """For any failing leaf the mission ends with FAILURE."""
     bench = land_only(**mocks)
     bench.tick_until(Status.FAILURE, max_ticks=40)
     bench.log.assert_order("return_and_land failed", "EmergencyLand started", "mission failed")
 
 
 def test_blindness_stops_what_flies() -> None:
-    """A perception leaf that fails halts the movement under way."""
+    """A failing perception leaf halts the present movement."""
     bench = land_only(Segment="SSF", TakeOff="R")
     bench.tick_until(Status.FAILURE, max_ticks=3)
     bench.log.assert_halted("TakeOff", times=1, tick=3)
 
 
 def test_hovering_looks_around_once() -> None:
-    """Four quarter turns, with a pause after each, then down."""
+    """Four quarter turns with a pause after each, then the landing."""
     flies = {"TakeOff": "RS", "HoverFor": "(RS)", "Turn": "(RS)", "HelipadCenter": "S", "Land": "S"}
     bench = load_tree(TREES / "hover_and_look.xml", mocks={**LOOKS, **flies})
     bench.tick_until(Status.SUCCESS, max_ticks=40)
@@ -67,7 +67,7 @@ def test_hovering_looks_around_once() -> None:
 
 
 def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
-    """A blocked step makes it turn away; after 90 s it goes home, whatever is under way."""
+    """It turns away after a blocked step; after 90 s it returns, during any movement."""
     flies = {"TakeOff": "S", "Explore": "(RRF)", "Avoid": "(RS)", "HelipadCenter": "S", "Land": "S"}
     bench = load_tree(
         TREES / "explore_and_land_segmentation.xml",

@@ -15,7 +15,7 @@ from uav_bt.types import GimbalTo, Hover, MoveBy
 
 
 class Climb(Leaf):
-    """Asks for a movement until it is high enough."""
+    """Proposes a movement until it is high enough."""
 
     ports = (Port("to_m", float, default=1.0, doc="height, m"),)
     reads = (HEIGHT, STATE)
@@ -31,7 +31,7 @@ class Climb(Leaf):
 
 
 class Late(Leaf):
-    """Reads what it did not declare."""
+    """Reads an undeclared board key."""
 
     def update(self) -> Status:
         self.read(ELAPSED)
@@ -46,7 +46,7 @@ def text_of(body: str) -> str:
 
 
 def test_a_file_with_a_real_and_a_mocked_leaf(tmp_path: Path) -> None:
-    """Ticks come a tick's time apart, and each leaves what was proposed in it."""
+    """Ticks have the distance of `tick_s`; after each, its proposal is available."""
     path = tmp_path / "mission.xml"
     path.write_text(text_of('<Sequence><Late/><Climb to_m="9"/></Sequence>'), encoding="utf-8")
     bench = load_tree(path, REGISTRY, mocks={"Late": "(RS)"}, overrides={"Climb": {"to_m": "1.5"}})
@@ -66,7 +66,7 @@ def test_a_file_with_a_real_and_a_mocked_leaf(tmp_path: Path) -> None:
 
 
 def test_telemetry_goes_on_until_it_is_lost() -> None:
-    """What the drone told once stays fresh; lost telemetry grows old, which the kit refuses."""
+    """Reported telemetry stays fresh until it is lost; the kit refuses stale values."""
     bench = parse_tree(text_of('<Climb to_m="9"/>'), REGISTRY, tick_s=1.0)
     bench.hover()
     for _ in range(5):
@@ -79,14 +79,14 @@ def test_telemetry_goes_on_until_it_is_lost() -> None:
 
 
 def test_access_that_is_not_declared_fails_the_test() -> None:
-    """As on the leaf bench."""
+    """The rule is that of the leaf bench."""
     with pytest.raises(NodeFailedError, match="'Main/Late' reads board key 'elapsed_s'") as error:
         parse_tree(text_of("<Late/>"), REGISTRY).tick()
     assert isinstance(error.value.__cause__, BoardAccessError)
 
 
 def test_waiting_in_vain_tells_what_happened() -> None:
-    """The message has the status, the limit, the answers, what runs and the log."""
+    """The message has the status, the limit, the answers, the running nodes and the log."""
     bench = parse_tree(
         text_of("<Sequence><Late/><Climb/></Sequence>"),
         REGISTRY,
@@ -105,7 +105,7 @@ def test_waiting_in_vain_tells_what_happened() -> None:
 
 
 def test_a_root_that_is_skipped() -> None:
-    """SKIPPED is waited for as what it is."""
+    """`tick_until` can wait for SKIPPED."""
     bench = parse_tree(text_of('<Late _skipIf="late"/>'), REGISTRY, mocks={"Late": "R"})
     bench.variables["late"] = False
     assert bench.tick() is Status.RUNNING
@@ -119,7 +119,7 @@ def test_a_root_that_is_skipped() -> None:
 
 
 def test_the_board_can_be_refreshed_before_each_tick() -> None:
-    """A hook of the test's own runs when time has passed."""
+    """The test's hook runs after the clock has advanced."""
     bench = parse_tree(text_of('<Climb to_m="1.3"/>'), REGISTRY)
 
     def climb(bench: TreeBench) -> None:
@@ -130,10 +130,10 @@ def test_the_board_can_be_refreshed_before_each_tick() -> None:
 
 
 def test_a_tree_composed_in_python() -> None:
-    """Any tree can stand on the bench; its movements can be ended."""
+    """The bench takes any tree, and can end its movements."""
 
     class Step(Leaf):
-        """Asks for a step."""
+        """Proposes a step."""
 
         def update(self) -> Status:
             self.propose(MoveBy(id=1, forward_m=0.3))
@@ -147,7 +147,7 @@ def test_a_tree_composed_in_python() -> None:
 
 
 def test_wrong_use_is_explained() -> None:
-    """Time goes forward, mocks fit the tree."""
+    """Negative times and mocks of unknown nodes are refused."""
     with pytest.raises(ValueRangeError, match=r"got -0\.1 s between them"):
         parse_tree(text_of("<AlwaysSuccess/>"), tick_s=-0.1)
     with pytest.raises(TreeError, match=r"mock of 'Clim': .*did you mean 'Climb'"):

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-# The conformance runner is a script beside the folders of tests, and holds the scripted leaf. Its
-# own folder must not come on the path: `tests/uav_bt` could hide the package.
+# The conformance runner is a script in `tests/`, with the scripted leaf. Its folder must not be on
+# the path: `tests/uav_bt` could hide the package.
 _SCRIPT = Path(__file__).parents[2] / "conformance.py"
 _SPEC = importlib.util.spec_from_file_location("conformance", _SCRIPT)
 if _SPEC is None or _SPEC.loader is None:
@@ -18,7 +18,7 @@ _MODULE = importlib.util.module_from_spec(_SPEC)
 sys.modules["conformance"] = _MODULE
 _SPEC.loader.exec_module(_MODULE)
 
-from tests.uav_bt.tree.tree_world import World  # noqa: E402  # after its own import is possible
+from tests.uav_bt.tree.tree_world import World  # noqa: E402  # needs the module above
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""What BehaviorTree.CPP takes is taken here, with a warning where it means nothing."""
+"""Input that BehaviorTree.CPP accepts is accepted here, with a warning if it has no effect."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
     ],
 )
 def test_what_the_engine_takes_is_a_warning(text: str, message: str) -> None:
-    """It flies, and whoever wrote it hears of it."""
+    """The file can be flown, with a warning."""
     found = warnings_of(text)
     assert len(found) == 1
     assert message in found[0]
@@ -49,20 +49,20 @@ def test_what_the_engine_takes_is_a_warning(text: str, message: str) -> None:
 
 
 def test_what_editors_write_is_no_warning() -> None:
-    """Metadata, names that are empty, editors' attributes."""
+    """Editors write metadata, empty names and their own attributes."""
     text = document('<Steer name="" _uid="3"/>', "<MetadataFields><x y='1'/></MetadataFields>")
     assert warnings_of(text) == []
     assert parse_tree(text, REGISTRY).root.name == "Steer"
 
 
 def test_hundreds_of_warnings_refuse_nothing() -> None:
-    """Only errors end a report; of warnings the first are told."""
+    """Only errors end a report; only the first warnings are listed."""
     body = "<Sequence>" + "<Steer _x='1'/>" * 1_000 + "</Sequence>"
     assert len(warnings_of(document(body))) == 500
 
 
 def test_a_tree_can_be_chosen(caplog: pytest.LogCaptureFixture) -> None:
-    """As Groot2 saves it, a file does not say which of its trees is flown."""
+    """A file that Groot2 saved does not name the tree to fly."""
     trees = (
         '<root BTCPP_format="4"><BehaviorTree ID="Step"><Safe/></BehaviorTree>'
         '<BehaviorTree ID="All"><Sequence><SubTree ID="Step"/></Sequence></BehaviorTree>{}</root>'
@@ -78,14 +78,14 @@ def test_a_tree_can_be_chosen(caplog: pytest.LogCaptureFixture) -> None:
         parse_tree(spare, REGISTRY)
     assert parse_tree(spare, REGISTRY, tree_id="All").name == "All"
     assert "unknown attribute 'polcy'" in caplog.messages[0]
-    # Without a choice each of them may be flown, so each must be good.
+    # Without a choice each of them may be flown, so each must be valid.
     (finding,) = check_text(spare, REGISTRY, path=Path("m.xml"))
     assert finding.severity == ERROR
 
 
 @pytest.mark.parametrize("path", sorted(shipped_trees().rglob("*.xml")), ids=lambda path: path.stem)
 def test_our_missions_load_as_groot2_saves_them(path: Path, tmp_path: Path) -> None:
-    """It drops main_tree_to_execute, orders trees by name, and adds attributes of its own."""
+    """Groot2 drops main_tree_to_execute, sorts trees by name, and adds attributes."""
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     text = "".join(lines).replace(" main_tree_to_execute=", " project_name=", 1)
     saved = tmp_path / path.name
@@ -113,7 +113,7 @@ def test_a_single_tree_needs_no_id() -> None:
     ],
 )
 def test_models_are_for_people(model: str, message: str) -> None:
-    """The engine does not read how a model describes nodes."""
+    """The engine ignores the descriptions of nodes in a model."""
     found = warnings_of(document("<Safe/>", f"<TreeNodesModel>{model}</TreeNodesModel>"))
     assert len(found) == 1
     assert message in found[0]
@@ -127,7 +127,7 @@ def tree(tree_id: str, body: str) -> str:
 
 
 def test_subtrees_are_found_in_other_files(tmp_path: Path) -> None:
-    """The files of a workspace use each other's trees, through any number of files."""
+    """The files of a workspace use each other's trees, also over several files."""
     main = tmp_path / "main.xml"
     main.write_text(tree("Main", '<SubTree ID="A"/>'))
     (tmp_path / "a.xml").write_text(tree("A", '<SubTree ID="B" x="1"/>'))
@@ -179,7 +179,7 @@ def test_files_above_are_included_when_allowed(tmp_path: Path) -> None:
 
 
 def test_an_odd_port_does_not_cost_a_palette(tmp_path: Path) -> None:
-    """The lines for which the palettes of Nav2 and other projects were refused."""
+    """These lines of the palettes of Nav2 and other projects were once refused."""
     path = tmp_path / "palette.xml"
     path.write_text(
         '<root BTCPP_format="4"><TreeNodesModel>'

@@ -1,4 +1,4 @@
-"""`{@key}` as a SubTree entry, and what belongs to a subtree alone: how they behave in flight."""
+"""`{@key}` as a SubTree entry, and private variables of a subtree, in flight."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ ENTRIES = 'h="{@height_above_carpet_m}" p="{@phase}"'
 
 
 def test_ports_read_and_write_the_board_through_a_subtree(world: World) -> None:
-    """The inner variable is the key: read, written, with the access that the ports declare."""
+    """The inner variable is the board key, with the access that the ports declare."""
     tree = fly(world, f'<SubTree ID="In" {ENTRIES}/>', CLIMB)
     assert tree.tick() is Status.SUCCESS
     assert seen(tree) == 1.25
@@ -58,7 +58,7 @@ def test_ports_read_and_write_the_board_through_a_subtree(world: World) -> None:
 
 @pytest.mark.parametrize("door", ['h="{h}" p="{p}"', '_autoremap="true"'])
 def test_board_entries_pass_through_further_subtrees(world: World, door: str) -> None:
-    """Remapped or shared again, the name still is the key."""
+    """A name that is remapped or shared again is still the key."""
     tree = fly(
         world,
         f'<SubTree ID="In" {ENTRIES}/>',
@@ -95,7 +95,7 @@ def test_scripts_read_a_board_entry_and_cannot_write_it(world: World) -> None:
 
 
 def test_nodes_that_write_by_name_cannot_write_a_board_entry(world: World) -> None:
-    """A name that only the flight shows is refused then."""
+    """A name that is only known in flight is refused in flight."""
     inside = '<SetBlackboard value="1" output_key="{target}"/>'
     tree = fly(world, f'<SubTree ID="In" target="{{n}}" {ENTRIES}/>', inside)
     tree.variables["n"] = "fine"
@@ -128,7 +128,7 @@ def test_a_literal_entry_is_the_subtrees_own_though_all_else_is_shared(world: Wo
 
 
 def test_removing_a_literal_entry_uncovers_the_outer_variable(world: World) -> None:
-    """What a name leads to is looked up again when it can have changed."""
+    """The target of a name is resolved again after a possible change."""
     tree = world.tree(
         '<SubTree ID="In" _autoremap="true" h="2"/>',
         '<BehaviorTree ID="In"><Sequence><Script code="a := h"/><UnsetBlackboard key="h"/>'
@@ -140,7 +140,7 @@ def test_removing_a_literal_entry_uncovers_the_outer_variable(world: World) -> N
 
 
 def test_numbers_and_truth_values_are_read_as_the_engine_reads_them(world: World) -> None:
-    """A script's `true` is a truth value for a port, and its number a text."""
+    """A script's `true` is valid for a port of booleans, its number for a port of texts."""
     nodes = (
         '<Sequence><Script code="flag := true; n := 3; x := 1.5"/>'
         f'<RunOnce then_skip="{{flag}}">{leaf("a", "S")}</RunOnce></Sequence>'

@@ -24,7 +24,7 @@ from uav_bt.tree.nodes import AlwaysSuccess, Parallel, Sequence
 
 
 class Blocks(Leaf):
-    """Takes its time in the methods it is told to; on a wall clock that the test moves."""
+    """Advances the test's wall clock in a configured method."""
 
     ports = (
         Port("blocks", str, default="", doc="in which method"),
@@ -73,7 +73,7 @@ def watched(world: World, wall: ManualClock, *leaves: Leaf) -> tuple[MissionTree
 def test_whichever_method_blocks_the_leaf_is_named(
     world: World, wall: ManualClock, method: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """With its path, its time and its budget, in the log too."""
+    """It is named with path, time and budget, also in the log."""
     tree, watch = watched(world, wall, AlwaysSuccess(), Blocks("b", blocks=method))
     with caplog.at_level(logging.WARNING):
         tree.tick()
@@ -88,7 +88,7 @@ def test_whichever_method_blocks_the_leaf_is_named(
 
 
 def test_within_the_budget_nothing_is_said(world: World, wall: ManualClock) -> None:
-    """The class sets the budget; just as long as the budget is fine."""
+    """The class sets the budget; a time equal to the budget is allowed."""
     for leaf in (MayTakeLonger(blocks="update"), Blocks(blocks="update", for_s=0.5)):
         tree, watch = watched(world, wall, leaf)
         tree.tick()
@@ -96,7 +96,7 @@ def test_within_the_budget_nothing_is_said(world: World, wall: ManualClock) -> N
 
 
 def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: ManualClock) -> None:
-    """The exception does not hide that it was slow."""
+    """The exception does not hide the slow call."""
     tree, watch = watched(world, wall, Blocks("b", blocks="update", raises=True))
     with pytest.raises(NodeFailedError, match="'Mission/s/b' failed: OSError: timed out"):
         tree.tick()
@@ -106,7 +106,7 @@ def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: Man
 def test_only_news_is_logged(
     world: World, wall: ManualClock, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A leaf that blocks every tick is told of each time, and logged when it gets worse."""
+    """A leaf that blocks in every tick is reported each time, but logged only if it gets worse."""
     leaf = Blocks("b", blocks="update")
     tree, watch = watched(world, wall, leaf)
     for for_s in (1.0, 1.0, 0.8, 3.0):
@@ -118,9 +118,9 @@ def test_only_news_is_logged(
 
 
 def test_a_flight_reports_it(wall: ManualClock) -> None:
-    """The runner measures, tells its listeners in the tick, and the report has the worst.
+    """The runner measures, passes the result to its listeners, and reports the worst time.
 
-    What blocks in the last halt, which no tick follows, is reported too.
+    A leaf that blocks in the last halt, after the last tick, is reported, too.
     """
     drone = ScriptedDrone()
     leaves = [Blocks("b", blocks="update", for_s=0.75), Blocks("t", blocks="terminate", for_s=2.0)]

@@ -1,4 +1,4 @@
-"""What is said against a mission file: findings with places, whatever the trouble."""
+"""Findings of a mission file, with positions, for all kinds of mistakes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorded traces of the BehaviorTree.CPP engine: ours does the same, tick by tick."""
+"""Our engine reproduces recorded traces of BehaviorTree.CPP tick by tick."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TRACES = list(read_traces(SAMPLE))
 
 @pytest.mark.parametrize("trace", TRACES, ids=[trace["id"] for trace in TRACES])
 def test_trace_agrees(trace: dict[str, Any]) -> None:
-    """Root status, leaf events in order and variables are the engine's at every tick."""
+    """Root status, order of leaf events and variables equal the engine's in every tick."""
     assert mismatch(trace) is None
 
 
@@ -32,7 +32,7 @@ def test_a_false_trace_is_noticed(part: str) -> None:
 
 
 def test_script_reports_per_feature_set(capsys: pytest.CaptureFixture[str]) -> None:
-    """The script prints a line per feature set and succeeds when all agree."""
+    """The script prints a line per feature set, and exits with 0 if all traces agree."""
     assert main([str(SAMPLE)]) == 0
     out = capsys.readouterr().out
     assert "reactive+decorators" in out

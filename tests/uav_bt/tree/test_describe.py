@@ -68,7 +68,7 @@ def test_a_node_in_one_line() -> None:
 
 
 def test_every_number_of_a_shipped_leaf_has_a_range() -> None:
-    """What a tree file asks of a drone is bounded where it is checked, before anything flies."""
+    """Ports that a tree sets for a drone have bounds, which are checked before any flight."""
     infos = [info for info in describe_all(NodeRegistry.installed()) if not info.builtin]
     numbers = [
         (info.node_id, port.name, port.least, port.most)
@@ -81,7 +81,7 @@ def test_every_number_of_a_shipped_leaf_has_a_range() -> None:
 
 
 def test_every_node_of_the_format_describes_itself() -> None:
-    """No node without a sentence, no port without a word."""
+    """Each node and each port has a description."""
     infos = describe_all(NodeRegistry())
     assert {info.kind for info in infos} >= {"Action", "Control", "Decorator", "SubTree"}
     for info in infos:
@@ -91,13 +91,13 @@ def test_every_node_of_the_format_describes_itself() -> None:
 
 
 def test_missions_own_nodes_come_first() -> None:
-    """A list begins with what the format does not have."""
+    """The nodes that are not of the format come first."""
     names = [info.node_id for info in describe_all(REGISTRY)]
     assert names[:2] == ["Scripted", "Pretty"]
 
 
 def test_the_palette_is_a_model_that_the_loader_accepts() -> None:
-    """What an editor imports and saves again is valid."""
+    """A palette that an editor imports and saves stays valid."""
     palette = palette_xml(REGISTRY)
     assert (
         'type="double" default="{@height_above_carpet_m}">size, m (0.1 to 5)</input_port>'

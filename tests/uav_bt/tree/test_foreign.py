@@ -1,4 +1,4 @@
-"""Plain py_trees behaviours in tree files, and our leaves in plain py_trees trees."""
+"""Py_trees behaviours in tree files, and our leaves in py_trees trees."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Blink(Behaviour):
 
 
 class Answers(Behaviour):
-    """Answers by its text."""
+    """Returns the status that its text names."""
 
     def __init__(self, name: str, answer: str) -> None:
         super().__init__(name)
@@ -90,7 +90,7 @@ def load(body: str, world: World, *behaviours: type[Behaviour]) -> MissionTree:
 
 
 def test_ports_come_from_the_constructor() -> None:
-    """Annotated arguments with their defaults; an enumeration by its members' names."""
+    """Annotated arguments become ports with defaults; enumerations use their members' names."""
     info = describe(leaf_of(Blink))
     assert [(p.name, p.type, p.default, p.required) for p in info.ports] == [
         ("times", "int", None, True),
@@ -103,7 +103,7 @@ def test_ports_come_from_the_constructor() -> None:
 
 
 def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
-    """Set up once, begun, ticked, ended, begun again and halted."""
+    """Its methods are called for setup, start, ticks, end, restart and halt."""
     tree = load('<Blink name="b" times="2" lamp="GREEN" loud="true"/>', world)
     behaviour = tree.find("b").behaviour  # type: ignore[attr-defined]
     assert behaviour.given == (2, Lamp.GREEN, 2.0, True)
@@ -130,13 +130,13 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
     ],
 )
 def test_answers_keep_their_meaning(world: World, answer: str, status: str) -> None:
-    """INVALID is neither success nor failure: the node is passed over."""
+    """INVALID is neither success nor failure: the node counts as skipped."""
     tree = load(f'<Answers answer="{answer}"/>', world)
     assert tree.tick() is Status[status]
 
 
 def test_an_exception_names_the_path(world: World) -> None:
-    """As with a leaf of ours; a constructor's is an input error."""
+    """The error is like that of our leaves; an exception of a constructor is an input error."""
     tree = load('<Sequence><Answers name="x" answer="raise"/></Sequence>', world)
     with pytest.raises(NodeFailedError, match="node 'Main/Sequence/x' failed: OSError: no lamp"):
         tree.tick()
@@ -171,7 +171,7 @@ def test_wrong_attributes_are_found_by_the_loader(
 
 
 def test_what_cannot_be_a_port_is_refused_at_registration() -> None:
-    """No annotation, another type, or no behaviour at all."""
+    """An argument without annotation or of another type is refused; so is another class."""
 
     class Bare(Behaviour):
         def __init__(self, name: str, speed=1.0) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001

@@ -1,4 +1,4 @@
-"""Leaves: when their methods run, what they may touch, and what an exception does."""
+"""Leaves: calls of their methods, allowed access, and exceptions."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def ready(world: World, root: Leaf | Sequence | Parallel | ReactiveFallback) -> 
 
 
 def test_methods_run_when_py_trees_says(world: World) -> None:
-    """Setup once; initialise per activation; terminate once, when it ends."""
+    """Setup runs once, initialise at the start and terminate at the end of an activation."""
     probe = Probe("p", answers="RSS")
     tree = ready(world, probe)
     for _ in range(3):
@@ -83,7 +83,7 @@ def test_methods_run_when_py_trees_says(world: World) -> None:
 
 
 def test_a_halted_leaf_is_told_once(world: World) -> None:
-    """Halting twice tells a running leaf once, and an idle one never."""
+    """Two halts call `terminate` of a running leaf once, and of an idle one never."""
     probe = Probe("p")
     tree = ready(world, probe)
     tree.halt()
@@ -95,7 +95,7 @@ def test_a_halted_leaf_is_told_once(world: World) -> None:
 
 
 def test_a_finished_leaf_is_not_told_again(world: World) -> None:
-    """A leaf that succeeded hears nothing when its parent halts."""
+    """`terminate` is not called again when the parent of a finished leaf is halted."""
     done, going = Probe("done", answers="S"), Probe("going")
     tree = ready(world, Sequence("s", [done, going]))
     tree.tick()
@@ -105,7 +105,7 @@ def test_a_finished_leaf_is_not_told_again(world: World) -> None:
 
 
 def test_a_leaf_that_skips_itself_ends(world: World) -> None:
-    """SKIPPED from the first update ends the activation; the parent goes on."""
+    """SKIPPED from the first update ends the activation; the parent continues."""
     skips, acts = Probe("skips", answers="K"), Probe("acts", answers="S")
     tree = ready(world, Sequence("s", [skips, acts]))
     assert tree.tick() is Status.SUCCESS
@@ -114,7 +114,7 @@ def test_a_leaf_that_skips_itself_ends(world: World) -> None:
 
 @pytest.mark.parametrize("answers", ["!", "R!"])
 def test_an_exception_names_the_node_and_leaves_nothing_running(world: World, answers: str) -> None:
-    """Whether it began now or earlier, the failing leaf is told once, as are the others."""
+    """`terminate` is called once on the failing leaf and on the others, at any tick."""
     fails, other = Probe("fails", answers=answers), Probe("other")
     tree = ready(world, Parallel("both", [other, fails]))
     for _ in answers[1:]:
@@ -130,7 +130,7 @@ def test_an_exception_names_the_node_and_leaves_nothing_running(world: World, an
 
 
 def test_an_exception_in_terminate_does_not_stop_the_halting(world: World) -> None:
-    """The first is reported, with its path, when all others have been halted too."""
+    """The first exception is raised, with its path, after all others have been halted."""
     bad, good = Probe("bad", answers="RRT"), Probe("good")
     tree = ready(world, Parallel("both", [bad, good]))
     tree.tick()
@@ -143,7 +143,7 @@ def test_an_exception_in_terminate_does_not_stop_the_halting(world: World) -> No
 
 
 def test_an_exception_after_an_exception_is_noted(world: World) -> None:
-    """The cause is what is raised; what went wrong while halting is a note on it."""
+    """The original exception is raised; exceptions of the halt are its notes."""
     tree = ready(
         world, Parallel("both", [Probe("late", answers="RT"), Probe("fails", answers="!")])
     )
@@ -154,20 +154,20 @@ def test_an_exception_after_an_exception_is_noted(world: World) -> None:
 
 @pytest.mark.parametrize(("kind", "answers"), [(Probe, "?"), (BoolProbe, "R")])
 def test_wrong_answers_are_refused(world: World, kind: type[Probe], answers: str) -> None:
-    """A leaf must answer with a status, and a condition at once."""
+    """A leaf must return a status, and a condition must not return RUNNING."""
     with pytest.raises(NodeFailedError, match="must return SUCCESS"):
         ready(world, kind("p", answers=answers)).tick()
 
 
 def test_conditions_and_actions_have_their_kind() -> None:
-    """`condition = True` makes a Condition node; a subclass takes its own name."""
+    """`condition = True` makes a Condition node; the id of a subclass is its name."""
     assert Probe.kind is NodeKind.ACTION
     assert BoolProbe.kind is NodeKind.CONDITION
     assert BoolProbe.node_id == "BoolProbe"
 
 
 def test_a_port_twice_is_refused() -> None:
-    """A class that declares a port twice does not come into being."""
+    """A class that declares a port twice is refused at its definition."""
     with pytest.raises(TypeError, match="declares a port twice"):
         type("Twice", (Leaf,), {"ports": (Port("a", int), Port("a", str))})
 
@@ -181,26 +181,26 @@ def test_a_port_twice_is_refused() -> None:
     ],
 )
 def test_what_is_declared_is_a_tuple(declared: dict[str, Any], message: str) -> None:
-    """A comma that is missing in `(STATE,)` is found when the class is made."""
+    """A missing comma in `(STATE,)` is found at the definition of the class."""
     with pytest.raises(TypeError, match=message):
         type("Loose", (Leaf,), declared)
 
 
 def test_a_class_is_no_child() -> None:
-    """The cure is to make an object, not to wrap the class."""
+    """The message suggests an object of the class."""
     with pytest.raises(TypeError, match=r"got the class Probe: write Probe\(\.\.\.\)"):
         Sequence("s", [Probe])  # type: ignore[list-item]
 
 
 def test_an_object_stands_in_one_place_of_a_tree() -> None:
-    """Twice in a tree, it would be ticked with the state of its other place."""
+    """An object at two places of a tree would mix the states of both."""
     probe = Probe("p")
     with pytest.raises(InputError, match="node 'p' stands in tree 'Tree' 2 times: make an object"):
         MissionTree(Sequence("s", [probe, Sequence("t", [probe])]))
 
 
 def test_using_a_leaf_before_setup_says_so() -> None:
-    """A tree that was not set up is refused with the cure."""
+    """A tree without setup is refused with a remedy."""
     with pytest.raises(MissionError, match="call setup"):
         MissionTree(Probe("p")).tick()
     with pytest.raises(MissionError, match=r"MissionTree\.setup"):
@@ -208,7 +208,7 @@ def test_using_a_leaf_before_setup_says_so() -> None:
 
 
 class Sensor(Leaf):
-    """Reads and writes the board in the way its `mode` says."""
+    """Reads and writes the board according to `mode`."""
 
     ports = (
         Port("mode", str),
@@ -238,7 +238,7 @@ class Sensor(Leaf):
 
 
 def test_declared_access_works(world: World) -> None:
-    """A leaf reads and writes what it declared, its own key and a port's reference included."""
+    """A leaf reads and writes its declared keys, including own keys and those of ports."""
     tree = ready(world, Sensor("s", mode="ok"))
     world.board.declare(HEIGHT)
     world.board.write(HEIGHT, 1.5)
@@ -274,7 +274,7 @@ def test_a_value_that_is_too_old_is_named_with_its_age(world: World) -> None:
 
 
 def test_a_port_reading_tells_the_age(world: World) -> None:
-    """A leaf that can cope with a stale value asks for the reading."""
+    """A leaf that accepts stale values uses the reading."""
     sensor = Sensor("s", mode="")
     ready(world, sensor)
     assert not sensor.port_reading(Sensor.ports[1]).known
@@ -303,7 +303,7 @@ def test_two_proposals_are_an_error_that_names_both(world: World) -> None:
 
 
 def test_siblings_of_one_name_get_numbers() -> None:
-    """Paths are unique even where names are not."""
+    """Paths are unique, also with equal names."""
     tree = MissionTree(Sequence("s", [Probe("a"), Probe("a"), Probe("b")]), name="M")
     assert [leaf.path for leaf in tree.leaves()] == ["M/s/a", "M/s/a#2", "M/s/b"]
     assert tree.find("M/s/a#2") is tree.root.children[1]
@@ -312,7 +312,7 @@ def test_siblings_of_one_name_get_numbers() -> None:
 
 
 def test_active_path_follows_the_running_branch(world: World) -> None:
-    """The status line shows the names from the root down to the leaf that runs."""
+    """The active path has the names from the root to the running leaf."""
     inner = Sequence("explore", [Probe("Explore")])
     tree = ready(world, ReactiveFallback("root", [Probe("check", answers="FFFF"), inner]))
     assert tree.active_path() == ()

@@ -1,4 +1,4 @@
-"""Importing the language costs little: `uav-bt check` has half a second for everything."""
+"""Importing the tree language is fast: `uav-bt check` must take less than 0.5 s."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HEAVY = "cv2 torch mujoco openvino sklearn matplotlib av rich onnx filterpy cont
 
 @pytest.mark.parametrize("module", ["uav_bt.tree", "uav_bt.plugins", "uav_bt.testing.plugin"])
 def test_no_heavy_imports(module: str) -> None:
-    """None of the packages that take long to import comes along."""
+    """It imports no package with a long import time."""
     code = f"import sys, {module}; print([m for m in '{HEAVY}'.split() if m in sys.modules])"
     done = subprocess.run(  # noqa: S603  # our own interpreter and code
         [sys.executable, "-c", code],

@@ -1,4 +1,4 @@
-"""The loader: what it accepts, and what it says about what it refuses."""
+"""The loader: accepted files, and the errors of refused ones."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Steer(Leaf):
 
 
 class Safe(Leaf):
-    """Is it?"""
+    """Always succeeds."""
 
     condition = True
 
@@ -46,7 +46,7 @@ REGISTRY = NodeRegistry([Scripted, Steer, Safe])
 
 
 def findings(text: str, **overrides: dict[str, str]) -> list[str]:
-    """Return what is wrong, without the path."""
+    """Return the errors, without the path."""
     with pytest.raises(TreeError) as error:
         parse_tree(text, REGISTRY, path="m.xml", overrides=overrides)
     assert error.value.exit_code == 2
@@ -54,7 +54,7 @@ def findings(text: str, **overrides: dict[str, str]) -> list[str]:
 
 
 def warnings_of(text: str) -> list[str]:
-    """Return what is odd in a text that is taken, without the path."""
+    """Return the warnings of an accepted text, without the path."""
     found = check_text(text, REGISTRY, path=Path("m.xml"))
     assert {finding.severity for finding in found} <= {WARNING}
     parse_tree(text, REGISTRY)
@@ -62,7 +62,7 @@ def warnings_of(text: str) -> list[str]:
 
 
 def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
-    """Everything an editor writes is accepted: models, explicit tags, its own attributes."""
+    """Models, explicit tags and attributes of editors are accepted."""
     text = """<?xml version="1.0" encoding="UTF-8"?>
     <root BTCPP_format="4" main_tree_to_execute="Mission" project_name="lab">
       <!-- a comment -->
@@ -157,7 +157,7 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
     ],
 )
 def test_refused_nodes(body: str, message: str) -> None:
-    """One thing is wrong, and the report says what, with the way out."""
+    """One mistake gives one error, with a remedy."""
     found = findings(document(body, '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'))
     assert len(found) == 1
     assert message in found[0]
@@ -196,7 +196,7 @@ def test_refused_nodes(body: str, message: str) -> None:
     ],
 )
 def test_refused_documents(text: str, message: str) -> None:
-    """What is wrong around the nodes is said as well."""
+    """Mistakes outside of the nodes are reported, too."""
     assert any(message in found for found in findings(text))
 
 
@@ -208,14 +208,14 @@ def test_refused_documents(text: str, message: str) -> None:
     ],
 )
 def test_refused_models(model: str, message: str) -> None:
-    """The engine reads of a model what it says of subtrees."""
+    """Of a model the engine reads only the descriptions of subtrees."""
     found = findings(document("<Safe/>", f"<TreeNodesModel>{model}</TreeNodesModel>"))
     assert len(found) == 1
     assert message in found[0]
 
 
 def test_a_described_subtree_knows_its_ports() -> None:
-    """When the file describes a tree's ports, a misspelt one is found."""
+    """If the file describes a tree's ports, a misspelt entry is found."""
     text = document(
         '<SubTree ID="Home" sped="1"/>',
         '<BehaviorTree ID="Home"><Safe/></BehaviorTree>',
@@ -231,7 +231,7 @@ def test_a_described_subtree_knows_its_ports() -> None:
 
 
 def test_a_described_subtree_has_defaults(world: World) -> None:
-    """A default of the description is the entry of a SubTree that gives none, and is typed."""
+    """A SubTree without an entry gets the described default, with its type."""
     text = document(
         '<SubTree ID="Home"/>',
         '<BehaviorTree ID="Home"><Steer height_m="{speed}"/></BehaviorTree>',
@@ -251,7 +251,7 @@ def supply(*members: str) -> str:
 
 
 def test_scripts_read_the_members_of_the_files_enumerations(world: World) -> None:
-    """In subtrees, too, whatever a variable of that name holds."""
+    """Members are known in subtrees, too, and take precedence over variables."""
     text = document(
         """<Sequence><Script code="FULL := 1; level := FULL"/><SubTree ID="In" at="{level}"/>
         </Sequence>""",
@@ -297,7 +297,7 @@ def test_a_member_has_one_value_in_all_files_and_the_palette(tmp_path: Path) -> 
 
 
 def test_all_errors_come_together_with_their_places() -> None:
-    """Line and column lead to the attribute itself; the order is the file's."""
+    """Line and column are those of the attribute; errors are in the file's order."""
     text = """<root BTCPP_format="4">
   <BehaviorTree ID="Main">
     <Sequence name="s" nme="t">
@@ -317,13 +317,13 @@ def test_all_errors_come_together_with_their_places() -> None:
 
 
 def test_trees_that_nobody_uses_are_checked_too() -> None:
-    """An error in a spare tree is no surprise later."""
+    """Errors in unused trees are reported, too."""
     text = document("<Safe/>", '<BehaviorTree ID="Spare"><Safr/></BehaviorTree>')
     assert "unknown node 'Safr'; did you mean 'Safe'" in findings(text)[0]
 
 
 def test_recursion_is_found_across_trees() -> None:
-    """The loop is spelt out."""
+    """The message contains the loop."""
     text = document(
         '<SubTree ID="A"/>',
         '<BehaviorTree ID="A"><SubTree ID="B"/></BehaviorTree>',
@@ -334,7 +334,7 @@ def test_recursion_is_found_across_trees() -> None:
 
 
 def test_subtrees_cannot_explode() -> None:
-    """Trees that double at each level stay bounded."""
+    """Trees that double at each level are refused above a number of nodes."""
     levels = [
         f'<BehaviorTree ID="T{n}"><Sequence><SubTree ID="T{n + 1}"/><SubTree ID="T{n + 1}"/>'
         "</Sequence></BehaviorTree>"
@@ -345,7 +345,7 @@ def test_subtrees_cannot_explode() -> None:
 
 
 def test_subtrees_cannot_nest_too_deeply() -> None:
-    """A chain of trees, each fine by itself, is bounded in depth."""
+    """The depth of a chain of valid trees is bounded."""
     chain = [
         f'<BehaviorTree ID="T{n}"><Inverter><SubTree ID="T{n + 1}"/></Inverter></BehaviorTree>'
         for n in range(180)
@@ -355,7 +355,7 @@ def test_subtrees_cannot_nest_too_deeply() -> None:
 
 
 def test_the_deepest_allowed_tree_ticks(world: World) -> None:
-    """The bound on depth is one that can be ticked, with conditions, and watched."""
+    """A tree of maximum depth can be ticked with conditions and observers."""
     levels = 255
     body = '<Inverter _post="n := 1">' * levels + leaf("a", "RS") + "</Inverter>" * levels
     tree = world.tree(body)
@@ -389,7 +389,7 @@ def test_the_deepest_allowed_tree_ticks(world: World) -> None:
     ],
 )
 def test_hostile_documents_are_refused(text: str, message: str) -> None:
-    """Entities, external references, depth and size: one clear message each, at once."""
+    """Entities, external references, depth and size are refused fast, with one message each."""
     found = findings(text)
     assert len(found) == 1
     assert message in found[0]
@@ -412,7 +412,7 @@ def test_a_file_of_many_megabytes_is_refused_with_a_cure(tmp_path: Path) -> None
     ids=["tag", "value", "blanks"],
 )
 def test_long_tags_are_read_in_linear_time(text: str) -> None:
-    """A tag of a megabyte takes no longer than its bytes do."""
+    """The time for a tag of a megabyte is linear in its size."""
     began_s = time.perf_counter()
     findings(text)
     assert time.perf_counter() - began_s < 2.0
@@ -420,35 +420,35 @@ def test_long_tags_are_read_in_linear_time(text: str) -> None:
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "latin-1"])
 def test_only_utf_8_is_read(encoding: str) -> None:
-    """As the format's own engine has it, whatever the declaration says."""
+    """The XML declaration does not matter, as in the engine."""
     text = f'<?xml version="1.0" encoding="{encoding}"?>' + document('<Safe name="\u00e4"/>')
     with pytest.raises(TreeError, match="not well-formed XML"):
         parse_tree(text.encode(encoding), REGISTRY, path="m.xml")
 
 
 def test_positions_count_characters_after_any_layout() -> None:
-    """Blanks, line ends and quotes of either kind between attributes move no position."""
+    """Blanks, line ends and both kinds of quotes between attributes keep positions right."""
     text = "<root  BTCPP_format = '4'\n  \u00e4='x=\"1\"' wrong=\n'2'><!--c--></root>"
     found = check_text(text, REGISTRY, path=Path("m.xml"))
     assert {str(finding.position) for finding in found} == {"1:1", "2:3", "2:13"}
 
 
 def test_a_report_ends_somewhere() -> None:
-    """A file with an error in each of thousands of nodes costs no more than its first hundreds."""
+    """A file with thousands of errors is checked only up to the first hundreds."""
     found = findings(document(f"<Sequence>{'<Stear/>' * 15_000}</Sequence>"))
     assert len(found) == 501
     assert any("500 errors are enough: the rest of the file was not checked" in f for f in found)
 
 
 def test_text_in_thousands_of_pieces_is_read_once() -> None:
-    """Comments cut a text into pieces; of the pieces, only the first matter."""
+    """Comments split a text into pieces; only the first ones are read."""
     found = warnings_of(document(f"<Safe>{'x<!---->' * 100_000}</Safe>"))
     assert len(found) == 1
     assert found[0].endswith(f"Safe: text between tags means nothing: '{'x' * 40}'")
 
 
 def test_a_chain_of_thousands_of_trees_is_refused() -> None:
-    """Neither the search for recursion nor the types follow it without end."""
+    """Neither the search for recursion nor the check of types follows the whole chain."""
     chain = [
         f'<BehaviorTree ID="T{n}"><SubTree ID="T{n + 1}"/></BehaviorTree>' for n in range(3_000)
     ]
@@ -457,7 +457,7 @@ def test_a_chain_of_thousands_of_trees_is_refused() -> None:
 
 
 def test_thousands_of_copies_are_followed_only_so_far() -> None:
-    """What is too long to follow proves nothing; the near part of the chain is refused."""
+    """Beyond the limit nothing is proven; errors in the first part of the chain are refused."""
     copies = "".join(
         f'<SetBlackboard value="{{v{n}}}" output_key="v{n + 1}"/>'
         f'<Repeat num_cycles="{{v{n}}}"><Safe/></Repeat>'
@@ -496,7 +496,7 @@ def test_scripts_that_fail_say_so(world: World, code: str, message: str) -> None
     ],
 )
 def test_scripts_are_bounded_and_no_python(code: str, message: str) -> None:
-    """What is too deep, too long or another language is refused when the file is loaded."""
+    """Scripts that are too deep, too long or in another language are refused by the loader."""
     found = findings(document(f'<Script code="{code}"/>'))
     assert len(found) == 1
     assert message in found[0]
@@ -525,7 +525,7 @@ BODY = "<Sequence><Steer name='explore'/><Steer name='back'/><Steer name='back'/
 
 
 def test_overrides_replace_attributes() -> None:
-    """By name, of all nodes of that name; by path, of one; nothing else changes."""
+    """A name selects all nodes of that name, a path one node; other nodes do not change."""
     tree = parse_tree(
         document(BODY),
         REGISTRY,
@@ -550,7 +550,7 @@ def test_overrides_replace_attributes() -> None:
     ],
 )
 def test_overrides_are_checked(target: str, attributes: dict[str, str], message: str) -> None:
-    """An override that hits nothing or does not fit is refused like the file's own."""
+    """An override without a target or with a wrong value is refused like the file's mistakes."""
     body = BODY.replace("</Sequence>", '<SubTree ID="Other" x="1"/></Sequence>')
     other = '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'
     found = findings(document(body, other), **{target: attributes})
@@ -576,7 +576,7 @@ def test_included_files_join(tmp_path: Path) -> None:
 
 
 def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
-    """The engine never ends on them; each include that closes a circle has its place."""
+    """The engine would not terminate; each include that closes a circle has its position."""
     text = '<root BTCPP_format="4"><include path="{}.xml"/><include path="{}.xml"/></root>'
     (tmp_path / "a.xml").write_text(text.format("b", "c"))
     (tmp_path / "b.xml").write_text(text.format("c", "a"))
@@ -605,7 +605,7 @@ def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
     ],
 )
 def test_refused_includes(tmp_path: Path, include: str, message: str) -> None:
-    """An include stays in the folder and is there."""
+    """An included file must exist, in the folder."""
     folder = tmp_path / "trees"
     folder.mkdir()
     (tmp_path / "secret.xml").write_text(document("<Safe/>"))
@@ -616,7 +616,7 @@ def test_refused_includes(tmp_path: Path, include: str, message: str) -> None:
 
 
 def test_a_link_does_not_leave_the_folder(tmp_path: Path) -> None:
-    """What counts is where the file really is."""
+    """The real location of the file counts."""
     folder = tmp_path / "trees"
     folder.mkdir()
     (tmp_path / "secret.xml").write_text(document("<Safe/>"))
@@ -628,6 +628,6 @@ def test_a_link_does_not_leave_the_folder(tmp_path: Path) -> None:
 
 
 def test_a_text_includes_nothing() -> None:
-    """Only a file has a folder to include from."""
+    """A text without a file has no folder for includes."""
     found = findings(document("<Safe/>", '<include path="x.xml"/>'))
     assert "only a tree that is loaded from a file" in found[0]

@@ -1,4 +1,4 @@
-"""Broken tree files: none crashes, hangs, or loads with an attribute that is not its node's."""
+"""Mutated tree files: none crashes, hangs, or loads with an attribute that its node lacks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SOURCES = [
     *re.findall(
         r"```xml\n(.*?)```", (ROOT / "docs" / "tree-files.md").read_text("utf-8"), re.DOTALL
     )
-    * 20,  # with typed ports, remapped subtrees and board keys, so as often as the others
+    * 20,  # has typed ports, remapped subtrees and board keys, so it is used more often
 ]
 PIECE = re.compile(r"<[^>]*>|\w+=\"[^\"]*\"|\w+|[^\w\s]")
 WORDS = (
@@ -48,7 +48,7 @@ WORDS = (
 
 
 def mutated(random_: random.Random) -> str:
-    """Return a tree file with one to three pieces dropped, doubled, renamed, retyped or cut."""
+    """Return a tree file with one to three parts removed, doubled, renamed, retyped or cut."""
     text = random_.choice(SOURCES)
     for _ in range(random_.randint(1, 3)):
         piece = random_.choice(list(PIECE.finditer(text)))
@@ -68,7 +68,7 @@ def check_attributes(element: Element) -> None:
 
 
 def load(text: str) -> MissionTree | None:
-    """Load a text, or return None when it is refused in the proper way."""
+    """Load a text, or return None if it is refused with a TreeError."""
     try:
         tree = parse_tree(text, REGISTRY)
     except TreeError as error:
@@ -77,7 +77,7 @@ def load(text: str) -> MissionTree | None:
         check_attributes(parse_source(text.encode(), Path("<text>")))
         return tree
     assert refused.findings
-    # An example of the page uses a shipped tree, whose leaves this registry does not have.
+    # An example of the page uses a shipped tree, whose leaves are not in this registry.
     place = r"(<text>|\S+/trees/lib/\w+\.xml):\d+:\d+: "
     assert all(re.match(place, finding) for finding in refused.findings)
     return None
@@ -92,7 +92,7 @@ def check_values(tree: MissionTree) -> None:
 
 
 def fly(tree: MissionTree, world: World) -> None:
-    """Tick a tree three times; it may fail, but only in the proper way."""
+    """Tick a tree three times; only our exceptions are allowed."""
     tree.setup(world.context)
     for name in ("a", "b", "c", "mode"):
         tree.variables[name] = 1
@@ -106,9 +106,9 @@ def fly(tree: MissionTree, world: World) -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_mutated_files_are_refused_or_right(world: World, seed: int) -> None:
-    """Five hundred files a seed, ten thousand in all; most are refused, with places.
+    """500 files per seed, 10,000 in total; most are refused, with positions.
 
-    What loads has the attributes and the types that its nodes declare, and ticks.
+    Loaded trees have the attributes and types that their nodes declare, and can be ticked.
     """
     random_ = random.Random(seed)  # noqa: S311  # no secret
     for key in MISSION_KEYS:

@@ -1,4 +1,4 @@
-"""The types of variables never stand in the way of a file that flies well."""
+"""The check of variables' types never refuses a valid file."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ NAMES = ("a", "b", "c", "_p")
 
 
 class Pad:
-    """A thing that only ports of its type take."""
+    """A value that only ports of its type accept."""
 
 
 class Give(Leaf):
-    """Writes what is connected, in the types it declares."""
+    """Writes its connected ports, with their types."""
 
     ports = (
         Port("number", float, direction="output"),
@@ -43,7 +43,7 @@ class Give(Leaf):
 
 
 class Take(Leaf):
-    """Reads what is connected."""
+    """Reads its connected ports."""
 
     ports = (
         Port("number", float, default=1.0),
@@ -59,7 +59,7 @@ class Take(Leaf):
 
 
 class Needy(Take):
-    """Reads a number that it must have."""
+    """Reads a required number."""
 
     ports = (Port("number", float),)
 
@@ -118,9 +118,9 @@ plain = node.filter(lambda text: not text.startswith("<SubTree"))
 )
 @given(st.lists(node, min_size=1, max_size=4), st.lists(plain, min_size=1, max_size=3))
 def test_what_flies_is_never_refused(outer: list[str], inner: list[str]) -> None:
-    """A tree all of whose nodes run without an error has no finding."""
+    """A tree whose nodes all run without an error has no findings."""
     if not any(text.startswith("<SubTree") for text in outer):
-        outer = [*outer, '<SubTree ID="In"/>']  # a tree that nobody flies proves nothing
+        outer = [*outer, '<SubTree ID="In"/>']  # unused trees would not be ticked
     text = document(
         f"<Sequence>{''.join(outer)}</Sequence>",
         f'<BehaviorTree ID="In"><Sequence>{"".join(inner)}</Sequence></BehaviorTree>',
@@ -149,7 +149,7 @@ def flies(text: str) -> bool:
 
 
 def test_many_of_the_generated_trees_fly() -> None:
-    """The property above is about something: a tree that uses all kinds of nodes flies."""
+    """The property above is not empty: a tree with all kinds of nodes runs."""
     assert flies(
         document(
             '<Sequence><Give number="{a}"/><SubTree ID="In" a="{a}"/></Sequence>',
@@ -160,6 +160,6 @@ def test_many_of_the_generated_trees_fly() -> None:
 
 
 def test_no_recorded_tree_is_refused() -> None:
-    """What the engine ran loads."""
+    """Trees that ran in the engine load."""
     for trace in read_traces(SAMPLE):
         parse_tree(trace["xml"], REGISTRY)

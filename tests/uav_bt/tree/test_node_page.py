@@ -1,4 +1,4 @@
-"""The page of nodes: what `uav-bt tree nodes --format markdown` prints."""
+"""The page of nodes equals the output of `uav-bt tree nodes --format markdown`."""
 
 from __future__ import annotations
 

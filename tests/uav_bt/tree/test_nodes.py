@@ -1,4 +1,4 @@
-"""Control nodes and decorators, in words; the traces prove the rest."""
+"""Behaviour of control nodes and decorators; recorded traces test the rest."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uav_bt.tree.nodes import Inverter, Parallel, Repeat, Sequence, SubTree
 
 
 def test_sequence_goes_on_where_it_was(world: World) -> None:
-    """A running child is ticked again, those before it are not."""
+    """A running child is ticked again, earlier children are not."""
     tree = world.tree(f"<Sequence>{leaf('a', 'S')}{leaf('b', 'RS')}</Sequence>")
     assert tree.tick() is Status.RUNNING
     assert world.events() == ["start a", "start b"]
@@ -21,7 +21,7 @@ def test_sequence_goes_on_where_it_was(world: World) -> None:
 
 
 def test_reactive_sequence_asks_again_and_halts(world: World) -> None:
-    """A condition that turns false halts the action behind it."""
+    """A condition that becomes false halts the action behind it."""
     tree = world.tree(
         f"<ReactiveSequence>{leaf('safe', 'SSF')}{leaf('act', 'R')}</ReactiveSequence>"
     )
@@ -54,7 +54,7 @@ def test_reactive_sequence_asks_again_and_halts(world: World) -> None:
     ],
 )
 def test_answers(world: World, body: str, answers: str) -> None:
-    """Each node answers as its description says, tick after tick."""
+    """Each node answers according to its description in each tick."""
     assert world.run(body, len(answers)) == answers
 
 
@@ -70,7 +70,7 @@ def test_timeout_halts_its_child(world: World) -> None:
 
 
 def test_timeout_zero_is_no_limit(world: World) -> None:
-    """`msec="0"` never strikes."""
+    """`msec="0"` means no timeout."""
     tree = world.tree(f'<Timeout msec="0">{leaf("a", "R")}</Timeout>')
     for _ in range(4):
         assert tree.tick() is Status.RUNNING
@@ -78,7 +78,7 @@ def test_timeout_zero_is_no_limit(world: World) -> None:
 
 
 def test_delay_waits_on_the_mission_clock(world: World) -> None:
-    """The child starts when the time has come, and not because ticks went by."""
+    """The child starts after the time has passed, independent of the number of ticks."""
     tree = world.tree(f'<Delay delay_msec="500">{leaf("a", "S")}</Delay>')
     assert [tree.tick() for _ in range(3)] == [Status.RUNNING] * 3
     assert world.events() == []
@@ -88,7 +88,7 @@ def test_delay_waits_on_the_mission_clock(world: World) -> None:
 
 
 def test_halted_timers_start_over(world: World) -> None:
-    """A halt forgets how long a node has waited."""
+    """A halt resets the waiting time."""
     tree = world.tree('<Sleep msec="200"/>')
     tree.tick()
     world.clock.advance(0.15)
@@ -101,7 +101,7 @@ def test_halted_timers_start_over(world: World) -> None:
 
 
 def test_parallel_refuses_impossible_thresholds(world: World) -> None:
-    """More successes than children is an error of the tree, not a node that never ends."""
+    """A required number of successes above the number of children is an error."""
     tree = world.tree(f'<Parallel success_count="3">{leaf("a", "R")}{leaf("b", "R")}</Parallel>')
     with pytest.raises(NodeFailedError, match="must not exceed the 2 children") as error:
         tree.tick()
@@ -118,7 +118,7 @@ def test_ports_can_follow_variables(world: World) -> None:
 
 
 def test_subtree_shares_what_it_says(world: World) -> None:
-    """An entry in braces is the outer variable, a plain one a constant, the rest is private."""
+    """An entry in braces is an outer variable, a plain one a constant; others are private."""
     inner = (
         '<BehaviorTree ID="Inner"><Sequence>'
         f'<Repeat num_cycles="{{n}}">{leaf("a", "S")}</Repeat>'
@@ -133,7 +133,7 @@ def test_subtree_shares_what_it_says(world: World) -> None:
 
 
 def test_trees_are_composed_in_python_too(world: World) -> None:
-    """The same nodes, with typed ports, make a tree without a file."""
+    """Nodes with typed arguments form a tree without a file."""
     root = Sequence(
         "root",
         [
@@ -153,7 +153,7 @@ def test_trees_are_composed_in_python_too(world: World) -> None:
 
 
 def test_composing_checks_ports_and_children() -> None:
-    """What the loader refuses in a file is refused in Python."""
+    """Mistakes that the loader refuses are refused in Python, too."""
     with pytest.raises(InputError, match="did you mean 'num_cycles'"):
         Repeat("r", Scripted("a", script="S"), num_cycle=2)
     with pytest.raises(TypeError, match=r"uav_bt\.tree node"):

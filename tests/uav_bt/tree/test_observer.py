@@ -1,4 +1,4 @@
-"""Observers: what they are notified of, in which order, and beside each other."""
+"""Observers: their events, the order of events, and several observers."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ BODY = f"<Sequence>{leaf('a', 'K')}{leaf('b', 'RR')}</Sequence>"
 
 
 class Notes:
-    """Writes down events as `name event`."""
+    """Records events as `name event`."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
 
     def note(self, node: Node, event: NodeEvent) -> None:
-        """Write down an event."""
+        """Record an event."""
         self.lines.append(f"{node.name} {event.value}")
 
     def take(self) -> list[str]:
@@ -25,7 +25,7 @@ class Notes:
 
 
 def test_a_node_notifies_its_observer_of_everything(world: World) -> None:
-    """Work, change of status, answer; a halt from the root down and its end from the leaf up."""
+    """Start, status, answer; halts begin at the root and end at the leaves first."""
     tree, notes = world.tree(BODY), Notes()
     observe(tree.nodes(), notes.note)
     tree.tick()
@@ -43,7 +43,7 @@ def test_a_node_notifies_its_observer_of_everything(world: World) -> None:
 
 
 def test_observers_come_and_go(world: World) -> None:
-    """In the order in which they came; the slot is empty when the last has gone."""
+    """They are called in the order of registration; the slot is empty after the last one."""
     tree = world.tree(leaf("b", "R"))
     first, second = Notes(), Notes()
     for notes in (first, second):
@@ -51,7 +51,7 @@ def test_observers_come_and_go(world: World) -> None:
     tree.tick()
     assert first.take() == second.take() == ["b started", "b status", "b continues"]
     unobserve(tree.nodes(), first.note)
-    unobserve(tree.nodes(), first.note)  # once more does no harm
+    unobserve(tree.nodes(), first.note)  # a second call has no effect
     tree.tick()
     assert (first.take(), second.take()) == ([], ["b ran", "b continues"])
     unobserve(tree.nodes(), second.note)

@@ -1,4 +1,4 @@
-"""Palettes: nodes of other engines, known by their models only."""
+"""Palettes: nodes of other engines, known only by their models."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_kinds_ports_and_descriptions_come_from_the_model(foreign: NodeRegistry)
 
 
 def test_a_foreign_tree_is_good_and_no_port_must_be_given(foreign: NodeRegistry) -> None:
-    """A model does not say what is required, so nothing of it is."""
+    """A model does not mark required ports, so none is required."""
     body = (
         '<PipelineSequence><RateController hz="1.0"><ComputePath goal="{goal}" path="{path}"/>'
         '</RateController><Inverter><IsStuck/></Inverter><ComputePath goal="1;2;3"/>'
@@ -137,10 +137,10 @@ def test_a_foreign_node_is_not_ticked(foreign: NodeRegistry, world: World) -> No
 
 
 def test_the_palette_of_our_own_nodes_can_be_read_again(tmp_path: Path) -> None:
-    """Ids, kinds and ports survive the way through the exported model."""
+    """Ids, kinds and ports are equal after export and import of the model."""
     ours = NodeRegistry.installed()
     read = {node.node_id: node for node in read_palette(written(tmp_path, palette_xml(ours))).nodes}
-    # A node that is made of a tree is exported as a tree.
+    # A node that expands to a tree is exported as a tree.
     expanded = {name for name in ours if issubclass(ours[name], ExpandedNode)}
     assert set(read) == set(ours) - set(NodeRegistry()) - expanded
     for node_id, node in read.items():

@@ -1,4 +1,4 @@
-"""Ports: what literals and references become."""
+"""Ports: conversion of literals and references."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_literals_are_typed(kind: type, text: str, value: object) -> None:
     ],
 )
 def test_mistyped_literals_are_refused(kind: type, text: str) -> None:
-    """Only what the format reads is read; the message says what was expected."""
+    """Only texts of the format are accepted; the message has the expected form."""
     with pytest.raises(ValueError, match="expected"):
         Port("p", kind).bind(text)
 
@@ -65,7 +65,7 @@ def test_mistyped_python_values_are_refused(kind: type, value: object) -> None:
 
 
 def test_python_numbers_widen() -> None:
-    """An integer is a fine float, and a whole float a fine integer."""
+    """An integer is accepted as a float, and a float with an integral value as an integer."""
     assert Port("p", float).bind(2) == 2.0
     assert type(Port("p", float).bind(2)) is float
     assert Port("p", int).bind(2.0) == 2
@@ -89,7 +89,7 @@ def test_references(text: str, reference: Reference | None) -> None:
 
 @pytest.mark.parametrize("text", ["{}", "{a b}", "{@}", "{1x}"])
 def test_broken_references_are_refused(text: str) -> None:
-    """What looks like a reference but names no possible key is no literal by accident."""
+    """An invalid reference does not become a literal."""
     with pytest.raises(ValueError, match="no reference"):
         parse_reference(text, "p")
 
@@ -103,7 +103,7 @@ def test_choices_come_with_a_suggestion() -> None:
 
 
 def test_checks_speak_for_themselves() -> None:
-    """A port's own check refuses with its own words, our errors included."""
+    """The message of a port's check is kept, also that of our errors."""
 
     def positive(value: float) -> None:
         if value <= 0:
@@ -120,7 +120,7 @@ def test_checks_speak_for_themselves() -> None:
 def test_numbers_keep_to_their_range(
     least: float | None, most: float | None, words: str, wrong: str
 ) -> None:
-    """Literals and variables alike; the bounds themselves are inside."""
+    """Bounds apply to literals and variables; they are inclusive."""
     port = Port("p", float, least=least, most=most)
     assert port.range == words
     assert not port.takes_all
@@ -139,13 +139,13 @@ def test_only_numbers_have_a_range() -> None:
 
 @pytest.mark.parametrize("text", ["9" * 19, "-" + "9" * 400, "9" * 5000])
 def test_integers_have_64_bits(text: str) -> None:
-    """A Timeout of 10**400 ms would otherwise end a mission when it is computed with."""
+    """Otherwise the arithmetic of a Timeout of 10**400 ms would end a mission."""
     with pytest.raises(ValueError, match="integer"):
         Port("p", int).bind(text)
 
 
 def test_output_ports_need_a_reference() -> None:
-    """A literal cannot be written to."""
+    """An output port needs a reference."""
     port = Port("out", int, direction="output")
     assert port.bind("{x}") == Reference("x", on_board=False)
     with pytest.raises(ValueError, match="needs a reference"):
@@ -154,7 +154,7 @@ def test_output_ports_need_a_reference() -> None:
 
 @pytest.mark.parametrize("name", ["name", "ID", "_x", "", "a b", "1a"])
 def test_reserved_port_names(name: str) -> None:
-    """A port cannot take a name that the format uses itself."""
+    """A port cannot have a reserved name of the format."""
     with pytest.raises(ValueError, match="cannot be a port's name"):
         Port(name, int)
 

@@ -1,4 +1,4 @@
-"""py_trees' side: its managers, visitors, renderers and composites work with our nodes."""
+"""Our nodes work with the managers, visitors, renderers and composites of py_trees."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BODY = (
 
 
 def test_visitors_see_each_tick(world: World) -> None:
-    """A snapshot shows what every node answered in this tick, also those reset since."""
+    """A snapshot shows the answers of all nodes in the tick, also of nodes reset since."""
     tree = world.tree(BODY)
     manager = py_trees.trees.BehaviourTree(tree.root)
     snapshot = py_trees.visitors.SnapshotVisitor()
@@ -40,7 +40,7 @@ def test_visitors_see_each_tick(world: World) -> None:
 
 
 def test_manager_sets_up_and_interrupts(world: World) -> None:
-    """`BehaviourTree.setup(mission=...)` is ours, stopping the root halts."""
+    """`BehaviourTree.setup(mission=...)` sets our nodes up; stopping the root halts them."""
     tree = MissionTree(Scripted("a", script="R"))
     manager = py_trees.trees.BehaviourTree(tree.root)
     manager.setup(mission=world.context)
@@ -50,7 +50,7 @@ def test_manager_sets_up_and_interrupts(world: World) -> None:
 
 
 def test_a_plain_tree_is_set_up_with_two_lines_that_its_error_says() -> None:
-    """The error is followed to the letter."""
+    """The test executes the two lines of the error's text."""
     leaf_there = Scripted("a", script="RS")
     behaviour_tree = py_trees.trees.BehaviourTree(
         py_trees.decorators.Inverter("not", child=leaf_there)
@@ -67,7 +67,7 @@ def test_a_plain_tree_is_set_up_with_two_lines_that_its_error_says() -> None:
 
 
 def test_renderers_draw(world: World) -> None:
-    """py_trees' own text rendering knows our nodes."""
+    """The text rendering of py_trees shows our nodes."""
     text = py_trees.display.unicode_tree(world.tree(BODY).root)
     assert [line.split()[-1] for line in text.strip().splitlines()] == [
         "ReactiveSequence",
@@ -79,7 +79,7 @@ def test_renderers_draw(world: World) -> None:
 
 
 def test_our_leaves_work_under_py_trees_composites(world: World) -> None:
-    """A leaf is an ordinary behaviour: ticked, restarted and stopped by py_trees' own nodes."""
+    """Nodes of py_trees tick, restart and stop our leaves like any behaviour."""
     first, second = Scripted("a", script="S"), Scripted("b", script="RSR")
     for node in (first, second):
         node.setup(mission=world.context)

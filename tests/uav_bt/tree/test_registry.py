@@ -1,4 +1,4 @@
-"""Registry and plug-ins: names are unique, suggestions are given, broken packages are named."""
+"""Registry and plug-ins: unique names, suggestions, and messages about broken packages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OWN = Key("own_key", int, "a plug-in's")
 
 
 class Plugged(Leaf):
-    """Comes from elsewhere."""
+    """A leaf of another package."""
 
     reads = (OWN,)
 
@@ -43,7 +43,7 @@ def _install(monkeypatch: pytest.MonkeyPatch, *points: tuple[str, str, str]) -> 
 
 
 def test_the_formats_own_nodes_are_there() -> None:
-    """An empty registry loads plain trees already."""
+    """An empty registry can load trees of built-in nodes."""
     registry = NodeRegistry()
     assert "ReactiveSequence" in registry
     assert "SubTree" in registry
@@ -51,7 +51,7 @@ def test_the_formats_own_nodes_are_there() -> None:
 
 
 def test_duplicates_name_both() -> None:
-    """Two classes of one id are refused; the same class twice is fine."""
+    """Two classes with the same id are refused; the same class twice is allowed."""
     registry = NodeRegistry([Scripted])
     assert registry.with_nodes(Scripted)["Scripted"] is Scripted
     other = type("Scripted", (Leaf,), {"__module__": "elsewhere"})
@@ -64,7 +64,7 @@ def test_duplicates_name_both() -> None:
 
 
 def test_further_nodes_leave_the_registry_as_it_was() -> None:
-    """A notebook's cell that is run again, with a new class of the same name, is no conflict."""
+    """A repeated notebook cell makes a new class of the same name; this is no conflict."""
     registry = NodeRegistry(policies=["rule"])
     for _ in range(2):
         own = type("Own", (Plugged,), {})
@@ -75,13 +75,13 @@ def test_further_nodes_leave_the_registry_as_it_was() -> None:
 
 
 def test_unknown_nodes_get_a_suggestion() -> None:
-    """Asking for what is not there says what might be meant."""
+    """The error of an unknown node suggests a similar name."""
     with pytest.raises(UnknownNameError, match="did you mean 'Sequence'"):
         _ = NodeRegistry()["Sequense"]
 
 
 def test_board_keys_of_plugins_are_known() -> None:
-    """A leaf's own keys join the mission's."""
+    """A leaf's own keys are added to those of the mission."""
     keys = NodeRegistry([Plugged]).board_keys
     assert keys["own_key"] is OWN
     assert keys[HEIGHT.name] is HEIGHT
@@ -105,7 +105,7 @@ def test_installed_packages_contribute(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_broken_packages_are_named(
     monkeypatch: pytest.MonkeyPatch, value: str, message: str
 ) -> None:
-    """The rest can be used; the message says which entry point, and what to do."""
+    """The other packages can be used; the message names the entry point and a remedy."""
     _install(monkeypatch, (plugins.BEHAVIOURS, "mine", value), (plugins.BEHAVIOURS, "yours", YOURS))
     registry = NodeRegistry.installed()
     assert "Plugged" in registry
@@ -124,7 +124,7 @@ def test_loading_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_two_packages_of_one_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A conflict names both; one package found twice is none."""
+    """The error of a conflict names both; finding the same package twice is no conflict."""
     same = (plugins.DRONES, "twin", "a:make")
     _install(monkeypatch, same, same)
     assert plugins.names(plugins.DRONES) == ("twin",)

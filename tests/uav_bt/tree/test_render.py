@@ -1,4 +1,4 @@
-"""Pictures of trees: what they show, that they are well-formed, that nothing overlaps."""
+"""Pictures of trees: content, well-formed output, and a layout without overlaps."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def box_of(body: str, *more: str) -> Box:
     return sketch(tree_of(body, *more).root)
 
 
-# --- what a box says ------------------------------------------------------------------------------
+# --- text of a box -------------------------------------------------------------------------------
 
 
 def test_a_box_shows_values_and_references_but_no_empty_or_usual_ones() -> None:
@@ -83,7 +83,7 @@ def test_a_port_of_a_palette_that_nobody_gave_is_left_out() -> None:
 
 
 def test_a_tree_of_any_depth_is_drawn() -> None:
-    """A tree composed in Python has no bound on its depth, and drawing must not need one."""
+    """A tree composed in Python may have any depth, and can still be drawn."""
     node = AlwaysSuccess()
     for _ in range(1500):
         node = Inverter(None, node)

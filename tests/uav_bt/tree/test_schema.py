@@ -1,4 +1,4 @@
-"""The XML Schema of tree files says what the loader says, as far as a schema can."""
+"""The XML Schema of tree files agrees with the loader, as far as a schema can."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def test_our_own_palette_is_valid_in_a_file(schema: etree.XMLSchema) -> None:
 
 
 def test_nodes_and_attributes_are_explained() -> None:
-    """Editors show the documentation: what a node does, what it reads, defaults."""
+    """Editors show the documentation: a node's description, its reads, its defaults."""
     root = etree.fromstring(schema_xml(REGISTRY).encode(), PARSER)
     (paint,) = root.findall(f"{XS}complexType[@name='node.Paint']")
     texts = [element.text for element in paint.iter(f"{XS}documentation")]
@@ -174,7 +174,7 @@ def test_nodes_and_attributes_are_explained() -> None:
 
 def test_an_id_that_is_no_tag_is_offered_in_the_explicit_form_only() -> None:
     class Odd(Leaf):
-        """Is called oddly."""
+        """Has an id that is not an XML name."""
 
         node_id = "two words"
 

@@ -1,4 +1,4 @@
-"""The scripting language: what it says, and how it says no."""
+"""The scripting language: its results and its errors."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from uav_bt.tree.variables import Variables
 
 
 def run(source: str, **variables: object) -> object:
-    """Return what a script comes to."""
+    """Return the value of a script."""
     return parse_script(source).run(Environment(_scope(variables)))
 
 
 def after(source: str, **variables: object) -> dict[str, object]:
-    """Return the variables after a script."""
+    """Return the variables after a run of a script."""
     scope = _scope(variables)
     parse_script(source).run(Environment(scope))
     return scope.snapshot()
@@ -68,7 +68,7 @@ def _scope(variables: dict[str, object]) -> Variables:
     ],
 )
 def test_expressions(source: str, value: object) -> None:
-    """Precedence, chains, texts and numbers come to what the engine makes of them."""
+    """Precedence, chains, texts and numbers give the same values as in the engine."""
     assert run(source) == value
 
 
@@ -90,7 +90,7 @@ def test_expressions(source: str, value: object) -> None:
     ],
 )
 def test_assignments(source: str, before: dict[str, object], result: dict[str, object]) -> None:
-    """A variable keeps the type it began with."""
+    """A variable keeps its first type."""
     changed = after(source, **before)
     assert changed == result
     assert [type(value) for value in changed.values()] == [type(v) for v in result.values()]
@@ -116,7 +116,7 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
     ],
 )
 def test_refused_scripts(source: str, message: str) -> None:
-    """What is no script is refused when it is parsed, with the place."""
+    """Invalid scripts are refused by the parser, with the position."""
     with pytest.raises(ScriptError, match=message):
         parse_script(source)
 
@@ -143,33 +143,33 @@ def test_refused_scripts(source: str, message: str) -> None:
     ],
 )
 def test_failing_scripts(source: str, message: str) -> None:
-    """What goes wrong while it runs is said with the script."""
+    """The message of a runtime error contains the script."""
     with pytest.raises(ScriptError, match=message):
         run(source, count=1, word="w", thing=[1])
 
 
 def test_texts_cannot_fill_the_memory() -> None:
-    """A text that doubles at each run is stopped."""
+    """The length of a text that doubles at each run is bounded."""
     scope = _scope({"s": "x" * 60_000})
     with pytest.raises(ScriptError, match="longer than 100000"):
         parse_script("s += s").run(Environment(scope))
 
 
 def test_both_sides_are_evaluated() -> None:
-    """`&&` and `||` do not stop at the first side, as in the engine."""
+    """`&&` and `||` always evaluate both sides, as in the engine."""
     with pytest.raises(ScriptError, match="'missing' has no value"):
         run("false && missing")
 
 
 def test_enumerations_come_before_variables() -> None:
-    """A named integer can be used like a number."""
+    """A member of an enumeration can be used like a number."""
     scope = _scope({"RED": 7})
     scope.enum_members["RED"] = 2
     assert parse_script("RED + 1").run(Environment(scope)) == 3.0
 
 
 def test_the_board_is_read_with_an_at() -> None:
-    """Numbers and texts of the board can be read, fresh ones only."""
+    """Fresh numbers and texts of the board can be read."""
     clock = ManualClock()
     board = Blackboard(clock, (ELAPSED, HEIGHT, HELIPAD))
     board.write(ELAPSED, 91.0)
@@ -181,7 +181,7 @@ def test_the_board_is_read_with_an_at() -> None:
 
 @given(st.text(alphabet="ab1.5'\" +-*/()<>=!&|?:;@~^,{}\n\\x", max_size=40))
 def test_any_text_is_a_script_or_is_refused(source: str) -> None:
-    """Nothing but our own error comes out, whatever goes in."""
+    """Any text gives a value or a ScriptError."""
     try:
         run(source, a=1, b="x")
     except ScriptError:
@@ -189,7 +189,7 @@ def test_any_text_is_a_script_or_is_refused(source: str) -> None:
 
 
 def test_the_texts_of_a_tree_cannot_fill_the_memory_together() -> None:
-    """Thousands of scripts, each with a text of its own; what is dropped or shorter makes room."""
+    """The sum of all texts is bounded; shorter or deleted texts free memory."""
     outer = Variables()
     inner = Environment(Variables(outer))
     for number in range(20):
@@ -205,7 +205,7 @@ def test_the_texts_of_a_tree_cannot_fill_the_memory_together() -> None:
 
 
 def test_statements_need_no_semicolon_between_them() -> None:
-    """As in the engine since 4.9; whoever checks the file hears of it."""
+    """The engine accepts this since 4.9; the check of a file warns."""
     variables = Variables()
     script = parse_script("a := 1;; b := 2 c := a + b;")
     assert script.run(Environment(variables)) == 3.0

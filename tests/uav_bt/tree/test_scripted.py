@@ -1,4 +1,4 @@
-"""Scripted leaves, and the loader that puts them in the place of others."""
+"""Scripted leaves, and the loader that replaces other leaves by them."""
 
 from __future__ import annotations
 
@@ -77,20 +77,20 @@ def loaded_by(tmp_path: Path, world: World, mocks: dict[str, str]) -> MissionTre
     ],
 )
 def test_a_script_is_answered_letter_by_letter(text: str, answers: str) -> None:
-    """The last letter repeats for ever, or what stands in brackets does."""
+    """The last letter, or the part in brackets, repeats for ever."""
     script = AnswerScript.parse(text)
     assert "".join(script.answer(tick).letter for tick in range(7)) == answers
 
 
 @pytest.mark.parametrize("text", ["", "  ", "RRX", "rs", "(RS)F", "R()", "(R", "((R))", "R)"])
 def test_other_texts_are_refused(text: str) -> None:
-    """The message shows what a script looks like and what came."""
+    """The message shows the form of a script and the refused text."""
     with pytest.raises(ValueRangeError, match=r"R \(running\), S .* as in 'RRS' or 'F\(RS\)'"):
         AnswerScript.parse(text)
 
 
 def test_a_scripted_leaf_stands_alone(world: World) -> None:
-    """Trees composed in Python use it as it is; setting up begins the script anew."""
+    """Trees composed in Python can use it directly; each setup restarts the script."""
     tree = MissionTree(ScriptedLeaf("a", "RS"))
     for _ in range(2):
         tree.setup(world.context)
@@ -98,7 +98,7 @@ def test_a_scripted_leaf_stands_alone(world: World) -> None:
 
 
 def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> None:
-    """Name, path, kind, ports, board keys and conditions stay; the class's own code never runs."""
+    """Name, path, kind, ports, board keys and conditions stay; the class's code never runs."""
     tree = loaded(tmp_path, world, Fly="R", Clear="S")
     out = tree.find("Main/Sequence/out")
     assert isinstance(out, ScriptedLeaf)
@@ -113,7 +113,7 @@ def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> Non
 
 
 def test_the_most_exact_selector_counts(tmp_path: Path, world: World) -> None:
-    """A path before a name before a node id; a name mocks all that carry it."""
+    """A path has priority over a name, a name over an id; a name mocks all its nodes."""
     path = "Main/Sequence/Home/Fallback/back#2"
     scripts = {path: "S", "Clear": "S", "Fly": "RS", "back": "F"}
     tree = loaded_by(tmp_path, world, scripts)
@@ -163,7 +163,7 @@ def test_a_mock_writes_its_outputs_when_it_succeeds(world: World) -> None:
 def test_mocks_that_do_not_fit_are_refused(
     tmp_path: Path, world: World, selector: str, script: str, message: str
 ) -> None:
-    """The file, the selector and a suggestion are named."""
+    """The message names the file, the selector and a suggestion."""
     with pytest.raises(TreeError, match=message) as error:
         loaded_by(tmp_path, world, {"Fly": "S", "Clear": "S", selector: script})
     assert isinstance(error.value, InputError)
@@ -176,7 +176,7 @@ def test_attributes_of_a_mock_are_checked() -> None:
 
 
 def test_nodes_know_their_place_in_the_file(tmp_path: Path, world: World) -> None:
-    """Each path has its file, line and column; both uses of a subtree's node share theirs."""
+    """Each path has a file, line and column; both uses of a subtree share the position."""
     tree = loaded(tmp_path, world, Fly="S", Clear="S")
     assert set(tree.places) == {node.path for node in tree.nodes()}
     place = tree.places["Main/Sequence/Clear"]

@@ -1,4 +1,4 @@
-"""Which tree files a person means."""
+"""From names and paths to tree files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The five statuses and their names elsewhere."""
+"""The five statuses, and their names in other programs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uav_bt.tree import Status
     ],
 )
 def test_five_statuses(status: Status, number: int, letter: str, name_there: str) -> None:
-    """The engine's numbers, a letter each, and the py_trees status that stands for it."""
+    """Each status has the engine's number, a letter, and a py_trees status."""
     assert (status.value, status.letter) == (number, letter)
     assert status.py_trees is common.Status[name_there]
 

@@ -1,4 +1,4 @@
-"""Nodes that are made of a tree: typed ports in front of a tree of `trees/lib/` or of the user."""
+"""Nodes that expand to a tree of `trees/lib/` or of the user, with typed ports."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ POLICY = Port("policy", str, default="left", doc="where to go")
 
 
 class Steer(Leaf):
-    """Steers under a policy, and notes the values of its ports."""
+    """Records the values of its ports."""
 
     ports = (
         POLICY,
@@ -88,7 +88,7 @@ def text_of(body: str, trees: str = HOME) -> str:
 
 
 def flown(tree: MissionTree) -> list[tuple[object, ...]]:
-    """Tick a tree to its success, and return what Steer was given."""
+    """Tick a tree until its success, and return the port values of Steer."""
     Steer.seen.clear()
     tree.setup(context_of())
     assert tree.tick() is Status.SUCCESS
@@ -142,7 +142,7 @@ def test_conditions_stand_on_the_node() -> None:
     assert flown(parse_tree(text_of(body), REGISTRY))[0][0] == "left"
 
 
-# --- where the tree comes from --------------------------------------------------------------------
+# --- source of the tree ---------------------------------------------------------------------------
 
 
 def library(folder: Path, name: str, steer: str) -> Library:
@@ -192,7 +192,7 @@ def test_a_tree_in_the_expansion_of_itself_is_refused() -> None:
     assert "the tree contains itself: GoHome > GoHome" in message
 
 
-# --- what is refused ------------------------------------------------------------------------------
+# --- refusals ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ def test_a_mock_stands_in_place_of_the_whole_tree_or_of_a_leaf_inside() -> None:
     assert inside.tick() is Status.FAILURE
 
 
-# --- what people see ------------------------------------------------------------------------------
+# --- display -------------------------------------------------------------------------------------
 
 
 def test_drawings_show_the_node_with_its_tree() -> None:

@@ -1,4 +1,4 @@
-"""A tree of an earlier version names nodes and board keys that are gone: what messages say."""
+"""Messages about nodes and board keys of earlier versions name their successors."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class MapSite(Answers):
 
 
 class MapMore(MapSite):
-    """A user's own."""
+    """A user's leaf."""
 
 
 REGISTRY = NodeRegistry([TrackMotion, MapSite, MapMore])
@@ -71,7 +71,7 @@ def test_a_file_is_refused_with_the_successors(body: str, expected: str) -> None
 
 def test_a_name_that_is_still_there_is_used() -> None:
     class Survey(Answers):
-        """The old one, kept by a user's package."""
+        """A former leaf that a user's package still has."""
 
     registry = REGISTRY.with_nodes(Survey)
     assert check_text(text_of("<Survey/>"), registry, path=Path("m.xml")) == ()

@@ -1,4 +1,4 @@
-"""However a leaf ends, it is told exactly once; whatever raises, nothing is left running."""
+"""`terminate` is called exactly once per activation; exceptions leave no node running."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ ANSWERS = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING, "K": S
 
 
 class Told(Leaf):
-    """Answers a letter a tick and counts its activations; raises where the script says.
+    """Answers a letter per tick, counts its activations, and raises according to its script.
 
-    `i` raises in initialise, `u` in update; `t` succeeds, and raises in terminate; `?` answers what
-    no leaf may answer.
+    `i` raises in initialise, `u` in update; `t` succeeds, and raises in terminate; `?` returns an
+    invalid answer.
     """
 
     ports = (Port("script", str, doc="a letter a tick, over and over"),)
@@ -113,7 +113,7 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 def test_every_way_to_end_tells_the_leaf_once(way: str) -> None:
-    """After the second tick it is over for `x`, and halting the tree tells nobody again."""
+    """`x` ends in the second tick, and halting the tree does not call `terminate` again."""
     tree = ready(WAYS[way])
     assert tree.tick() is Status.RUNNING
     (x,) = (leaf for leaf in told(tree) if leaf.name == "x")
@@ -141,7 +141,7 @@ def test_every_way_to_end_tells_the_leaf_once(way: str) -> None:
     [("i", "initialise", 1), ("u", "update", 1), ("t", "terminate", 1)],
 )
 def test_an_exception_has_the_path_of_its_node(script: str, where: str, begun: int) -> None:
-    """Whichever method raised, deep in a tree; all others that ran are ended."""
+    """The path is right for each raising method; all other running leaves are ended."""
     others = leaf("o", "R")
     tree = ready(f"<Parallel>{others}<Sequence>{leaf('x', script)}</Sequence>{others}</Parallel>")
     path = "Main/Parallel/Sequence/x"
@@ -152,7 +152,7 @@ def test_an_exception_has_the_path_of_its_node(script: str, where: str, begun: i
 
 
 def test_an_exception_in_setup_has_the_path_of_its_node() -> None:
-    """Nothing has begun, and a tree that is not set up cannot be ticked."""
+    """No node has started, and the tree cannot be ticked without setup."""
     tree = parse_tree(document(f"<Sequence>{leaf('x', 'setup')}</Sequence>"), REGISTRY)
     with pytest.raises(NodeFailedError, match=r"'Main/Sequence/x' failed: ZeroDiv.*in setup"):
         tree.setup(World().context)
@@ -207,14 +207,14 @@ def _control(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     steps=st.lists(st.sampled_from(["tick", "tick", "tick", "halt", "1", "2", "3"]), max_size=12),
 )
 def test_any_tree_any_script(body: str, steps: list[str]) -> None:
-    """Beginnings and ends alternate; after an exception or a halt all have ended."""
+    """Starts and ends alternate; after an exception or a halt all activations have ended."""
     tree = ready(body)
     for step in [*steps, "halt"]:
         if step in "123":
             tree.variables["a"] = int(step)
             continue
         failure = _do(tree, step)
-        # An assertion inside a leaf comes out as the failure of its node.
+        # An assertion inside a leaf appears as the failure of its node.
         assert failure is None or not isinstance(failure.__cause__, AssertionError), failure
         if failure is not None or step == "halt":
             assert [leaf.path for leaf in told(tree) if leaf.begun != leaf.ended] == []

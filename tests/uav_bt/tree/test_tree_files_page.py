@@ -1,4 +1,4 @@
-"""`docs/tree-files.md`: its examples tick, its table is the registry's."""
+"""`docs/tree-files.md`: its examples run, and its table agrees with the registry."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ INFOS = describe_all(NodeRegistry())
 
 
 def test_the_table_has_every_node_of_the_format() -> None:
-    """No more, no less."""
+    """The table has exactly the built-in nodes."""
     assert set(ROWS) == {node.node_id for node in BUILTIN_NODES}
 
 
 @pytest.mark.parametrize("info", INFOS, ids=[info.node_id for info in INFOS])
 def test_a_row_says_what_the_node_is(info: NodeInfo) -> None:
-    """Kind, description, ports and defaults are the class's own."""
+    """Kind, description, ports and defaults are those of the class."""
     _, kind, ports, doc, _ = ROWS[info.node_id]
     assert (kind, doc) == (info.kind, info.doc)
     if info.node_id.startswith("Switch"):
@@ -56,7 +56,7 @@ def test_a_row_says_what_the_node_is(info: NodeInfo) -> None:
 
 
 def test_proven_is_what_the_traces_contain() -> None:
-    """The last column agrees with the recorded traces, whose sample has all their nodes."""
+    """The last column agrees with the sample of the traces, which has all their nodes."""
     recorded: set[str] = set()
     for trace in read_traces(SAMPLE):
         recorded |= set(re.findall(r"<(\w+)", trace["xml"]))
@@ -65,7 +65,7 @@ def test_proven_is_what_the_traces_contain() -> None:
 
 
 def test_all_conditions_are_listed() -> None:
-    """Each attribute that any node can have is explained."""
+    """The page explains each condition attribute."""
     assert all(f"`{name}`" in PAGE for name in CONDITION_ATTRIBUTES)
 
 
@@ -84,7 +84,7 @@ def test_the_first_example_flies(world: World) -> None:
 
 
 def test_the_board_example_guards(world: World) -> None:
-    """Its subtree reads the board by another name."""
+    """Its subtree reads the board under a different name."""
     world.board.declare(HEIGHT)
     tree = parse_tree(next(text for text in XML if "Guard" in text), NodeRegistry())
     tree.setup(world.context)
@@ -95,7 +95,7 @@ def test_the_board_example_guards(world: World) -> None:
 
 
 def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
-    """The message on the page is the loader's."""
+    """The page quotes the loader's message."""
     with pytest.raises(TreeError) as error:
         parse_tree(XML[0].replace(' count="', ' cuont="'), NodeRegistry(), path="mission.xml")
     message = (
@@ -106,7 +106,7 @@ def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
 
 
 def test_the_python_example_runs(world: World) -> None:
-    """A tree composed in Python ticks as one from a file."""
+    """A tree composed in Python ticks like one from a file."""
     tree = _run(PYTHON[0])["tree"]
     assert isinstance(tree, MissionTree)
     tree.setup(world.context)
@@ -148,7 +148,7 @@ class Lamp(BehaviourWithPorts):
 def test_the_parser_of_py_trees_differs_as_the_page_says(
     tmp_path: Path, body: str, speed: object
 ) -> None:
-    """What it takes (with the speed that its leaf gets), and what it refuses (None)."""
+    """The parameter `speed` is the value at the leaf, None for a refused file."""
     path = tmp_path / "tree.xml"
     path.write_text(
         '<!DOCTYPE root [<!ENTITY a "a">]><root main_tree_to_execute="M">'

@@ -1,4 +1,4 @@
-"""Projects of tree files in the style of public ones: what is said of each file, and its ticks."""
+"""Projects of tree files in the style of public ones: findings and ticks of each file."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_what_is_said_of_a_file(project: str, path: Path) -> None:
 
 @pytest.mark.parametrize("run", RUNS, ids=[run.label for run in RUNS])
 def test_it_ticks_as_the_engine_does(run: Run, tmp_path: Path) -> None:
-    """As release 4.8.2 has ticked it; see `tests/engine_ticks.py`."""
+    """The ticks equal those of release 4.8.2; see `tests/engine_ticks.py`."""
     script = tmp_path / "answers.yaml"
     script.write_text(yaml.safe_dump(dict(run.script)), encoding="utf-8")
     simulation = Simulation(

@@ -14,7 +14,7 @@ from uav_bt.tree import Status
     ("variable", "child"), [("1", "a"), (3, "c"), ("5.0", "e"), (5.0, "e"), ("x", "f"), (None, "f")]
 )
 def test_switch5_compares_texts_and_numbers(world: World, variable: object, child: str) -> None:
-    """The first equal case wins; no value and no match lead to the last child."""
+    """The first equal case is chosen; without a value or a match it is the last child."""
     cases = " ".join(f'case_{n}="{n}"' for n in range(1, 6))
     body = "".join(leaf(name, "S") for name in "abcdef")
     tree = world.tree(f'<Switch5 variable="{{v}}" {cases}>{body}</Switch5>')
@@ -36,7 +36,7 @@ def test_switch5_compares_texts_and_numbers(world: World, variable: object, chil
 def test_loops_convert_their_elements(
     world: World, node: str, queue: str, elements: list[object]
 ) -> None:
-    """Each element is written in the loop's type; afterwards comes `if_empty`."""
+    """Each element is written with the loop's type; after the last one `if_empty` counts."""
     tree = world.tree(
         f'<{node} queue="{queue}" value="{{v}}" if_empty="FAILURE">{leaf("a", "S")}</{node}>'
     )
@@ -48,7 +48,7 @@ def test_loops_convert_their_elements(
 
 
 def test_a_queue_in_a_variable_is_used_up(world: World) -> None:
-    """The list in the variable shrinks; it is not gone through again."""
+    """The list in the variable becomes empty, so a second loop has no elements."""
     tree = world.tree(f'<LoopInt queue="{{q}}" value="{{v}}">{leaf("a", "S")}</LoopInt>')
     queue = [4, 5]
     tree.variables["q"] = queue
@@ -75,7 +75,7 @@ def test_a_text_in_a_variable_is_a_queue_at_each_activation(world: World) -> Non
 
 
 def test_unset_removes_a_variable(world: World) -> None:
-    """Afterwards it has no value; a second time is fine."""
+    """It removes the value; a second time it has no effect."""
     tree = world.tree('<UnsetBlackboard key="v"/>')
     tree.variables["v"] = 1
     assert [tree.tick(), tree.tick()] == [Status.SUCCESS] * 2
@@ -83,7 +83,7 @@ def test_unset_removes_a_variable(world: World) -> None:
 
 
 def test_set_copies_and_keeps_types(world: World) -> None:
-    """`{source}` copies whatever it is; a text becomes the type of a variable that exists."""
+    """`{source}` copies any value; a text is converted to the type of an existing variable."""
     tree = world.tree(
         '<Sequence><SetBlackboard value="{source}" output_key="copy"/>'
         '<SetBlackboard value="7" output_key="count"/>'
@@ -117,7 +117,7 @@ def test_updates_of_the_board_are_seen(world: World) -> None:
 
 @pytest.mark.parametrize("node", ["IfThenElse", "WhileDoElse"])
 def test_a_skipped_condition_is_an_error(world: World, node: str) -> None:
-    """The engine throws here, so it is no case to rely on."""
+    """The engine throws an exception here, too."""
     tree = world.tree(f"<{node}>{leaf('a', 'K')}{leaf('b', 'S')}</{node}>")
     with pytest.raises(NodeFailedError, match="must not be skipped") as error:
         tree.tick()
@@ -135,7 +135,7 @@ def test_a_failing_condition_names_its_node(world: World) -> None:
 
 
 def test_conditions_read_the_board(world: World) -> None:
-    """`@key` in a condition is the mission board."""
+    """`@key` in a condition is a key of the mission board."""
     world.board.declare(HEIGHT)
     tree = world.tree('<AlwaysSuccess _failureIf="@height_above_carpet_m &lt; 1"/>')
     world.board.write(HEIGHT, 0.5)
@@ -145,7 +145,7 @@ def test_conditions_read_the_board(world: World) -> None:
 
 
 def test_conditions_in_python_too(world: World) -> None:
-    """A tree composed in Python has conditions by the same names."""
+    """Trees composed in Python have conditions with the same names."""
     from uav_bt.tree import MissionTree  # noqa: PLC0415
     from uav_bt.tree.nodes import AlwaysSuccess  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""Types of variables over a whole file: what must fail in flight is refused before."""
+"""Types of variables over a whole file: certain failures in flight are refused before."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def inner(*nodes: str, tree_id: str = "In") -> str:
 
 
 def findings(*parts: str) -> list[str]:
-    """Return what is wrong with a file, without its path."""
+    """Return the errors of a file, without its path."""
     try:
         parse_tree(document(*parts), REGISTRY, path="m.xml")
     except TreeError as error:
@@ -86,7 +86,7 @@ def findings(*parts: str) -> list[str]:
     return []
 
 
-# --- what goes well, or may -----------------------------------------------------------------------
+# --- accepted files ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def findings(*parts: str) -> list[str]:
     [
         ('<Measure height_m="{x}"/>', '<Use height_m="{x}"/>'),
         ('<Measure sure="{x}"/>', '<Use sure="{x}"/>'),
-        ('<FindPad pad="{x}"/>', '<Use both="{x}"/>'),  # it writes, too
+        ('<FindPad pad="{x}"/>', '<Use both="{x}"/>'),  # the port also writes
         ('<Measure word="{x}"/>', '<Use count="{x}"/>'),  # a text may be a number
         ('<Measure thing="{x}"/>', '<Use pad="{x}"/>'),
         ('<FindPad pad="{x}"/>', '<Use pad="{x}"/>'),
@@ -116,11 +116,11 @@ def findings(*parts: str) -> list[str]:
     ],
 )
 def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
-    """Only certain errors are errors."""
+    """Only certain failures are refused."""
     assert findings(sequence(writer, reader)) == []
 
 
-# --- what cannot ----------------------------------------------------------------------------------
+# --- refusals ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -185,13 +185,13 @@ def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
     ],
 )
 def test_what_must_fail_is_refused(writer: str, reader: str, message: str) -> None:
-    """The report names the reader, the writer and both places."""
+    """The report names the reader, the writer and both positions."""
     found = findings(sequence(writer, reader))
     assert any(message in finding for finding in found), found
 
 
 def test_the_place_is_the_readers_attribute() -> None:
-    """Line and column lead to where the variable is read."""
+    """Line and column are those of the reading attribute."""
     text = document(sequence('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>'))
     column = text.index("height_m") + 1
     assert findings(sequence('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>'))[0].startswith(
@@ -207,7 +207,7 @@ def test_the_place_is_the_readers_attribute() -> None:
     ['<SubTree ID="In" y="{x}"/>', '<SubTree ID="Mid" z="{x}"/>'],
 )
 def test_types_pass_through_remapped_subtrees(door: str) -> None:
-    """A variable keeps its type under its other name, two doors further, too."""
+    """A variable keeps its type under other names, also through two subtrees."""
     middle = inner('<SubTree ID="In" y="{z}"/>', tree_id="Mid")
     use = inner('<Use height_m="{y}"/>')
     used = [use, middle] if "Mid" in door else [use]
@@ -237,7 +237,7 @@ def test_autoremapped_names_are_shared_and_private_ones_are_not() -> None:
 
 
 def test_a_subtree_is_checked_for_each_of_its_uses() -> None:
-    """One use is right, the other is not: the report names the wrong one's writer."""
+    """One use is valid, the other invalid: the report names the writer of the invalid one."""
     found = findings(
         sequence(
             '<Measure height_m="{a}"/>',
@@ -252,7 +252,7 @@ def test_a_subtree_is_checked_for_each_of_its_uses() -> None:
 
 
 def test_literal_entries_are_texts() -> None:
-    """They are parsed by the port that reads them, and one that cannot be is found."""
+    """They are parsed by the reading port, and invalid ones are found."""
     use = inner('<Use height_m="{y}"/>')
     assert findings('<SubTree ID="In" y="1.5"/>', use) == []
     found = findings('<SubTree ID="In" y="high"/>', use)
@@ -262,7 +262,7 @@ def test_literal_entries_are_texts() -> None:
 
 
 def found_again(found: list[str]) -> list[str]:
-    """Return findings with the place moved by the attribute that stands before it."""
+    """Return findings with positions shifted by the length of a preceding attribute."""
     shift = len(' _autoremap="true"')
     place, rest = found[0].split(": ", 1)
     line, column = place.split(":")
@@ -270,7 +270,7 @@ def found_again(found: list[str]) -> list[str]:
 
 
 def test_trees_that_nobody_uses_are_typed_too() -> None:
-    """A spare tree is read as one that is flown itself."""
+    """An unused tree is checked like a tree that is flown directly."""
     spare = inner('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>')
     (found,) = check_text(document("<AlwaysSuccess/>", spare), REGISTRY, path=Path("m.xml"))
     assert found.severity == WARNING
@@ -281,7 +281,7 @@ def test_trees_that_nobody_uses_are_typed_too() -> None:
 
 
 def test_an_unwritten_variable_of_a_subtree_is_found() -> None:
-    """A subtree's own variable can only be written in the file."""
+    """A private variable of a subtree can only be written in the file."""
     found = findings('<SubTree ID="In" name="go"/>', inner('<Need height_m="{speed}"/>'))
     assert len(found) == 1
     assert (
@@ -291,7 +291,7 @@ def test_an_unwritten_variable_of_a_subtree_is_found() -> None:
 
 
 def test_a_misspelt_entry_is_found_with_the_right_one() -> None:
-    """Both ends are reported: the entry that nobody uses, and the variable that has no value."""
+    """Both are reported: the unused entry, and the variable without a value."""
     found = findings('<SubTree ID="In" sped="1"/>', inner('<Need height_m="{speed}"/>'))
     assert len(found) == 2
     assert "entry 'sped' is used by no node of tree 'In'; did you mean 'speed'?" in found[0]
@@ -300,7 +300,7 @@ def test_a_misspelt_entry_is_found_with_the_right_one() -> None:
 
 
 def test_an_unwritten_name_in_a_script_is_found() -> None:
-    """A script that must fail is an error; one that may never come there is none."""
+    """A script that certainly fails is an error; one that may not be reached is accepted."""
     door = '<SubTree ID="In"/>'
     found = findings(door, inner('<AlwaysSuccess _skipIf="n &gt; 1"/>'))
     assert "attribute '_skipIf': nothing writes variable 'n' of tree 'In'" in found[0]
@@ -329,7 +329,7 @@ def test_an_unwritten_name_in_a_script_is_found() -> None:
     ],
 )
 def test_variables_that_may_have_a_value_are_accepted(door: str, nodes: str) -> None:
-    """What the outer tree, a script or nobody's need leaves open is no error."""
+    """Variables are accepted that come from outside or a script, or are not required."""
     assert findings(sequence("<Script code=\"c := 'speed := 1'\"/>", door), inner(nodes)) == []
 
 
@@ -367,7 +367,7 @@ def test_board_keys_keep_their_type(nodes: str, message: str | None) -> None:
 
 
 def test_a_bounded_part_of_a_multiplying_tree_is_typed() -> None:
-    """Trees that double at every level do not stop the check."""
+    """Trees that double at every level do not block the check."""
     levels = [inner(*[f'<SubTree ID="T{n + 1}"/>'] * 2, tree_id=f"T{n}") for n in range(30)] + [
         inner("<FindPad/>", tree_id="T30")
     ]

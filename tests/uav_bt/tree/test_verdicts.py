@@ -1,4 +1,4 @@
-"""Files in the style of public projects: what is said of each, as `verdicts.yaml` has it."""
+"""Files in the style of public projects: their findings equal `verdicts.yaml`."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def test_verdict(name: str) -> None:
     got = "refused" if errors_of(found) else "warned" if found else "taken"
     assert got == verdict["here"], found
     assert verdict.get("words", "") in "\n".join(map(str, found))
-    # Of what the engine takes nothing is refused, and the other way round; texts in double quotes
-    # are the exception, as all releases before 4.9 take them.
+    # We accept exactly the files that the engine accepts, except for texts in double quotes, which
+    # all releases before 4.9 accept.
     if name != "double_quotes.xml":
         assert (got == "refused") == (verdict["engine"] != "taken")
 

@@ -1,4 +1,4 @@
-"""Trees of scripted leaves in a few characters, for the tests of the tree language."""
+"""Short notation for trees of scripted leaves, for the tests of the tree language."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from uav_bt.tree import MissionTree, NodeRegistry, parse_tree
 
 
 class World:
-    """Makes trees of scripted leaves and keeps the clock they read."""
+    """Makes trees of scripted leaves, and has their clock."""
 
     def __init__(self) -> None:
         self.clock = ManualClock()
@@ -30,7 +30,7 @@ class World:
         )
 
     def events(self) -> list[str]:
-        """Return the leaves' calls since the last question, as `start a`."""
+        """Return the leaves' calls since the last request, as `start a`."""
         calls = [" ".join(event) for event in Scripted.events]
         Scripted.events.clear()
         return calls
@@ -42,7 +42,7 @@ class World:
         return tree
 
     def run(self, body: str, ticks: int) -> str:
-        """Tick a fresh tree and return its answers, one letter each."""
+        """Tick a new tree and return its answers, one letter each."""
         tree = self.tree(body)
         return "".join(tree.tick().letter for _ in range(ticks))
 

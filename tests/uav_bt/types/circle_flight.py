@@ -1,4 +1,4 @@
-"""A drone that flies on a circle, and what its telemetry says."""
+"""A drone that flies on a circle, and its telemetry."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def state(
 
 
 class Flight:
-    """A drone on a circle: it flies ahead and turns clockwise, both steadily."""
+    """A drone on a circle: it flies ahead and turns clockwise, both at constant rates."""
 
     def __init__(self, speed_mps: float, yaw_rate_radps: float, yaw_rad: float = 0.4) -> None:
         self.speed_mps, self.rate, self.yaw_rad = speed_mps, yaw_rate_radps, yaw_rad
@@ -41,6 +41,6 @@ class Flight:
         return OdometryPose(time_s=time_s, x_m=x, y_m=y, yaw_rad=yaw)
 
     def state(self, time_s: float) -> DroneState:
-        """What telemetry says."""
+        """The telemetry."""
         wrapped = math.remainder(self.yaw_rad + self.rate * time_s, 2 * math.pi)
         return state(time_s, wrapped, forward_mps=self.speed_mps)

@@ -1,4 +1,4 @@
-"""An airframe: sizes and reaction of a body, refused where they cannot be."""
+"""An airframe: sizes and reaction of a body; impossible values are refused."""
 
 from __future__ import annotations
 

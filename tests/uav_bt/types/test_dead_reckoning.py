@@ -1,4 +1,4 @@
-"""The history of poses, and odometry: velocity and yaw added up."""
+"""The history of poses, and odometry: the integral of velocity and yaw."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def pose(x_m: float = 0.0, yaw_rad: float = 0.0) -> Pose:
 
 @pytest.mark.parametrize("rate", [0.0, 0.7, -1.4])
 def test_odometry_follows_a_circle(rate: float) -> None:
-    """Eight seconds on a circle at the mission's tick are followed to within 2 cm."""
+    """8 s on a circle, sampled at the mission's tick, are tracked to within 2 cm."""
     flight, odometry = Flight(0.5, rate), Odometry()
 
     for tick in range(81):
@@ -30,7 +30,7 @@ def test_odometry_follows_a_circle(rate: float) -> None:
 
 
 def test_odometry_follows_sideways_motion() -> None:
-    """Velocity to the right counts to the right of the heading."""
+    """A velocity to the right moves the pose to the right of the heading."""
     odometry = Odometry()
     for tick in range(11):
         odometry.update(state(TICK_S * tick, math.pi, right_mps=0.3))
@@ -40,7 +40,7 @@ def test_odometry_follows_sideways_motion() -> None:
 
 
 def test_odometry_counts_half_of_a_change_of_speed() -> None:
-    """Between two samples the speed is their mean."""
+    """Between two samples the velocity is their mean."""
     odometry = Odometry()
     odometry.update(state(0.0))
     pose = odometry.update(state(0.2, forward_mps=1.0))
@@ -59,7 +59,7 @@ def test_odometry_counts_half_of_a_change_of_speed() -> None:
     ],
 )
 def test_odometry_passes_over_useless_samples(bad: DroneState) -> None:
-    """A sample that is old, or has no numbers, changes nothing."""
+    """An old sample, or one with NaN, changes nothing."""
     odometry = Odometry()
     odometry.update(state(1.0))
 
@@ -70,7 +70,7 @@ def test_odometry_passes_over_useless_samples(bad: DroneState) -> None:
 
 
 def test_odometry_may_begin_with_a_useless_sample() -> None:
-    """Nothing is remembered of it."""
+    """The sample is not stored."""
     odometry = Odometry()
 
     odometry.update(state(0.0, yaw_rad=math.nan))
@@ -79,7 +79,7 @@ def test_odometry_may_begin_with_a_useless_sample() -> None:
 
 
 def test_odometry_interpolates_across_the_wrap() -> None:
-    """Half-way between 175 and -175 degrees lies 180, not 0."""
+    """The middle between 175 and -175 degrees is 180, not 0."""
     odometry = Odometry()
     odometry.update(state(0.0, math.radians(175)))
     odometry.update(state(0.1, math.radians(-175)))
@@ -91,7 +91,7 @@ def test_odometry_interpolates_across_the_wrap() -> None:
 
 
 def test_odometry_beyond_its_memory() -> None:
-    """Before the first sample there is nothing; earlier than its memory, the oldest; later, now."""
+    """No pose before the first sample; older times give the oldest, later times the newest."""
     odometry = Odometry(memory_s=1.0)
     assert odometry.at(0.0) is None
     for tick in range(31):
@@ -128,7 +128,7 @@ def test_a_velocity_is_carried_on_to_now() -> None:
 
 
 def test_a_dead_velocity_is_not_integrated_for_longer_than_half_a_second() -> None:
-    """Attitudes go on for 10 s, the velocity does not: 0.35 m/s for 0.5 s, and the pose is old."""
+    """Attitudes continue for 10 s, velocities do not: 0.35 m/s for 0.5 s, and an old pose."""
     odometry = Odometry()
     odometry.update(reported(0.0, 0.0, forward_mps=0.35), now_s=0.0)
     for tick in range(1, 101):
@@ -138,7 +138,7 @@ def test_a_dead_velocity_is_not_integrated_for_longer_than_half_a_second() -> No
 
 
 def test_a_later_velocity_corrects_what_was_carried_on() -> None:
-    """It stopped evenly within 0.2 s: 0.04 m, not the 0.08 m of the old velocity."""
+    """It decelerated evenly within 0.2 s: 0.04 m, not 0.08 m as with the old velocity."""
     odometry = Odometry()
     odometry.update(state(0.0, forward_mps=0.4), now_s=0.2)
     carried = odometry.at(0.2)
@@ -150,7 +150,7 @@ def test_a_later_velocity_corrects_what_was_carried_on() -> None:
 
 
 def test_a_pose_has_the_heading_of_its_own_time() -> None:
-    """Attitude came at 0.2 s, velocity at 0.1 s: half the turn lies at 0.1 s."""
+    """Attitude is of 0.2 s, velocity of 0.1 s: at 0.1 s half of the turn is done."""
     odometry = Odometry()
     odometry.update(reported(0.0, 0.0))
     odometry.update(reported(0.1, 0.2, yaw_rad=0.2))
@@ -169,7 +169,7 @@ def test_a_turn_is_carried_on_to_now() -> None:
 
 
 def test_the_heading_of_a_frame_places_it_exactly() -> None:
-    """Telemetry's headings are 0.2 s apart; between them the drone turned at once."""
+    """Reported headings are 0.2 s apart; the drone turned suddenly between two of them."""
     odometry = Odometry()
     odometry.update(state(0.0))
     odometry.update(state(0.2, yaw_rad=0.2))
@@ -181,7 +181,7 @@ def test_the_heading_of_a_frame_places_it_exactly() -> None:
 
 @pytest.mark.parametrize("rate", [0.0, 0.7, -1.4])
 def test_five_late_reports_a_second_follow_a_circle(rate: float) -> None:
-    """Seen 0.1 to 0.2 s after they were measured, at 0.5 m/s, now is known to 3 cm."""
+    """With samples 0.1 to 0.2 s old, at 0.5 m/s, the present pose is known to 3 cm."""
     flight, odometry = Flight(0.5, rate), Odometry()
     for tick in range(81):
         measured_s = 0.2 * ((tick - 1) // 2)

@@ -1,4 +1,4 @@
-"""The values that describe a place: its landing mark and the distances kept in it."""
+"""The values that describe a place: its landing mark and its clearances."""
 
 from __future__ import annotations
 

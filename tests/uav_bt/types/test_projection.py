@@ -1,4 +1,4 @@
-"""Rays, ground points and projections: known values, round trips, refusals, and the twin's word."""
+"""Rays, ground points and projections: known values, round trips, refusals, and the twin."""
 
 from __future__ import annotations
 
@@ -62,7 +62,11 @@ def test_axes_are_a_rotation(pitch_rad: float) -> None:
 @pytest.mark.parametrize(
     ("pixel", "pitch_deg", "expected"),
     [
-        (CENTRE, -45, (2.0, 0.0)),  # the axis meets the ground as far ahead as it is high
+        (
+            CENTRE,
+            -45,
+            (2.0, 0.0),
+        ),  # the axis meets the ground at a range equal to the height
         (CENTRE, -90, (0.0, 0.0)),
         ((150.0, 50.0), -90, (0.0, 1.0)),  # half a focal length to the right: half the height
         ((100.0, 10.0), -90, (1.0, 0.0)),  # up in the image is ahead
@@ -80,7 +84,7 @@ def test_ground_points_known_values(
 
 
 def test_rays_that_do_not_go_down_meet_no_ground() -> None:
-    """The horizon and the sky give NaN, in their places."""
+    """Pixels of the horizon and the sky give NaN."""
     points = ground_points([CENTRE, (100.0, 20.0), (100.0, 90.0)], CAMERA, 0.0, 1.0)
 
     assert np.isnan(points[:2]).all()
@@ -88,7 +92,7 @@ def test_rays_that_do_not_go_down_meet_no_ground() -> None:
 
 
 def test_points_behind_the_camera_have_no_pixel() -> None:
-    """A point behind, or in the image plane's own plane, gives NaN."""
+    """A point behind the camera, or at depth 0, gives NaN."""
     pixels = project([(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (2.0, 0.0, 0.0)], CAMERA, 0.0)
 
     assert np.isnan(pixels[:2]).all()
@@ -117,10 +121,10 @@ def test_rays_have_unit_depth() -> None:
 def test_pixel_to_ground_and_back(
     pitch_rad: float, height_m: float, column: float, row: float
 ) -> None:
-    """A pixel that sees the ground is where its ground point projects to."""
+    """The projection of a pixel's ground point is the pixel."""
     point = ground_points((column, row), CAMERA, pitch_rad, height_m)
     if np.isnan(point).any() or np.abs(point).max() > 1e4:
-        return  # at the horizon a point is anywhere
+        return  # near the horizon ground points are inaccurate
     back = project((*point, height_m), CAMERA, pitch_rad)
 
     assert back == pytest.approx((column, row), abs=1e-5)
@@ -146,7 +150,7 @@ def test_row_of_a_range_sees_that_range(pitch_rad: float, range_m: float, height
 
 
 def test_elevation_rows() -> None:
-    """The axis is at the centre; 45 degrees below it is a focal length further down."""
+    """The axis is at the centre; 45 degrees below it is one focal length further down."""
     assert elevation_to_row(-0.5, CAMERA, -0.5) == pytest.approx(50.0)
     assert elevation_to_row(-math.pi / 4, CAMERA, 0.0) == pytest.approx(130.0)
 
@@ -159,7 +163,7 @@ def test_elevation_behind_the_image_plane_is_far_outside(pitch_deg: float, side:
     row = elevation_to_row(elevation_rad, CAMERA, math.radians(pitch_deg))
 
     assert side * row > 1e6
-    assert round(row) != 0  # finite: callers round it
+    assert round(row) != 0  # finite, because callers round it
 
 
 # --- refusals -------------------------------------------------------------------------------------
@@ -167,20 +171,20 @@ def test_elevation_behind_the_image_plane_is_far_outside(pitch_deg: float, side:
 
 @pytest.mark.parametrize("bad", [3.0, np.zeros(3), np.zeros((2, 4))])
 def test_pixels_must_be_pairs(bad: object) -> None:
-    """A wrong last axis is named with what came."""
+    """The error of a wrong last axis has the given shape."""
     with pytest.raises(ShapeError, match=r"pixels must be \.\.\.x2, got"):
         ground_points(bad, CAMERA, 0.0, 1.0)
 
 
 def test_points_must_be_triples() -> None:
-    """Likewise for points of the level frame."""
+    """The same holds for points of the level frame."""
     with pytest.raises(ShapeError, match=r"points must be \.\.\.x3, got 5x2"):
         project(np.zeros((5, 2)), CAMERA, 0.0)
 
 
 @pytest.mark.parametrize("height_m", [0.0, -0.4, math.nan])
 def test_the_camera_must_be_above_the_plane(height_m: float) -> None:
-    """From below a plane the points would be mirrored: refused."""
+    """A camera below the plane is refused; its points would be mirrored."""
     with pytest.raises(ValueRangeError, match="above the plane"):
         ground_points(CENTRE, CAMERA, -0.5, height_m)
 
@@ -202,10 +206,10 @@ def _level(pose: CameraPose, x_m: float, y_m: float, z_m: float) -> tuple[float,
     return c * dx + s * dy, s * dx - c * dy, pose.z_m - z_m
 
 
-# The network's size has another aspect than the video: focal lengths are unequal there.
+# The aspect of the network's image differs from the video's: its focal lengths are unequal.
 @pytest.mark.parametrize("size_px", [(640, 360), (224, 112)])
 def test_the_twin_sees_points_where_they_project(size_px: tuple[int, int]) -> None:
-    """The pad's mask spans its projected corners, and carpet lies as deep as the rays say."""
+    """The pad's mask spans its projected corners, and the carpet's depth agrees with the rays."""
     camera = anafi_camera(640, 360).resized(*size_px)
     tops = [(x, y, 0.4) for x, y in SCENE.helipad.footprint.corners()]
     feet = [(x, y, 0.0) for x, y in SCENE.helipad.footprint.corners()]

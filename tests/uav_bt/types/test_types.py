@@ -1,4 +1,4 @@
-"""The vocabulary: values that check themselves, and the geometry that comes with them."""
+"""The vocabulary: values with checks and geometry."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_folded_angle_points_the_same_way(angle_rad: float) -> None:
 
 
 def test_a_resized_camera_sees_the_same_directions() -> None:
-    """The image's edges, half a pixel beyond the outermost centres, stay where they are."""
+    """The image's edges, half a pixel beyond the outermost centres, do not move."""
     small = CAMERA.resized(224, 112)
     assert (small.width_px, small.height_px) == (224, 112)
     for camera in (CAMERA, small):
@@ -148,7 +148,7 @@ def test_values_are_immutable_and_compare_by_content() -> None:
         HOVER.gimbal = None  # type: ignore[misc]  # the point of the test
 
 
-# --- what perception tells ------------------------------------------------------------------------
+# --- results of perception ------------------------------------------------------------------------
 
 
 def test_a_helipad_has_range_and_bearing_clockwise_from_the_heading() -> None:
@@ -170,13 +170,13 @@ def test_the_nearest_obstacle_is_the_nearest_in_any_direction() -> None:
 @pytest.mark.parametrize(
     ("point_m", "free"),
     [
-        ((1.0, 0.0), False),  # on the way
-        ((1.0, 0.49), False),  # beside the way, within the margin
+        ((1.0, 0.0), False),  # on the path
+        ((1.0, 0.49), False),  # beside the path, within the margin
         ((1.0, -0.49), False),
-        ((1.0, 0.51), True),  # beside it
+        ((1.0, 0.51), True),  # beside the path
         ((2.49, 0.0), False),  # beyond the end, within the margin of it
         ((2.51, 0.0), True),
-        ((2.4, 0.4), True),  # off the end's corner: the margin is round there
+        ((2.4, 0.4), True),  # at the end's corner, where the margin is round
         ((-1.0, 0.0), True),  # behind
     ],
 )
@@ -187,7 +187,7 @@ def test_a_way_of_two_metres_keeps_half_a_metre_from_a_point(
 
 
 def test_a_way_may_go_aside() -> None:
-    """Forward and right both count, wherever the way leads."""
+    """Forward and right count in any direction of the path."""
     beside = obstacles((0.0, 1.0))
     assert beside.allows(1.0, margin_m=0.5)
     assert not beside.allows(0.0, 1.0, margin_m=0.5)
@@ -198,9 +198,9 @@ def test_a_way_may_go_aside() -> None:
 def test_what_is_too_near_already_may_be_left_and_passed_but_not_approached() -> None:
     near = obstacles((0.0, 0.3))
     assert near.allows(1.0, margin_m=0.5)  # abeam: passed
-    assert near.allows(0.0, -1.0, margin_m=0.5)  # left behind
+    assert near.allows(0.0, -1.0, margin_m=0.5)  # behind
     assert not near.allows(0.0, 0.2, margin_m=0.5)
-    assert not obstacles((0.2, 0.3)).allows(1.0, margin_m=0.5)  # ahead and abeam: nearer on the way
+    assert not obstacles((0.2, 0.3)).allows(1.0, margin_m=0.5)  # nearer on the way
 
 
 def test_one_point_in_the_way_of_many_is_enough() -> None:
@@ -211,7 +211,7 @@ def test_assumed_points_count_unless_they_are_not_to() -> None:
     assumed = obstacles(assumed_m=np.array([[1.0, 0.0]]))
     assert not assumed.allows(2.0, margin_m=0.5)
     assert assumed.allows(2.0, margin_m=0.5, assumed=False)
-    assert assumed.nearest_m == math.inf  # nobody has seen them
+    assert assumed.nearest_m == math.inf  # never seen
 
 
 def test_nowhere_is_always_a_free_way() -> None:
@@ -226,7 +226,7 @@ def test_bearings_of_unknown_range_are_counted_on_both_sides() -> None:
 
 
 def test_arrays_print_as_their_shapes() -> None:
-    """A console shows a tick's record on a few lines, not its pixels."""
+    """The text of a tick's record has a few lines, without pixels."""
     class_map = ClassMap(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=1.0)
     assert repr(class_map) == "ClassMap(ids=<112x224 uint8>, captured_s=1.0)"
     points = NearObstacles(points_m=np.zeros((3, 2)), captured_s=1.0)

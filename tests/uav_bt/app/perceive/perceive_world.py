@@ -1,4 +1,4 @@
-"""A small lab, drawn, as images, as a video and as a record, for the tests of perceiving."""
+"""A small drawn lab as images, video and record, for the tests of `net perceive`."""
 
 from __future__ import annotations
 

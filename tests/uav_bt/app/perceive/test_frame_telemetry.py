@@ -1,4 +1,4 @@
-"""Where the frames of a video were taken from."""
+"""Telemetry of the frames of a video."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ IMAGE = np.zeros((24, 32, 3), np.uint8)
 
 @pytest.fixture
 def flown(tmp_path: Path) -> FlightTelemetry:
-    """Three frames from second 10 on, climbing and turning through the back."""
+    """Three frames from 10 s on, during a climb and a turn across yaw = pi."""
     frames = [
         frame(
             IMAGE,
@@ -60,7 +60,7 @@ def test_between_two_frames_telemetry_is_interpolated(flown: FlightTelemetry) ->
     between = flown.frame(IMAGE, 0, 0.5)
     assert between.gimbal_pitch_rad == pytest.approx(-0.55)
     assert between.height_above_carpet_m == pytest.approx(1.9)
-    # From 3.0 to -3.2 is 0.08 rad through the back, not 6.2 rad through the front.
+    # From 3.0 to -3.2 the short way across pi is 0.08 rad, the long way 6.2 rad.
     assert math.cos(between.attitude.yaw_rad) < -0.99
 
 

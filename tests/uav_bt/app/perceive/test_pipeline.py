@@ -1,4 +1,4 @@
-"""The whole of perception of a frame, without a tree."""
+"""Complete perception of a frame, without a tree."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BOX = BOXES[0]
 
 
 class Painted:
-    """A segmenter that answers the ids it is given."""
+    """A segmenter that returns given ids."""
 
     def __init__(self, ids: NDArray[np.uint8]) -> None:
         self.ids = ids
@@ -42,7 +42,7 @@ class Painted:
 
 
 class Halves:
-    """A network whose unit is two metres, exact on the carpet."""
+    """A depth network whose unit is 2 m, exact on the carpet."""
 
     def estimate(self, frame: Frame) -> DepthMap:
         exact = ground_depth(view_of(frame, CAMERA, SIZE))
@@ -64,7 +64,7 @@ def with_box(near_row: int = 80) -> NDArray[np.uint8]:
 
 
 def frame(index: int = 0, **changes: float) -> Frame:
-    """Return a picture that is never the same."""
+    """Return a different picture at each call."""
     values = {
         "captured_s": 0.1 * index,
         "gimbal_pitch_rad": PITCH_RAD,

@@ -1,4 +1,4 @@
-"""Perception of whole sources: what comes out, and what is refused."""
+"""Perception of whole sources: results and refused inputs."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
     lines = rows(tmp_path / "seen.jsonl")
     assert [line["index"] for line in lines] == [0, 1, 2, 3]
-    # The box's front stands 1.75 m ahead of the lens, 1.9 m ahead of the body, and comes nearer.
+    # The box's front is 1.75 m ahead of the lens and 1.9 m ahead of the body; the drone approaches.
     assert lines[0]["corridor"]["free_distance_m"] == pytest.approx(1.90, abs=0.12)
     assert lines[3]["corridor"]["nearest_side"] is not None
     assert lines[0]["refusal"] is None

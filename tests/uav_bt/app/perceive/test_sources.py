@@ -1,4 +1,4 @@
-"""Pictures from files, folders and cameras, and what happens to those that cannot be read."""
+"""Pictures from files, folders and cameras; reactions to unreadable ones."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def video(path: Path, count: int = 6, rate: int = 10) -> None:
 def encoded(
     path: Path, images: Sequence[NDArray[np.uint8]], *, cover: NDArray[np.uint8] | None = None
 ) -> Path:
-    """Write a video of ten images a second; a cover picture goes before the images."""
+    """Write a video of ten images a second; a cover picture precedes the images."""
     with av.open(str(path), "w") as container:
         if cover is not None:
             picture = container.add_stream("mjpeg", rate=1)
@@ -248,7 +248,7 @@ def test_times_go_on_where_two_recordings_are_joined(tmp_path: Path) -> None:
     part = encoded(tmp_path / "part.ts", noise(6)).read_bytes()
     (tmp_path / "joined.ts").write_bytes(part + part)
     times_s = [one.time_s for one in VideoSource(tmp_path / "joined.ts").images()]
-    assert len(times_s) >= 11  # the packet at the joint may count as damaged
+    assert len(times_s) >= 11  # the packet at the joint may be reported as damaged
     assert times_s[-1] == pytest.approx(1.1, abs=0.11)
     assert (np.diff(times_s) > 0.0).all()
 
@@ -300,7 +300,7 @@ def test_a_records_frames_keep_their_times(tmp_path: Path) -> None:
 
 
 class Device:
-    """Stands for OpenCV's camera: sends some images, some of them broken, and stops."""
+    """Replaces OpenCV's camera: returns some images, some of them broken, then stops."""
 
     def __init__(
         self, clock: ManualClock, *, whole: Sequence[bool] = (), opens: bool = True

@@ -1,4 +1,4 @@
-"""Replays: the same for what is unchanged, different where and when something was changed."""
+"""Replays: equal without changes, otherwise different from the tick of the change on."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from uav_bt.types import (
     Velocity,
 )
 
-# With networks, detector, tracker, memory and policy: all that may decide differently.
+# With networks, detector, tracker, memory and policy: everything that affects decisions.
 PERCEIVING = """
 <ReactiveSequence>
   <Segment model="unet"/>
@@ -132,8 +132,8 @@ def test_a_changed_mission_differs_from_where_it_was_changed(noisy: Path, tmp_pa
     assert first.command is not None
     assert "90 deg left" in first.command[0]
     assert "60 deg left" in first.command[1]
-    assert first.statuses == {}  # until then all was the same
-    # Its movement is the same one in all else: it ends when the recorded one ended.
+    assert first.statuses == {}  # equal until then
+    # Otherwise its movement is equal: it ends when the recorded one ended.
     assert report.status_ticks == 0
 
 
@@ -194,7 +194,7 @@ def test_an_operators_stop_is_repeated_in_its_tick(
 
 def test_limits_are_the_recorded_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     options = app.FlightOptions(limits=Limits(ceiling_m=1.2))
-    # A height that is a variable is known in flight only, where the arbiter keeps the ceiling.
+    # A height from a variable is known only in flight; there the arbiter enforces the ceiling.
     body = FLIGHT.replace('"1.5"', '"{h}"').replace("<TakeOff", '<Script code="h := 1.5"/><TakeOff')
     record, _ = fly_noisy(tmp_path, monkeypatch, body=body, options=options)
     assert replay(record).same
@@ -267,7 +267,7 @@ def fly_with_include(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, facts: str
 def test_a_record_without_facts_about_its_includes_goes_by_their_paths(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """So older ones are."""
+    """Older records have no such facts."""
     record = fly_with_include(tmp_path, monkeypatch, "")
     assert "tree_includes" not in RecordReader(record).metadata
     assert replay(record).same
@@ -283,7 +283,7 @@ def test_damaged_facts_about_includes_are_refused(
 
 
 def test_a_flight_in_a_site_replays_as_it_was_flown(tmp_path: Path) -> None:
-    """Its height, its limits and what it counts as ground are the recorded ones."""
+    """Height, limits and ground classes are the recorded ones."""
     site = Site(
         flight_height_m=1.2,
         ground=("carpet", "background"),
@@ -354,7 +354,7 @@ def test_commands_without_numbers_need_no_pairing() -> None:
 def test_a_record_without_what_the_tree_perceives_is_refused(
     perceived: Path, tmp_path: Path, topic: str, masks: str, words: str
 ) -> None:
-    """Its replay would differ, and the program would not be the reason."""
+    """Its replay would differ because of the missing data, not because of the program."""
     part = copy_part(perceived, tmp_path / "part.mcap", without=topic)
     with pytest.raises(FileError, match=words):
         replay(part, ReplayOptions(masks=masks))  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""One short flight of the twin with its record, and what a follower saw while it was flown."""
+"""A short flight of the twin: its record and the ticks that a live follower saw."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MISSION = """
 
 @dataclass
 class Seen:
-    """What a live follower saw of each tick."""
+    """The ticks, boards and statuses that a live follower saw."""
 
     ticks: list[TickRecord] = field(default_factory=list)
     boards: list[dict[str, tuple[Any, float]]] = field(default_factory=list)
@@ -50,7 +50,7 @@ class Seen:
 
 
 def fly(folder: Path, name: str = "flight.mcap", **changes: Any) -> tuple[Path, Seen, FlightReport]:
-    """Fly the mission and return its record, what was seen of it, and its report."""
+    """Fly the mission and return its record, the follower's ticks and the report."""
     tree = folder / "mission.xml"
     tree.write_text(
         f'<root BTCPP_format="4"><BehaviorTree ID="Main">{MISSION}</BehaviorTree></root>',

@@ -1,4 +1,4 @@
-"""A record played back is the flight: tick by tick, with its board and its statuses."""
+"""The playback of a record equals the flight in each tick's record, board and statuses."""
 
 from __future__ import annotations
 

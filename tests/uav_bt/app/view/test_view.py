@@ -1,4 +1,4 @@
-"""Flights viewed: while they are flown, from records, in files, in films; bad records refused."""
+"""Views of flights: live, from records, in files and films; bad records are refused."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ENTITIES = (
 
 
 def contents(path: Path) -> str:
-    """Return what Rerun's own program reads in a file, without a warning."""
+    """Return the content of a file as Rerun's program reads it, without a warning."""
     program = sinks.viewer_command(1, None)[0]
     told = subprocess.run(  # noqa: S603  # the program of Rerun's wheel
         [program, "rrd", "print", str(path)], capture_output=True, text=True, check=True

@@ -1,4 +1,4 @@
-"""Reports: what stands in them, what they are made from, and that they need nothing else."""
+"""Reports: their content and sources; they are self-contained."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def rows(written: WrittenReport, name: str) -> list[dict[str, str]]:
 
 
 class Page(HTMLParser):
-    """Collects what a page refers to, and whether its elements are closed in order."""
+    """Collects the references of a page, and checks the order of its closing tags."""
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Script files of dry runs: what they say, and what is refused with its line."""
+"""Script files of dry runs: their content, and refusals with their line."""
 
 from __future__ import annotations
 

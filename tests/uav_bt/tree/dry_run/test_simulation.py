@@ -1,4 +1,4 @@
-"""Dry runs: the tree as it is, its leaves as the script says."""
+"""Dry runs: the real tree, with leaves that follow the script."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_a_leaf_that_a_condition_passes_over_is_skipped(tmp_path: Path) -> None:
 
 
 def test_the_default_is_for_leaves_without_answers_only(tmp_path: Path) -> None:
-    """Also where a leaf that has answers is called like another leaf's id."""
+    """This also holds if the name of a leaf with answers is the id of another leaf."""
     body = '<Sequence><Fly name="Measure"/><Measure name="m"/><Fly/></Sequence>'
     (step,) = ticks(tmp_path, body, "leaves: {Main/Sequence/Measure: R}\ndefault: F", count=1)
     assert step.answers == (Answer("Measure", R),)

@@ -1,4 +1,4 @@
-"""Control nodes and decorators of a palette are ticked as what a script takes them for."""
+"""Control nodes and decorators of a palette tick like the nodes that a script names for them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The layout of tree files: one for all, nothing lost, and stable."""
+"""The layout of tree files: uniform, lossless and stable."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def formatted(text: str) -> str:
 
 
 def inside(body: str) -> str:
-    """Return what stands inside a sequence after formatting, two levels out."""
+    """Return the formatted content of a sequence, two levels less indented."""
     text = formatted(f"<root><BehaviorTree>{body}</BehaviorTree></root>")
     lines = text.splitlines()[2:-2]
     return "\n".join(line.removeprefix("    ") for line in lines)
@@ -42,7 +42,7 @@ def test_a_tag_that_is_too_long_has_one_attribute_a_line() -> None:
     assert inside(f'<A a="{long}" b="{long}"><B/></A>') == (
         f'<A\n  a="{long}"\n  b="{long}"\n>\n  <B/>\n</A>'
     )
-    assert inside(f'<A a="{long * 3}"/>') == f'<A a="{long * 3}"/>'  # nothing to break
+    assert inside(f'<A a="{long * 3}"/>') == f'<A a="{long * 3}"/>'  # no place for a line break
     fits = "y" * 40
     assert inside(f'<A a="{fits}"\n\n b="{fits}"/>') == f'<A a="{fits}" b="{fits}"/>'
 
@@ -59,7 +59,7 @@ def test_values_stay_as_they_are_written() -> None:
 def test_comments_stay_where_they_belong() -> None:
     assert inside("<!--a--><A/> <!-- of A --><!-- too -->\n<!-- of B --><B/>") == (
         "<!--a-->\n<A/> <!-- of A --> <!-- too -->\n<!-- of B -->\n<B/>"
-    ).replace("<!--a-->\n", "")  # it stood beside the tree's own tag
+    ).replace("<!--a-->\n", "")  # it was on the line of the tree's tag
 
 
 def test_a_comments_lines_move_together() -> None:
@@ -110,7 +110,7 @@ def test_what_is_no_tree_file_is_refused_with_its_place(text: str, reason: str) 
 
 
 def answers(text: str, world: World) -> list[str]:
-    """Return what a tree answers in six ticks, and what its leaves were called for."""
+    """Return the answers of a tree in six ticks, and the calls of its leaves."""
     tree = parse_tree(text, REGISTRY)
     tree.setup(world.context)
     found = []
