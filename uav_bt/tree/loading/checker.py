@@ -93,7 +93,8 @@ class Checker:
                 self._check_condition(element, name, text)
             else:
                 given[name] = text
-        bound, wrong = bind_ports(node.ports, given, CONDITION_ATTRIBUTES)
+        ports = node.ports_over(len(element.children))
+        bound, wrong = bind_ports(ports, given, CONDITION_ATTRIBUTES)
         scripts = {port.name for port in node.ports if port.check in SCRIPTS}
         for name, message in wrong.items():
             self._note(element, message, name, Rule.SCRIPT if name in scripts else Rule.ATTRIBUTE)

@@ -132,8 +132,9 @@ class VariableUses:
     def _node(
         self, element: Element, node: type[Node], given: dict[str, str], scope: Scope
     ) -> None:
-        bound, _ = bind_ports(node.ports, dict(given))
-        for port in node.ports:
+        ports = node.ports_over(len(element.children))
+        bound, _ = bind_ports(ports, dict(given))
+        for port in ports:
             value = bound.get(port.name)
             use = Use(element, port.name)
             if isinstance(value, Reference):
@@ -238,12 +239,11 @@ class VariableUses:
         kind = kind_of(part.value) or UNKNOWN
         if isinstance(source, Key):
             kind, source = source.type, None
-        text = part.value.value if isinstance(part.value, Literal) and kind is str else None
         slot.writes.append(
             Write(
                 use,
                 kind,
-                value=str(text) if text is not None else None,
+                value=part.value.value if isinstance(part.value, Literal) else None,
                 copied=source,
                 creates=part.sign == ":=",
             )
