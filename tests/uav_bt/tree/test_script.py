@@ -62,6 +62,14 @@ def _scope(variables: dict[str, object]) -> Variables:
         ("2 > 1 ? 'yes' : 'no'", "yes"),
         ("0 ? 1 : 0 ? 2 : 3", 3),
         ("'' ? 1 : 2", 2),
+        ("'false' ? 60 : 1", 1),
+        ("'True' ? 60 : 1", 60),
+        ("'0' ? 60 : 1", 1),
+        ("!'true'", 0.0),
+        ("!'FALSE'", 1.0),
+        ("!'0'", 1.0),
+        ("'true' && 1", 1.0),
+        ("'false' || 'False'", 0.0),
         ("1; 2; 3", 3),
         ("1; 2;", 2),
         ("1 +\n 2", 3.0),
@@ -219,3 +227,9 @@ def test_only_a_script_that_is_asked_needs_content() -> None:
     for empty in ("", " ; "):
         with pytest.raises(ScriptError, match="the script is empty"):
             parse_question(empty)
+
+
+@pytest.mark.parametrize("source", ["!far", "far && 1", "0 || far", "far ? 60 : 1"])
+def test_a_text_that_spells_no_truth_value_is_no_condition(source: str) -> None:
+    with pytest.raises(ScriptError, match="expected a number, got 'no'"):
+        run(source, far="no")

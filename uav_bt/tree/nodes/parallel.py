@@ -27,7 +27,6 @@ class _Counting(ControlNode):
             children: how many children the node has in its tree.
         """
 
-
         def check(count: int) -> None:
             if count > children:
                 raise ValueError(f"expected at most its {children} children, got {count}")

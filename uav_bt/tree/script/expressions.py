@@ -83,8 +83,10 @@ class Unary(Expression):
         return (self.operand,)
 
     def evaluate(self, environment: Environment) -> Value:
-        """Apply the sign; texts have none."""
+        """Apply the sign; of texts, `!` takes those that spell a truth value."""
         value = self.operand.evaluate(environment)
+        if isinstance(value, str) and self.sign == "!":
+            return float(not truth(value))
         if isinstance(value, str):
             raise ScriptError(f"'{self.sign}' cannot be applied to a text")
         return _UNARY[self.sign](float(value))
@@ -110,13 +112,16 @@ _BINARY: Final[dict[str, Callable[[float, float], float]]] = {
     "&": lambda left, right: float(_integer(left) & _integer(right)),
     "|": lambda left, right: float(_integer(left) | _integer(right)),
     "^": lambda left, right: float(_integer(left) ^ _integer(right)),
-    # Both sides are always evaluated, as the engine does.
-    "&&": lambda left, right: float(truth(left) & truth(right)),
-    "||": lambda left, right: float(truth(left) | truth(right)),
+}
+_LOGICAL: Final[dict[str, Callable[[bool, bool], bool]]] = {
+    "&&": operator.and_,
+    "||": operator.or_,
 }
 
 
 def _computed(sign: str, left: Value, right: Value) -> Value:
+    if sign in _LOGICAL:  # both sides are always evaluated, as in the engine
+        return float(_LOGICAL[sign](truth(left), truth(right)))
     texts = isinstance(left, str) + isinstance(right, str)
     if (sign == ".." and texts) or (sign == "+" and texts == 2):
         joined = f"{left}{right}"
@@ -206,7 +211,7 @@ class Conditional(Expression):
     def evaluate(self, environment: Environment) -> Value:
         """Evaluate the condition and one of the two."""
         value = self.condition.evaluate(environment)
-        chosen = value != "" if isinstance(value, str) else value != 0
+        chosen = value != "" and truth(value) if isinstance(value, str) else value != 0
         return (self.then if chosen else self.otherwise).evaluate(environment)
 
 

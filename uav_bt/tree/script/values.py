@@ -19,6 +19,11 @@ MAX_TEXT: Final = 100_000  # characters; `s += s` at every tick would fill the m
 MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree: thousands of scripts make many
 _EPSILON: Final = 2.0**-23  # reals closer than this are equal: the engine's, of a C float
 _WORDS: Final = {"true": 1.0, "false": 0.0}
+# The spellings that the format's engine reads as truth values, and `!` of a text takes.
+_TRUTHS: Final = {
+    **dict.fromkeys(("true", "True", "TRUE", "1"), True),
+    **dict.fromkeys(("false", "False", "FALSE", "0"), False),
+}
 
 
 class ScriptError(ValueError):
@@ -49,8 +54,10 @@ def truth(value: object) -> bool:
     """Return a value as true or false.
 
     Raises:
-        ScriptError: it is neither: only 1 and 0 are.
+        ScriptError: it is neither: only 1, 0 and texts that spell a truth value are.
     """
+    if isinstance(value, str) and value in _TRUTHS:
+        return _TRUTHS[value]
     real = number(value)
     if real not in {0.0, 1.0}:
         raise ScriptError(f"expected true or false (1 or 0), got {value}; write a comparison")
