@@ -263,17 +263,18 @@ def _joined(binary: Binary) -> type | None:
     return str if kinds == {str} else float
 
 
-def certain_names(expression: Expression) -> Iterator[Name]:
-    """Iterate over the names that are read whenever the expression is evaluated."""
-    if isinstance(expression, Name):
-        yield expression
-    elif isinstance(expression, Conditional):
-        yield from certain_names(expression.condition)
+def certain_parts(expression: Expression) -> Iterator[Expression]:
+    """Iterate over the parts that are evaluated whenever the expression is, itself first."""
+    yield expression
+    parts = expression.parts()
+    if isinstance(expression, Conditional):
+        parts = (expression.condition,)
     elif isinstance(expression, Comparison):
-        yield from certain_names(expression.first)
-        yield from certain_names(expression.rest[0][1])  # a false link ends the chain
-    elif isinstance(expression, Assignment):
-        yield from certain_names(expression.value)
-    else:
-        for part in expression.parts():
-            yield from certain_names(part)
+        parts = (expression.first, expression.rest[0][1])  # a false link ends the chain
+    for part in parts:
+        yield from certain_parts(part)
+
+
+def is_constant(expression: Expression) -> bool:
+    """Return whether an expression reads and writes no variable."""
+    return not any(isinstance(part, (Name, Assignment)) for part in expression.walk())

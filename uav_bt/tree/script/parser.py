@@ -21,9 +21,11 @@ from uav_bt.tree.script.expressions import (
     Literal,
     Name,
     Unary,
-    certain_names,
+    certain_parts,
+    is_constant,
 )
-from uav_bt.tree.script.values import Environment, ScriptError, Value
+from uav_bt.tree.script.values import Environment, ScriptError, Value, truth
+from uav_bt.tree.variables import Variables
 
 MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
 
@@ -73,8 +75,27 @@ class Script:
     @cached_property
     def certain(self) -> frozenset[int]:
         """The ids of the parts that are names which every run reads."""
-        names = (name for statement in self.statements for name in certain_names(statement))
-        return frozenset(map(id, names))
+        return frozenset(id(part) for part in self._certain_parts if isinstance(part, Name))
+
+    @cached_property
+    def _certain_parts(self) -> tuple[Expression, ...]:
+        return tuple(part for statement in self.statements for part in certain_parts(statement))
+
+    def fault(self, *, asked: bool) -> str | None:
+        """Return why every run fails, whatever the variables hold; None when a run may work.
+
+        Args:
+            asked: whether the value of the last statement must be true or false.
+        """
+        nothing = Environment(Variables())
+        try:
+            for part in filter(is_constant, self._certain_parts):
+                part.evaluate(nothing)
+            if asked and is_constant(self.statements[-1]):
+                truth(self.statements[-1].evaluate(nothing))
+        except (ScriptError, OverflowError) as error:
+            return str(error)
+        return None
 
     def walk(self) -> Iterator[Expression]:
         """Iterate over all parts."""
