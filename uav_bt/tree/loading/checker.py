@@ -114,7 +114,7 @@ class Checker:
 
     def _check_script(self, element: Element, attribute: str, text: str, *, asked: bool) -> None:
         script = parse_script(text)
-        fault = script.fault(asked=asked)
+        fault = script.fault(self._document.enum_members, asked=asked)
         if fault is not None:
             message = f"attribute '{attribute}': the script always fails: {fault}"
             self._note(element, message, attribute, Rule.SCRIPT)

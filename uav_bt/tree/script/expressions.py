@@ -14,7 +14,6 @@ from uav_bt.tree.script.values import (
     ScriptError,
     Value,
     compare_equal,
-    number,
     truth,
 )
 
@@ -189,7 +188,8 @@ class Comparison(Expression):
             if isinstance(left, str) and isinstance(right, str):
                 holds = _TEXT_COMPARISONS[sign](left, right)
             else:
-                holds = _COMPARISONS[sign](number(left), number(right))
+                reals = environment.number(left), environment.number(right)
+                holds = _COMPARISONS[sign](*reals)
             if not holds:
                 return 0.0
             left = right

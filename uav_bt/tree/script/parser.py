@@ -7,7 +7,7 @@ Weakest to strongest: assignment, `? :`, `||`, `&&`, comparisons (which chain), 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Final
@@ -81,13 +81,15 @@ class Script:
     def _certain_parts(self) -> tuple[Expression, ...]:
         return tuple(part for statement in self.statements for part in certain_parts(statement))
 
-    def fault(self, *, asked: bool) -> str | None:
+    def fault(self, members: Mapping[str, int], *, asked: bool) -> str | None:
         """Return why every run fails, whatever the variables hold; None when a run may work.
 
         Args:
+            members: of enumerations, integers by name.
             asked: whether the value of the last statement must be true or false.
         """
         nothing = Environment(Variables())
+        nothing.members.update(members)
         try:
             for part in filter(is_constant, self._certain_parts):
                 part.evaluate(nothing)

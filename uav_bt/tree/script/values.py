@@ -122,13 +122,18 @@ class Environment:
         self._variables = variables
         self._board = board
 
+    @property
+    def members(self) -> dict[str, int]:
+        """Members of enumerations, integers by name."""
+        return self._variables.enum_members
+
     def read(self, name: str) -> Value:
         """Return the value of a name.
 
         Raises:
             ScriptError: nothing, nothing fresh, or nothing that a script can use.
         """
-        members = self._variables.enum_members
+        members = self.members
         if name in members:  # before a variable of the same name, as in the engine
             return float(members[name])
         key = self._board_key(name)
@@ -140,6 +145,15 @@ class Environment:
             kind = type(value).__name__
             raise ScriptError(f"'{name}' is a {kind}; scripts know numbers and texts")
         return value
+
+    def number(self, value: Value) -> float:
+        """Return a value as a real; a text may be the name of an enumeration's member.
+
+        Raises:
+            ScriptError: it is none.
+        """
+        members = self.members
+        return float(members[value]) if value in members else number(value)
 
     def holds(self, name: str) -> bool:
         """Return whether a variable exists."""
