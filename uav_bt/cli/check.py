@@ -16,11 +16,12 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Rule, errors_of
 from uav_bt.tree.loading.folders import TreeFolders
-from uav_bt.tree.loading.loader import check_file, check_text, findings_of
+from uav_bt.tree.loading.loader import check_text, findings_of
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.palette import read_palette, with_palette
 from uav_bt.tree.loading.sarif import sarif_log
 from uav_bt.tree.loading.source import MAX_BYTES
+from uav_bt.tree.loading.together import FilesTogether
 from uav_bt.tree.shipped import STARTERS, tree_files, write_starter
 
 _STDIN: Final = "-"  # as a TREE
@@ -129,22 +130,9 @@ def _reports(
     except FileError as error:
         yield Path(tree), findings_of(error, Path(tree))
         return
-    called = {str(path.resolve()): str(path) for path in files}
-    found = {
-        path: [
-            replace(each, path=called.get(each.path, each.path))
-            for each in check_file(path, registry, tree_id=tree_id, lookup=lookup)
-        ]
-        for path in files
-    }
-    # Findings in another file of the folder are in that file's report, except those that depend on
-    # this file's use of it.
-    own = {_matter(each) for path, some in found.items() for each in some if each.path == str(path)}
-    for path, some in found.items():
-        yield (
-            path,
-            tuple(each for each in some if each.path == str(path) or _matter(each) not in own),
-        )
+    together = FilesTogether(files, registry, tree_id=tree_id, lookup=lookup)
+    for path in files:
+        yield path, together.findings(path)
 
 
 def _piped(
@@ -164,11 +152,6 @@ def _piped(
         except OSError as error:
             return path, (Finding(tree, WHOLE_FILE, str(error.strerror), rule=Rule.FILE),)
     return path, check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup)
-
-
-def _matter(finding: Finding) -> tuple[object, ...]:
-    """Return the subject of a finding, without the node's path, which depends on the tree."""
-    return finding.path, finding.position, finding.severity, finding.message
 
 
 def _print(path: Path, findings: tuple[Finding, ...]) -> None:
