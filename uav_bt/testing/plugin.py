@@ -23,7 +23,7 @@ _TOGETHER: Final = pytest.StashKey["FilesTogether"]()
 _LOOKUP_OPTIONS: Final = {
     "folder": (
         "DIR",
-        "with --check-trees: a folder whose trees SubTrees may use, too; may be given several times",
+        "with --check-trees: a folder whose trees SubTrees may use, too; may be repeated",
     ),
     "include_root": (
         "DIR",
