@@ -21,6 +21,7 @@ from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.script import SCRIPTS, parse_question, parse_script
 from uav_bt.tree.script.expressions import Name
+from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 
@@ -121,6 +122,10 @@ class Checker:
         for odd in script.oddities:
             message = f"attribute '{attribute}': {odd}"
             self._findings.warn(element, message, attribute, rule=Rule.SCRIPT)
+        for name in script.board_writes:
+            if name in self._board_keys or not self._registry.foreign_board:
+                message = f"attribute '{attribute}': '@{name}' is a board key; {ONLY_LEAVES_WRITE}"
+                self._note(element, message, attribute, Rule.BOARD_KEY)
         for part in script.walk():
             if not isinstance(part, Name) or not part.name.startswith("@"):
                 continue

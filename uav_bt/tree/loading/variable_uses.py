@@ -206,6 +206,8 @@ class VariableUses:
         except (ScriptError, InputError):
             return
         for part in script.walk():
+            if isinstance(part, Assignment) and part.name.startswith("@"):
+                continue  # on another engine's board; the checker refuses all others
             if isinstance(part, Assignment):
                 self._assignment(part, scope, use)
             elif isinstance(part, Name) and self._is_variable(part):
@@ -224,7 +226,9 @@ class VariableUses:
 
     def _changed(self, script: Script, scope: Scope, use: Use) -> None:
         for statement in script.statements:
-            if isinstance(statement, Assignment) and statement.sign != ":=":
+            if not isinstance(statement, Assignment) or statement.name.startswith("@"):
+                continue
+            if statement.sign != ":=":
                 slot = scope.place(statement.name)
                 if isinstance(slot, Slot):
                     slot.reads.append(Read(use, None, needed=True))

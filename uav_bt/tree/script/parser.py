@@ -81,6 +81,12 @@ class Script:
     def _certain_parts(self) -> tuple[Expression, ...]:
         return tuple(part for statement in self.statements for part in certain_parts(statement))
 
+    @cached_property
+    def board_writes(self) -> tuple[str, ...]:
+        """The board keys that assignments name, without the `@`."""
+        written = [part.name for part in self.parts if isinstance(part, Assignment)]
+        return tuple(name[1:] for name in written if name.startswith("@"))
+
     def fault(self, members: Mapping[str, int], *, asked: bool) -> str | None:
         """Return why every run fails, whatever the variables hold; None when a run may work.
 
@@ -190,11 +196,6 @@ class _Parser:
         sign = self._take().text
         if not isinstance(left, Name):
             raise ScriptError(f"column {column}: only a variable can stand left of '{sign}'")
-        if left.name.startswith("@"):
-            raise ScriptError(
-                f"column {column}: '{left.name}' is a board key; leaves write those, scripts only "
-                "read"
-            )
         return Assignment(left.name, sign, self._nested(self._assignment))
 
     def _conditional(self) -> Expression:

@@ -15,6 +15,7 @@ from uav_bt.tree.variables import Variables
 
 Value = int | float | str
 
+ONLY_LEAVES_WRITE: Final = "leaves write those, scripts only read"  # of board keys, in messages
 MAX_TEXT: Final = 100_000  # characters; `s += s` at every tick would fill the memory
 MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree: thousands of scripts make many
 _EPSILON: Final = 2.0**-23  # reals closer than this are equal: the engine's, of a C float
@@ -156,8 +157,11 @@ class Environment:
         return float(members[value]) if value in members else number(value)
 
     def holds(self, name: str) -> bool:
-        """Return whether a variable exists."""
-        return name in self._variables or self._board_key(name) is not None
+        """Return whether a variable exists, or a board key that scripts may write has a value."""
+        key = self._board_key(name)
+        if key is not None and self._board is not None and self._board.scripts_may_write(key):
+            return self._read_board(key) is not None
+        return name in self._variables or key is not None
 
     def write(self, name: str, value: Value) -> Any:
         """Write a variable without changing its type, and return its new value.
@@ -170,9 +174,12 @@ class Environment:
             ScriptError: the value has another type, or the name is a board key.
         """
         key = self._board_key(name)
+        board = self._board
+        if key is not None and board is not None and board.scripts_may_write(key):
+            return self._write_board(board, key, value)
         if key is not None:
             what = f"'{name}' is a board key" if name == f"@{key}" else f"'{name}' is '@{key}'"
-            raise ScriptError(f"{what}; leaves write those, scripts only read")
+            raise ScriptError(f"{what}; {ONLY_LEAVES_WRITE}")
         old = self._variables.get(name)
         try:
             kept = assigned(old, value)
@@ -187,6 +194,14 @@ class Environment:
 
     def _board_key(self, name: str) -> str | None:
         return name[1:] if name.startswith("@") else self._variables.board_key(name)
+
+    def _write_board(self, board: Blackboard, key: str, value: Value) -> Value:
+        try:
+            kept: Value = assigned(self._read_board(key), value)
+        except ScriptError as error:
+            raise ScriptError(f"'@{key}': {error}") from error
+        board.write(board.key(key), kept)
+        return kept
 
     def _read_board(self, key: str) -> Any:
         if self._board is None:
