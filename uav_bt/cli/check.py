@@ -14,13 +14,17 @@ from uav_bt.cli.command import Command, note_input
 from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.loading.findings import Finding, Findings, errors_of
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Rule, errors_of
 from uav_bt.tree.loading.folders import TreeFolders
-from uav_bt.tree.loading.loader import check_file, findings_of
+from uav_bt.tree.loading.loader import check_text, findings_of
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.palette import read_palette, with_palette
 from uav_bt.tree.loading.sarif import sarif_log
+from uav_bt.tree.loading.source import MAX_BYTES
+from uav_bt.tree.loading.together import FilesTogether
 from uav_bt.tree.shipped import STARTERS, tree_files, write_starter
+
+_STDIN: Final = "-"  # as a TREE
 
 
 def _with_palette(ctx: click.Context, param: click.Parameter, value: Path | None) -> NodeRegistry:
@@ -79,8 +83,8 @@ def check(
     """Check tree files and report all that is wrong.
 
     TREE is a file, a folder with tree files, or the name of a mission that ships with uav-bt. A
-    folder is one workspace: its files use each other's trees. Exits with 2 when something is
-    refused; a warning is about what flies all the same.
+    folder is one workspace: its files use each other's trees. - is standard input, and a pipe is
+    read, too. Exits with 2 when something is refused; a warning is about what flies all the same.
 
     \b
     As JSON, each line is an object with
@@ -116,6 +120,9 @@ def _reports(
     lookup: Lookup,
 ) -> Iterator[tuple[Path, tuple[Finding, ...]]]:
     """Yield the findings of each file of a TREE."""
+    if tree == _STDIN or Path(tree).is_fifo() or Path(tree).is_char_device():
+        yield _piped(tree, registry, tree_id, lookup)
+        return
     try:
         files = tree_files(tree)
         if Path(tree).is_dir():
@@ -123,27 +130,28 @@ def _reports(
     except FileError as error:
         yield Path(tree), findings_of(error, Path(tree))
         return
-    called = {str(path.resolve()): str(path) for path in files}
-    found = {
-        path: [
-            replace(each, path=called.get(each.path, each.path))
-            for each in check_file(path, registry, tree_id=tree_id, lookup=lookup)
-        ]
-        for path in files
-    }
-    # Findings in another file of the folder are in that file's report, except those that depend on
-    # this file's use of it.
-    own = {_matter(each) for path, some in found.items() for each in some if each.path == str(path)}
-    for path, some in found.items():
-        yield (
-            path,
-            tuple(each for each in some if each.path == str(path) or _matter(each) not in own),
-        )
+    together = FilesTogether(files, registry, tree_id=tree_id, lookup=lookup)
+    for path in files:
+        yield path, together.findings(path)
 
 
-def _matter(finding: Finding) -> tuple[object, ...]:
-    """Return the subject of a finding, without the node's path, which depends on the tree."""
-    return finding.path, finding.position, finding.severity, finding.message
+def _piped(
+    tree: str,
+    registry: NodeRegistry,
+    tree_id: str | None,
+    lookup: Lookup,
+) -> tuple[Path, tuple[Finding, ...]]:
+    """Return what findings call a text from a pipe, and its findings. A pipe is read once."""
+    if tree == _STDIN:
+        path, source = Path("<stdin>"), click.get_binary_stream("stdin").read(MAX_BYTES + 1)
+    else:
+        path = Path(tree)
+        try:
+            with path.open("rb") as pipe:
+                source = pipe.read(MAX_BYTES + 1)
+        except OSError as error:
+            return path, (Finding(tree, WHOLE_FILE, str(error.strerror), rule=Rule.FILE),)
+    return path, check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup)
 
 
 def _print(path: Path, findings: tuple[Finding, ...]) -> None:

@@ -136,7 +136,8 @@ class _Session:
 
     def _take_folders(self) -> None:
         workspace = self._server.workspace
-        roots = [*workspace.folders] or [uri for uri in [workspace.root_uri] if uri]
+        uris_given = [folder.uri for folder in workspace.folders.values()]
+        roots = uris_given or [uri for uri in [workspace.root_uri] if uri]
         self._folders.take(map(_path, roots))
 
     def disk_changed(self, params: types.DidChangeWatchedFilesParams) -> None:
@@ -156,7 +157,7 @@ class _Session:
 
     def _check_all(self) -> None:
         self._folders.note_change()
-        for uri in [*self._server.workspace.text_documents]:
+        for uri in self._open_uris():
             self._checks.request(uri)
 
     # --- documents --------------------------------------------------------------------------------
@@ -165,21 +166,28 @@ class _Session:
         count: int = self._server.workspace.position_codec.client_num_units(text)
         return count
 
+    def _open_uris(self) -> list[str]:
+        """Return the URIs of the open documents as the editor writes them.
+
+        The keys of the library are decoded URIs, which the editor does not know.
+        """
+        return [document.uri for document in [*self._server.workspace.text_documents.values()]]
+
     def _page(self, uri: str) -> Page:
         document = self._server.workspace.get_text_document(uri)
         known = self._pages.get(uri)
         if known is None or known[0] != document.version or document.version is None:
             page = Page(document.source, _path(uri), self._units, uri)
             known = (document.version, page)
-            if uri in self._server.workspace.text_documents:
+            if uri in self._open_uris():
                 self._pages[uri] = known
         return known[1]
 
     def _page_if_open(self, uri: str) -> Page | None:
-        return self._page(uri) if uri in self._server.workspace.text_documents else None
+        return self._page(uri) if uri in self._open_uris() else None
 
     def _open_pages(self) -> list[Page]:
-        return [self._page(uri) for uri in [*self._server.workspace.text_documents]]
+        return [self._page(uri) for uri in self._open_uris()]
 
     def opened(self, params: types.DidOpenTextDocumentParams) -> None:
         """Check a document that was opened."""

@@ -7,13 +7,33 @@ run on the machine.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import pytest
 
 from uav_bt import testing
 from uav_bt.testing.tree_files import is_tree_file
+
+_COLLECTED: Final = pytest.StashKey[list[Path]]()
+_TOGETHER: Final = pytest.StashKey["FilesTogether"]()
+
+
+_LOOKUP_OPTIONS: Final = {
+    "folder": (
+        "DIR",
+        "with --check-trees: a folder whose trees SubTrees may use, too; may be repeated",
+    ),
+    "include_root": (
+        "DIR",
+        "with --check-trees: a folder that files may be included from, besides the file's own",
+    ),
+    "palette": (
+        "FILE",
+        "with --check-trees: a file that describes nodes that are not installed; may be repeated",
+    ),
+}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -24,6 +44,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="collect all tree files (*.xml with BTCPP_format) as tests that check them",
     )
+    for option, (metavar, meaning) in _LOOKUP_OPTIONS.items():
+        flag = f"--check-trees-{option.replace('_', '-')}"
+        group.addoption(flag, action="append", default=[], metavar=metavar, help=meaning)
+        ini = f"uav_bt_check_trees_{option}"
+        parser.addini(ini, f"as {flag}", type="paths", default=[])
     group.addoption(
         "--tree-coverage",
         action="append",
@@ -68,7 +93,44 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     config = parent.config
     if not (config.getoption("check_trees") or config.getini("uav_bt_check_trees")):
         return None
-    return TreeFile.from_parent(parent, path=file_path) if is_tree_file(file_path) else None
+    if not is_tree_file(file_path):
+        return None
+    config.stash.setdefault(_COLLECTED, []).append(file_path)
+    return TreeFile.from_parent(parent, path=file_path)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Let the collected tree files use each other's trees."""
+    config = session.config
+    files = config.stash.get(_COLLECTED, [])
+    if not files:
+        return
+    from uav_bt.errors import InputError  # noqa: PLC0415  # see above
+    from uav_bt.tree import NodeRegistry  # noqa: PLC0415  # see above
+    from uav_bt.tree.loading.folders import TreeFolders  # noqa: PLC0415  # see above
+    from uav_bt.tree.loading.palette import read_palette, with_palette  # noqa: PLC0415
+    from uav_bt.tree.loading.together import FilesTogether  # noqa: PLC0415  # see above
+
+    given = {
+        option: [Path(each) for each in config.getoption(f"check_trees_{option}")]
+        or config.getini(f"uav_bt_check_trees_{option}")
+        for option in _LOOKUP_OPTIONS
+    }
+    root = given["include_root"][-1] if given["include_root"] else None
+    try:
+        registry = NodeRegistry.installed()
+        for palette in given["palette"]:
+            registry = with_palette(registry, read_palette(palette))
+        lookup = TreeFolders(trees=given["folder"], include_root=root).lookup()
+    except InputError as error:
+        raise pytest.UsageError(f"--check-trees: {error}") from error
+    lookup = replace(lookup, library=lookup.library.joined_by(files))
+    config.stash[_TOGETHER] = FilesTogether(map(_short, files), registry, lookup=lookup)
+
+
+def _short(path: Path) -> Path:
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 @pytest.fixture
@@ -125,11 +187,8 @@ class TreeCheck(pytest.Item):
             _RefusedError: there are errors.
         """
         from uav_bt.tree.loading.findings import errors_of  # noqa: PLC0415  # see above
-        from uav_bt.tree.loading.loader import check_file  # noqa: PLC0415  # see above
 
-        here = Path.cwd()
-        path = self.path
-        findings = check_file(path.relative_to(here) if path.is_relative_to(here) else path)
+        findings = self.config.stash[_TOGETHER].findings(_short(self.path))
         if errors_of(findings):
             raise _RefusedError("\n".join(map(str, findings)))
 

@@ -12,6 +12,8 @@ from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 # In the engine's order, each with the status that a true one gives the node.
 _FORESTALLING: Final = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED))
 _WHILE: Final = "_while"
+ASKED: Final = frozenset({*dict(_FORESTALLING), _WHILE})
+"""The conditions whose value must be true or false."""
 _ON_SUCCESS: Final = "_onSuccess"
 _ON_FAILURE: Final = "_onFailure"
 _POST: Final = "_post"

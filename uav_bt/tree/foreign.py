@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import enum
 import inspect
-from collections.abc import Iterator
+import logging
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any, ClassVar, Final, get_type_hints
 
-from py_trees import common
+from py_trees import common, decorators, timers
 from py_trees.behaviour import Behaviour
 
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import InputError
+from uav_bt.errors import InputError, MissionError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.port import Port, Reference, parse_reference
 from uav_bt.tree.status import RUNNING, SKIPPED, Status
 
+_log: Final = logging.getLogger(__name__)
+
+_OF_WALL_CLOCK: Final = (timers.Timer, decorators.Timeout)
 _TYPES: Final = (str, int, float, bool)
 _EXPECTED: Final = "annotate it with str, int, float, bool or an enumeration"
 
@@ -44,7 +48,8 @@ class ForeignLeaf(Leaf):
 
     It is constructed and set up with the tree, and ticked by py_trees' own `tick`, so that its
     methods are called when py_trees promises; when the leaf is halted it is stopped with INVALID.
-    INVALID as the answer of a tick is SKIPPED.
+    INVALID as the answer of a tick is SKIPPED. An answer that is no status raises, because py_trees
+    makes INVALID of it.
     """
 
     behaviour_class: ClassVar[type[Behaviour]]
@@ -76,6 +81,16 @@ class ForeignLeaf(Leaf):
         """Set the behaviour up."""
         del mission
         self.behaviour.setup_with_descendants()
+        theirs = (one for one in self.behaviour.iterate() if not isinstance(one, Node))
+        for behaviour in theirs:
+            if isinstance(behaviour, _OF_WALL_CLOCK):
+                _log.warning(
+                    "Warning: node '%s': '%s' of py_trees measures the computer's clock, not the "
+                    "mission's; in a tree file use Sleep, Delay or Timeout",
+                    self.path,
+                    type(behaviour).__name__,
+                )
+            behaviour.update = _checked(behaviour)  # type: ignore[method-assign]
 
     def on_shutdown(self) -> None:
         """Shut the behaviour down, and those below it."""
@@ -98,6 +113,22 @@ class ForeignLeaf(Leaf):
         if self._active:
             self._active = False
             self.behaviour.stop(common.Status.INVALID)
+
+
+def _checked(behaviour: Behaviour) -> Callable[[], common.Status]:
+    """Return a behaviour's `update`, which raises MissionError for an answer that is no status."""
+    update = behaviour.update
+
+    def answer() -> common.Status:
+        status = update()
+        if not isinstance(status, common.Status):
+            raise MissionError(
+                f"update() of {type(behaviour).__qualname__} must return a status of py_trees, "
+                f"got {status!r}"
+            )
+        return status
+
+    return answer
 
 
 @cache

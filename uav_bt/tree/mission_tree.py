@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 from uav_bt.board import Key
+from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, UavBtError, did_you_mean
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.loading.lookup import Inclusion
 from uav_bt.tree.node import Node, place_tree
+from uav_bt.tree.script import SCRIPTS, parse_script
+from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
@@ -191,6 +194,7 @@ class MissionTree:
         for leaf in self.leaves():
             for key in (*leaf.reads, *leaf.writes):
                 context.board.declare(key)
+        self._check_scripts(context.board)
         try:
             for node in self.nodes():
                 node.setup(mission=context)
@@ -201,6 +205,20 @@ class MissionTree:
                 failure.add_note(f"while shutting the tree down, also: {second}")
             raise
         self._ready = True
+
+    def _check_scripts(self, board: Blackboard) -> None:
+        """Refuse scripts that write board keys; in a file the loader has done so.
+
+        Raises:
+            InputError: a script writes a key.
+        """
+        for node in self.nodes():
+            texts = [node.literals.get(port.name) for port in node.ports if port.check in SCRIPTS]
+            for text in (*node.condition_scripts.values(), *texts):
+                for key in parse_script(text).board_writes if isinstance(text, str) else ():
+                    if not board.scripts_may_write(key):
+                        what = f"node '{node.path}': '@{key}' is a board key"
+                        raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")
 
     def shutdown(self) -> None:
         """Shut all leaves down, also where an earlier one raises.

@@ -117,7 +117,8 @@ class Node(NodePorts, Behaviour):
             for key, script in scripts.items()
             if (message := check_condition(script))
         }
-        self._bind({key: value for key, value in given.items() if key not in scripts}, wrong)
+        values = {key: value for key, value in given.items() if key not in scripts}
+        self._bind(values, len(self.children), wrong)
         self._conditions = Conditions(scripts) if scripts else None
         self.visited: Status | None = None  # shown to a visitor of py_trees instead of the status
 

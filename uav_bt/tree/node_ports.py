@@ -32,17 +32,29 @@ class NodePorts:
     name: str
     path: str  # unique in its tree once the tree is made
 
-    def _bind(self, given: dict[str, object], wrong: dict[str, str]) -> None:
+    @classmethod
+    def ports_over(cls, children: int) -> tuple[Port[Any], ...]:
+        """Return the ports with the ranges that hold over a number of children.
+
+        Args:
+            children: how many children the node has in its tree.
+        """
+        del children
+        return cls.ports
+
+    def _bind(self, given: dict[str, object], children: int, wrong: dict[str, str]) -> None:
         """Bind the ports to the given values.
 
         Args:
             given: values by port.
+            children: how many children the node has.
             wrong: errors of other attributes, for the same message.
 
         Raises:
             InputError: a port is missing, unknown or has a value of another type.
         """
-        bound, wrong_ports = bind_ports(self.ports, given, CONDITION_ATTRIBUTES)
+        self._ports = self.ports_over(children)
+        bound, wrong_ports = bind_ports(self._ports, given, CONDITION_ATTRIBUTES)
         if messages := [*wrong_ports.values(), *wrong.values()]:
             raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(messages)}")
         self._given = {key: at for key, at in bound.items() if isinstance(at, Reference)}
@@ -102,8 +114,8 @@ class NodePorts:
         Raises:
             InputError: the node has no such port, or a value does not fit.
         """
-        unknown = given.keys() - {port.name for port in self.ports}
-        ports = self.ports if unknown else [port for port in self.ports if port.name in given]
+        unknown = given.keys() - {port.name for port in self._ports}
+        ports = self._ports if unknown else [port for port in self._ports if port.name in given]
         bound, wrong = bind_ports(ports, dict(given))
         if wrong:
             raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(wrong.values())}")

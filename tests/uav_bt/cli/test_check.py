@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -432,3 +436,32 @@ def test_what_is_wrong_only_in_the_use_of_a_file_is_reported(tmp_path: Path, inc
 def test_a_package_needs_a_folder(tmp_path: Path) -> None:
     path = tree_file(tmp_path, "<Land/>")
     assert_refused(run("check", path, "--ros-pkg", "robot"), "expected NAME=DIR")
+
+
+GOOD = '<root BTCPP_format="4"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>'
+
+
+@pytest.mark.parametrize("name", ["-", "/dev/stdin"])
+def test_standard_input_is_checked(name: str) -> None:
+    def check(text: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "uav_bt.cli", "check", name]
+        return subprocess.run(  # noqa: S603 - our own program
+            command, check=False, input=text, text=True, capture_output=True
+        )
+
+    good = check(GOOD)
+    called = "<stdin>" if name == "-" else name
+    assert (good.returncode, good.stdout, good.stderr) == (0, f"{called}: good\n", "")
+    refused = check(GOOD.replace("Always", "Alway"))
+    assert refused.returncode == 2
+    assert refused.stderr.startswith(f"{called}:1:45: AlwaySuccess: unknown node 'AlwaySuccess'")
+
+
+def test_a_pipe_is_checked(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_text, args=(GOOD,))
+    writer.start()
+    result = run("check", pipe)
+    writer.join()
+    assert (result.exit_code, result.stdout) == (0, f"{pipe}: good\n")

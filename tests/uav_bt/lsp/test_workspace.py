@@ -320,3 +320,31 @@ def test_files_of_a_check_are_bounded_in_bytes(
     monkeypatch.setattr("uav_bt.tree.loading.lookup.MAX_LIBRARY_BYTES", 10)
     with pytest.raises(FileError, match="more than 10 bytes of tree files: choose a folder"):
         files_in(tmp_path)
+
+
+def test_a_folder_with_a_blank_and_a_hash_is_a_folder_like_others(tmp_path: Path) -> None:
+    folder = tmp_path / "My Missions #1"
+    folder.mkdir()
+    part = '<root BTCPP_format="4"><BehaviorTree ID="Part"><AlwaysSuccess/></BehaviorTree></root>'
+    main = '<root BTCPP_format="4"><BehaviorTree ID="M"><SubTree ID="Part"/></BehaviorTree></root>'
+    (folder / "part.xml").write_text(part, encoding="utf-8")
+    uri, other = (folder / "main.xml").as_uri(), (folder / "part.xml").as_uri()
+    assert "%20" in uri
+    assert "%23" in uri
+    editor = Editor(folders=(folder,))
+    try:
+        editor.open(uri, main)
+        assert editor.diagnostics(uri) == []
+        editor.change(uri, main.replace("<SubTree", "<SubTre"))
+        (found,) = editor.diagnostics(uri)
+        assert "unknown node 'SubTre'" in found.message
+        editor.save(uri)
+        assert [one.message for one in editor.diagnostics(uri)] == [found.message]
+        editor.change(uri, main)
+        assert editor.diagnostics(uri) == []
+        editor.open(other, part)
+        assert editor.diagnostics(other) == []
+        edits = editor.rename(uri, 0, main.index("Part"), "Piece")
+        assert set(edits) == {uri, other}
+    finally:
+        editor.close()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
 from uav_bt.tree.loading.loader import check_file, findings_of
@@ -59,3 +61,32 @@ def test_other_errors_become_findings_too() -> None:
     assert findings_of(InputError("two packages"), path) == (
         Finding("m.xml", WHOLE_FILE, "two packages"),
     )
+
+
+@pytest.mark.parametrize(
+    ("body", "attribute", "reason"),
+    [
+        ('<Script code="x := 1 / 0"/>', "code", "division by zero"),
+        ("<Script code=\"x := 'a' - 1\"/>", "code", "'-' cannot be applied to a text and a number"),
+        ('<AlwaysSuccess _skipIf="2"/>', "_skipIf", "expected true or false (1 or 0), got 2"),
+        ("<ScriptCondition code=\"'far'\"/>", "code", "expected a number, got 'far'"),
+    ],
+)
+def test_a_script_that_fails_in_every_run_is_refused(
+    tmp_path: Path, body: str, attribute: str, reason: str
+) -> None:
+    (finding,) = check_file(tree_file(tmp_path, body))
+    assert reason in finding.message
+    assert finding.message.startswith(f"attribute '{attribute}': the script always fails: ")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        '<Script code="x := 0; y := x ? 1 / 0 : 1"/>',
+        '<AlwaysSuccess _onSuccess="2"/>',
+        '<Script code="x := 1; 1 > x < 1 / 0"/>'.replace("< 1 /", "&lt; 1 /"),
+    ],
+)
+def test_a_script_that_may_work_is_good(tmp_path: Path, body: str) -> None:
+    assert check_file(tree_file(tmp_path, body)) == ()

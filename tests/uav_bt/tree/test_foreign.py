@@ -120,6 +120,41 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
     assert behaviour.life[-2:] == ["terminate INVALID", "shutdown"]
 
 
+class Forgets(Behaviour):
+    """Forgets to answer."""
+
+    def update(self) -> Theirs:  # type: ignore[empty-body]
+        pass
+
+
+class Guards(py_trees.composites.Sequence):
+    """Has one child, which forgets to answer."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, memory=False, children=[Forgets("inner")])
+
+
+@pytest.mark.parametrize("node", ["Forgets", "Guards"])
+def test_a_forgotten_answer_stops_the_mission_and_is_not_passed_over(
+    world: World, node: str
+) -> None:
+    tree = load(f'<Sequence><{node}/><Blink times="1"/></Sequence>', world, Forgets, Guards)
+    with pytest.raises(
+        NodeFailedError, match=r"update\(\) of Forgets must return a status"
+    ) as error:
+        tree.tick()
+    assert error.value.node_path == f"Main/Sequence/{node}"
+    assert tree.find("Blink").behaviour.life == ["setup {}"]  # type: ignore[attr-defined]
+
+
+def test_a_timer_of_py_trees_warns_that_it_measures_another_clock(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    load('<Timer duration="2"/>', world, py_trees.timers.Timer)
+    (warning,) = caplog.messages
+    assert "node 'Main/Timer': 'Timer' of py_trees measures the computer's clock" in warning
+
+
 @pytest.mark.parametrize(
     ("answer", "status"),
     [

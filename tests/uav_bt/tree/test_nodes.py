@@ -6,7 +6,7 @@ import pytest
 
 from tests.conformance import Scripted
 from tests.uav_bt.tree.tree_world import World, leaf
-from uav_bt.errors import InputError, MissionError, NodeFailedError
+from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError
 from uav_bt.tree import MissionTree, Status
 from uav_bt.tree.nodes import Inverter, Parallel, Repeat, Sequence, SubTree
 
@@ -100,9 +100,30 @@ def test_halted_timers_start_over(world: World) -> None:
     assert tree.tick() is Status.SUCCESS
 
 
-def test_parallel_refuses_impossible_thresholds(world: World) -> None:
-    """A required number of successes above the number of children is an error."""
-    tree = world.tree(f'<Parallel success_count="3">{leaf("a", "R")}{leaf("b", "R")}</Parallel>')
+@pytest.mark.parametrize(
+    ("before", "parallel"),
+    [
+        ("", '<Parallel success_count="3">'),
+        ("", '<Parallel failure_count="3">'),
+        ("", '<ParallelAll max_failures="3">'),
+        ('<Script code="n := 3"/>', '<Parallel success_count="{n}">'),
+        ('<SetBlackboard value="3" output_key="n"/>', '<ParallelAll max_failures="{n}">'),
+    ],
+)
+def test_a_parallel_is_refused_that_counts_more_children_than_it_has(
+    world: World, before: str, parallel: str
+) -> None:
+    end = "</Parallel>" if "<Parallel " in parallel else "</ParallelAll>"
+    children = f"{leaf('a', 'R')}{leaf('b', 'R')}"
+    with pytest.raises(TreeError, match="expected at most its 2 children, got 3"):
+        world.tree(f"<Sequence>{before}{parallel}{children}{end}</Sequence>")
+
+
+def test_a_parallel_raises_when_a_variable_counts_more_children_than_it_has(world: World) -> None:
+    tree = world.tree(
+        '<Sequence><Script code="n := 1 + 2"/><Parallel success_count="{n}">'
+        f"{leaf('a', 'R')}{leaf('b', 'R')}</Parallel></Sequence>"
+    )
     with pytest.raises(NodeFailedError, match="must not exceed the 2 children") as error:
         tree.tick()
     assert isinstance(error.value.__cause__, MissionError)

@@ -62,6 +62,14 @@ def _scope(variables: dict[str, object]) -> Variables:
         ("2 > 1 ? 'yes' : 'no'", "yes"),
         ("0 ? 1 : 0 ? 2 : 3", 3),
         ("'' ? 1 : 2", 2),
+        ("'false' ? 60 : 1", 1),
+        ("'True' ? 60 : 1", 60),
+        ("'0' ? 60 : 1", 1),
+        ("!'true'", 0.0),
+        ("!'FALSE'", 1.0),
+        ("!'0'", 1.0),
+        ("'true' && 1", 1.0),
+        ("'false' || 'False'", 0.0),
         ("1; 2; 3", 3),
         ("1; 2;", 2),
         ("1 +\n 2", 3.0),
@@ -103,7 +111,6 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
         ("(1", r"column 3: expected '\)', got the end"),
         ("1 ? 2", "column 6: expected ':'"),
         ("1 = 2", "column 1: only a variable can stand left of '='"),
-        ("@height = 2", "leaves write those, scripts only read"),
         ("a $ b", r"column 3: unexpected '\$'"),
         ("'open", "column 1: unexpected '''"),
         ("3x", "'3x' is no number"),
@@ -139,6 +146,7 @@ def test_refused_scripts(source: str, message: str) -> None:
         ("thing = 1", "the variable holds list"),
         ("1e308 * 10 - 1e308 * 10 && 1", "expected true or false"),
         ("@height", "there is no mission board"),
+        ("@height = 2", "'@height' is a board key; leaves write those, scripts only read"),
         ("9" * 400 + " + 1", "int too large"),
     ],
 )
@@ -219,3 +227,9 @@ def test_only_a_script_that_is_asked_needs_content() -> None:
     for empty in ("", " ; "):
         with pytest.raises(ScriptError, match="the script is empty"):
             parse_question(empty)
+
+
+@pytest.mark.parametrize("source", ["!far", "far && 1", "0 || far", "far ? 60 : 1"])
+def test_a_text_that_spells_no_truth_value_is_no_condition(source: str) -> None:
+    with pytest.raises(ScriptError, match="expected a number, got 'no'"):
+        run(source, far="no")

@@ -65,6 +65,10 @@ class _ForeignBoard(Blackboard):
             self.declare(Key(name, object, "of a board that is not ours"))
         return super().key(name)
 
+    def scripts_may_write(self, name: str) -> bool:
+        """Return whether a key is of the other engine's board, where scripts may write."""
+        return self.key(name).type is object
+
 
 class Simulation:
     """A mission file with scripted leaves, ready to be ticked.

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from uav_bt.board.blackboard import successors
 from uav_bt.errors import did_you_mean, hint_for
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
+from uav_bt.tree.conditions import ASKED, CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.expanded import ExpandedNode, literal_wanted
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.elements import doors, expanded_class, node_attributes, node_id_of
@@ -19,8 +19,9 @@ from uav_bt.tree.loading.variable_checker import check_variables, key_fits
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
-from uav_bt.tree.script import SCRIPTS, parse_script
+from uav_bt.tree.script import SCRIPTS, parse_question, parse_script
 from uav_bt.tree.script.expressions import Name
+from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 
@@ -93,7 +94,8 @@ class Checker:
                 self._check_condition(element, name, text)
             else:
                 given[name] = text
-        bound, wrong = bind_ports(node.ports, given, CONDITION_ATTRIBUTES)
+        ports = node.ports_over(len(element.children))
+        bound, wrong = bind_ports(ports, given, CONDITION_ATTRIBUTES)
         scripts = {port.name for port in node.ports if port.check in SCRIPTS}
         for name, message in wrong.items():
             self._note(element, message, name, Rule.SCRIPT if name in scripts else Rule.ATTRIBUTE)
@@ -102,20 +104,28 @@ class Checker:
             if isinstance(value, Reference) and value.on_board:
                 self._check_board_reference(element, port, value)
             elif port.check in SCRIPTS and isinstance(value, str):
-                self._check_script_names(element, port.name, value)
+                self._check_script(element, port.name, value, asked=port.check is parse_question)
 
     def _check_condition(self, element: Element, name: str, text: str) -> None:
         message = check_condition(text)
         if message is not None:
             self._note(element, f"attribute '{name}': {message}", name, Rule.SCRIPT)
         else:
-            self._check_script_names(element, name, text)
+            self._check_script(element, name, text, asked=name in ASKED)
 
-    def _check_script_names(self, element: Element, attribute: str, text: str) -> None:
+    def _check_script(self, element: Element, attribute: str, text: str, *, asked: bool) -> None:
         script = parse_script(text)
+        fault = script.fault(self._document.enum_members, asked=asked)
+        if fault is not None:
+            message = f"attribute '{attribute}': the script always fails: {fault}"
+            self._note(element, message, attribute, Rule.SCRIPT)
         for odd in script.oddities:
             message = f"attribute '{attribute}': {odd}"
             self._findings.warn(element, message, attribute, rule=Rule.SCRIPT)
+        for name in script.board_writes:
+            if name in self._board_keys or not self._registry.foreign_board:
+                message = f"attribute '{attribute}': '@{name}' is a board key; {ONLY_LEAVES_WRITE}"
+                self._note(element, message, attribute, Rule.BOARD_KEY)
         for part in script.walk():
             if not isinstance(part, Name) or not part.name.startswith("@"):
                 continue

@@ -138,7 +138,8 @@ def _misfit(port: Port[Any] | None, write: Write) -> str | None:
     if port is None:
         fits = any(_related(kind, known) for known in _IN_SCRIPTS)
         return None if fits else f"holds {kind.__name__}, no number and no text"
-    if write.value is None:
+    numeric = not isinstance(write.value, str)
+    if write.value is None or (numeric and port.type is object):
         return None if may_convert(kind, port.type) else f"holds {kind.__name__}"
     try:
         port.read(write.value)

@@ -132,8 +132,9 @@ class VariableUses:
     def _node(
         self, element: Element, node: type[Node], given: dict[str, str], scope: Scope
     ) -> None:
-        bound, _ = bind_ports(node.ports, dict(given))
-        for port in node.ports:
+        ports = node.ports_over(len(element.children))
+        bound, _ = bind_ports(ports, dict(given))
+        for port in ports:
             value = bound.get(port.name)
             use = Use(element, port.name)
             if isinstance(value, Reference):
@@ -205,6 +206,8 @@ class VariableUses:
         except (ScriptError, InputError):
             return
         for part in script.walk():
+            if isinstance(part, Assignment) and part.name.startswith("@"):
+                continue  # on another engine's board; the checker refuses all others
             if isinstance(part, Assignment):
                 self._assignment(part, scope, use)
             elif isinstance(part, Name) and self._is_variable(part):
@@ -223,7 +226,9 @@ class VariableUses:
 
     def _changed(self, script: Script, scope: Scope, use: Use) -> None:
         for statement in script.statements:
-            if isinstance(statement, Assignment) and statement.sign != ":=":
+            if not isinstance(statement, Assignment) or statement.name.startswith("@"):
+                continue
+            if statement.sign != ":=":
                 slot = scope.place(statement.name)
                 if isinstance(slot, Slot):
                     slot.reads.append(Read(use, None, needed=True))
@@ -238,12 +243,11 @@ class VariableUses:
         kind = kind_of(part.value) or UNKNOWN
         if isinstance(source, Key):
             kind, source = source.type, None
-        text = part.value.value if isinstance(part.value, Literal) and kind is str else None
         slot.writes.append(
             Write(
                 use,
                 kind,
-                value=str(text) if text is not None else None,
+                value=part.value.value if isinstance(part.value, Literal) else None,
                 copied=source,
                 creates=part.sign == ":=",
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from uav_bt.errors import MissionError
@@ -74,11 +75,12 @@ class WhileDoElse(ControlNode):
         return status
 
 
-def _same(variable: object, case: str) -> bool:
-    """Compare as texts, then as numbers, as the engine does."""
+def _same(variable: object, case: str, members: Mapping[str, int]) -> bool:
+    """Compare as texts, then as numbers, as the engine does; an enumeration's member is one."""
     text = str(variable)
     if text == case:
         return True
+    text, case = (str(members.get(each, each)) for each in (text, case))
     if not (_REAL.fullmatch(text) and _REAL.fullmatch(case)):
         return False
     return compare_equal(float(text), float(case))
@@ -112,10 +114,11 @@ class _Switch(ControlNode):
 
     def _choose(self) -> int:
         reading = self.port_reading(self.VARIABLE)
+        members = self.variables.enum_members
         if reading.value is not None:
             for index, case in enumerate(self.cases):
                 wanted = self.port_reading(case).value
-                if wanted is not None and _same(reading.value, wanted):
+                if wanted is not None and _same(reading.value, wanted, members):
                     return index
         return len(self.cases)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 from uav_bt.errors import MissionError
 from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import Port
@@ -13,7 +16,25 @@ def _threshold(count: int, children: int) -> int:
     return max(children + count + 1, 0) if count < 0 else count
 
 
-class Parallel(ControlNode):
+class _Counting(ControlNode):
+    """A node whose ports count its children."""
+
+    @classmethod
+    def ports_over(cls, children: int) -> tuple[Port[Any], ...]:
+        """Return the ports; none counts more children than there are.
+
+        Args:
+            children: how many children the node has in its tree.
+        """
+
+        def check(count: int) -> None:
+            if count > children:
+                raise ValueError(f"expected at most its {children} children, got {count}")
+
+        return tuple(replace(port, check=check) for port in cls.ports)
+
+
+class Parallel(_Counting):
     """Ticks all its children until enough have succeeded or too many have failed."""
 
     SUCCESS_COUNT = Port(
@@ -70,7 +91,7 @@ class Parallel(ControlNode):
         super()._halt()
 
 
-class ParallelAll(ControlNode):
+class ParallelAll(_Counting):
     """Ticks all its children until all have finished; fails when too many of them failed."""
 
     MAX_FAILURES = Port(

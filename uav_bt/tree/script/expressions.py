@@ -14,7 +14,6 @@ from uav_bt.tree.script.values import (
     ScriptError,
     Value,
     compare_equal,
-    number,
     truth,
 )
 
@@ -83,8 +82,10 @@ class Unary(Expression):
         return (self.operand,)
 
     def evaluate(self, environment: Environment) -> Value:
-        """Apply the sign; texts have none."""
+        """Apply the sign; of texts, `!` takes those that spell a truth value."""
         value = self.operand.evaluate(environment)
+        if isinstance(value, str) and self.sign == "!":
+            return float(not truth(value))
         if isinstance(value, str):
             raise ScriptError(f"'{self.sign}' cannot be applied to a text")
         return _UNARY[self.sign](float(value))
@@ -110,13 +111,16 @@ _BINARY: Final[dict[str, Callable[[float, float], float]]] = {
     "&": lambda left, right: float(_integer(left) & _integer(right)),
     "|": lambda left, right: float(_integer(left) | _integer(right)),
     "^": lambda left, right: float(_integer(left) ^ _integer(right)),
-    # Both sides are always evaluated, as the engine does.
-    "&&": lambda left, right: float(truth(left) & truth(right)),
-    "||": lambda left, right: float(truth(left) | truth(right)),
+}
+_LOGICAL: Final[dict[str, Callable[[bool, bool], bool]]] = {
+    "&&": operator.and_,
+    "||": operator.or_,
 }
 
 
 def _computed(sign: str, left: Value, right: Value) -> Value:
+    if sign in _LOGICAL:  # both sides are always evaluated, as in the engine
+        return float(_LOGICAL[sign](truth(left), truth(right)))
     texts = isinstance(left, str) + isinstance(right, str)
     if (sign == ".." and texts) or (sign == "+" and texts == 2):
         joined = f"{left}{right}"
@@ -184,7 +188,8 @@ class Comparison(Expression):
             if isinstance(left, str) and isinstance(right, str):
                 holds = _TEXT_COMPARISONS[sign](left, right)
             else:
-                holds = _COMPARISONS[sign](number(left), number(right))
+                reals = environment.number(left), environment.number(right)
+                holds = _COMPARISONS[sign](*reals)
             if not holds:
                 return 0.0
             left = right
@@ -206,7 +211,7 @@ class Conditional(Expression):
     def evaluate(self, environment: Environment) -> Value:
         """Evaluate the condition and one of the two."""
         value = self.condition.evaluate(environment)
-        chosen = value != "" if isinstance(value, str) else value != 0
+        chosen = value != "" and truth(value) if isinstance(value, str) else value != 0
         return (self.then if chosen else self.otherwise).evaluate(environment)
 
 
@@ -258,17 +263,18 @@ def _joined(binary: Binary) -> type | None:
     return str if kinds == {str} else float
 
 
-def certain_names(expression: Expression) -> Iterator[Name]:
-    """Iterate over the names that are read whenever the expression is evaluated."""
-    if isinstance(expression, Name):
-        yield expression
-    elif isinstance(expression, Conditional):
-        yield from certain_names(expression.condition)
+def certain_parts(expression: Expression) -> Iterator[Expression]:
+    """Iterate over the parts that are evaluated whenever the expression is, itself first."""
+    yield expression
+    parts = expression.parts()
+    if isinstance(expression, Conditional):
+        parts = (expression.condition,)
     elif isinstance(expression, Comparison):
-        yield from certain_names(expression.first)
-        yield from certain_names(expression.rest[0][1])  # a false link ends the chain
-    elif isinstance(expression, Assignment):
-        yield from certain_names(expression.value)
-    else:
-        for part in expression.parts():
-            yield from certain_names(part)
+        parts = (expression.first, expression.rest[0][1])  # a false link ends the chain
+    for part in parts:
+        yield from certain_parts(part)
+
+
+def is_constant(expression: Expression) -> bool:
+    """Return whether an expression reads and writes no variable."""
+    return not any(isinstance(part, (Name, Assignment)) for part in expression.walk())

@@ -7,7 +7,7 @@ Weakest to strongest: assignment, `? :`, `||`, `&&`, comparisons (which chain), 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Final
@@ -21,9 +21,11 @@ from uav_bt.tree.script.expressions import (
     Literal,
     Name,
     Unary,
-    certain_names,
+    certain_parts,
+    is_constant,
 )
-from uav_bt.tree.script.values import Environment, ScriptError, Value
+from uav_bt.tree.script.values import Environment, ScriptError, Value, truth
+from uav_bt.tree.variables import Variables
 
 MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
 
@@ -73,8 +75,35 @@ class Script:
     @cached_property
     def certain(self) -> frozenset[int]:
         """The ids of the parts that are names which every run reads."""
-        names = (name for statement in self.statements for name in certain_names(statement))
-        return frozenset(map(id, names))
+        return frozenset(id(part) for part in self._certain_parts if isinstance(part, Name))
+
+    @cached_property
+    def _certain_parts(self) -> tuple[Expression, ...]:
+        return tuple(part for statement in self.statements for part in certain_parts(statement))
+
+    @cached_property
+    def board_writes(self) -> tuple[str, ...]:
+        """The board keys that assignments name, without the `@`."""
+        written = [part.name for part in self.parts if isinstance(part, Assignment)]
+        return tuple(name[1:] for name in written if name.startswith("@"))
+
+    def fault(self, members: Mapping[str, int], *, asked: bool) -> str | None:
+        """Return why every run fails, whatever the variables hold; None when a run may work.
+
+        Args:
+            members: of enumerations, integers by name.
+            asked: whether the value of the last statement must be true or false.
+        """
+        nothing = Environment(Variables())
+        nothing.members.update(members)
+        try:
+            for part in filter(is_constant, self._certain_parts):
+                part.evaluate(nothing)
+            if asked and is_constant(self.statements[-1]):
+                truth(self.statements[-1].evaluate(nothing))
+        except (ScriptError, OverflowError) as error:
+            return str(error)
+        return None
 
     def walk(self) -> Iterator[Expression]:
         """Iterate over all parts."""
@@ -167,11 +196,6 @@ class _Parser:
         sign = self._take().text
         if not isinstance(left, Name):
             raise ScriptError(f"column {column}: only a variable can stand left of '{sign}'")
-        if left.name.startswith("@"):
-            raise ScriptError(
-                f"column {column}: '{left.name}' is a board key; leaves write those, scripts only "
-                "read"
-            )
         return Assignment(left.name, sign, self._nested(self._assignment))
 
     def _conditional(self) -> Expression:

@@ -15,10 +15,16 @@ from uav_bt.tree.variables import Variables
 
 Value = int | float | str
 
+ONLY_LEAVES_WRITE: Final = "leaves write those, scripts only read"  # of board keys, in messages
 MAX_TEXT: Final = 100_000  # characters; `s += s` at every tick would fill the memory
 MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree: thousands of scripts make many
 _EPSILON: Final = 2.0**-23  # reals closer than this are equal: the engine's, of a C float
 _WORDS: Final = {"true": 1.0, "false": 0.0}
+# The spellings that the format's engine reads as truth values, and `!` of a text takes.
+_TRUTHS: Final = {
+    **dict.fromkeys(("true", "True", "TRUE", "1"), True),
+    **dict.fromkeys(("false", "False", "FALSE", "0"), False),
+}
 
 
 class ScriptError(ValueError):
@@ -49,8 +55,10 @@ def truth(value: object) -> bool:
     """Return a value as true or false.
 
     Raises:
-        ScriptError: it is neither: only 1 and 0 are.
+        ScriptError: it is neither: only 1, 0 and texts that spell a truth value are.
     """
+    if isinstance(value, str) and value in _TRUTHS:
+        return _TRUTHS[value]
     real = number(value)
     if real not in {0.0, 1.0}:
         raise ScriptError(f"expected true or false (1 or 0), got {value}; write a comparison")
@@ -115,13 +123,18 @@ class Environment:
         self._variables = variables
         self._board = board
 
+    @property
+    def members(self) -> dict[str, int]:
+        """Members of enumerations, integers by name."""
+        return self._variables.enum_members
+
     def read(self, name: str) -> Value:
         """Return the value of a name.
 
         Raises:
             ScriptError: nothing, nothing fresh, or nothing that a script can use.
         """
-        members = self._variables.enum_members
+        members = self.members
         if name in members:  # before a variable of the same name, as in the engine
             return float(members[name])
         key = self._board_key(name)
@@ -134,9 +147,21 @@ class Environment:
             raise ScriptError(f"'{name}' is a {kind}; scripts know numbers and texts")
         return value
 
+    def number(self, value: Value) -> float:
+        """Return a value as a real; a text may be the name of an enumeration's member.
+
+        Raises:
+            ScriptError: it is none.
+        """
+        members = self.members
+        return float(members[value]) if value in members else number(value)
+
     def holds(self, name: str) -> bool:
-        """Return whether a variable exists."""
-        return name in self._variables or self._board_key(name) is not None
+        """Return whether a variable exists, or a board key that scripts may write has a value."""
+        key = self._board_key(name)
+        if key is not None and self._board is not None and self._board.scripts_may_write(key):
+            return self._read_board(key) is not None
+        return name in self._variables or key is not None
 
     def write(self, name: str, value: Value) -> Any:
         """Write a variable without changing its type, and return its new value.
@@ -149,9 +174,12 @@ class Environment:
             ScriptError: the value has another type, or the name is a board key.
         """
         key = self._board_key(name)
+        board = self._board
+        if key is not None and board is not None and board.scripts_may_write(key):
+            return self._write_board(board, key, value)
         if key is not None:
             what = f"'{name}' is a board key" if name == f"@{key}" else f"'{name}' is '@{key}'"
-            raise ScriptError(f"{what}; leaves write those, scripts only read")
+            raise ScriptError(f"{what}; {ONLY_LEAVES_WRITE}")
         old = self._variables.get(name)
         try:
             kept = assigned(old, value)
@@ -166,6 +194,14 @@ class Environment:
 
     def _board_key(self, name: str) -> str | None:
         return name[1:] if name.startswith("@") else self._variables.board_key(name)
+
+    def _write_board(self, board: Blackboard, key: str, value: Value) -> Value:
+        try:
+            kept: Value = assigned(self._read_board(key), value)
+        except ScriptError as error:
+            raise ScriptError(f"'@{key}': {error}") from error
+        board.write(board.key(key), kept)
+        return kept
 
     def _read_board(self, key: str) -> Any:
         if self._board is None:
