@@ -110,7 +110,7 @@ def train(
 
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run.
-        ValueRangeError: the loss is no longer finite.
+        ValueRangeError: the loss has become NaN or infinite.
     """
     run = _Run(net, beside, config, kind, json.dumps(about, sort_keys=True))
     step = run.load(checkpoint) if checkpoint is not None and checkpoint.is_file() else 0
