@@ -1,8 +1,8 @@
-"""Advise: ask a leaf policy about every view; its advice goes to the records, not to the drone.
+"""The leaf Advise: it records a leaf policy's answer to every view; the drone does not follow it.
 
-A network learns from it what the rule does. In flights of the rule it is what was done; in flights
-of the network it is what should have been done where the network led (dataset aggregation: Ross,
-Gordon, Bagnell, arXiv 1011.0686).
+The records are training data for the network that imitates the rule. In flights of the rule the
+advice equals the action. In flights of the network it labels the network's own views with the
+rule's action (dataset aggregation: Ross, Gordon, Bagnell, arXiv 1011.0686).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from uav_bt.types import HeldTurn
 class Advise(Leaf):
     """Ask a leaf policy about each new view, and write its answer; SUCCESS always.
 
-    It comes after the perception leaves, `RememberViews` among them. No leaf follows the advice.
+    Place it after the perception leaves, including `RememberViews`. No leaf follows the advice.
     """
 
     ports = (Port("policy", str, default="corridor", doc="leaf policy that is asked"),)

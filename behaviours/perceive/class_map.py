@@ -1,4 +1,4 @@
-"""The perception leaves: they stand ahead of the mission and fill the board, one network each."""
+"""Perception leaves for the class map and the helipad. They tick before the mission's leaves."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ def _mapping_file(classes: str) -> None:
 
 
 class Segment(Leaf):
-    """Segment each new frame into the seventeen classes; SUCCESS always, staleness shows by age."""
+    """Segment each new frame into the seventeen classes; SUCCESS always.
+
+    The age of the class map on the board shows staleness.
+    """
 
     ports = (
         Port(
@@ -52,7 +55,7 @@ class Segment(Leaf):
     writes = (CLASS_MAP,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Load the network; raises WeightsError or FileError when it cannot be."""
+        """Load the network; raises WeightsError or FileError when it cannot be loaded."""
         self._segmenter = mission.segmenter or self._load(mission.inference_threads)
         if mission.ground:
             from perception.segmentation.mapping import CountedAsCarpet  # noqa: PLC0415 - late, as below
@@ -72,7 +75,7 @@ class Segment(Leaf):
         return Status.SUCCESS
 
     def _load(self, threads: int) -> Segmenter:
-        # Late: an inference runtime takes seconds to import and `uav-bt check` must answer at once.
+        # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
         from perception.segmentation import runtime  # noqa: PLC0415
         from perception.segmentation.mapping import read_mapping  # noqa: PLC0415
 
@@ -85,7 +88,7 @@ class Segment(Leaf):
 
 
 class FindHelipad(Leaf):
-    """Find the helipad in each new class map and carry it through misses; SUCCESS always."""
+    """Find the helipad in each new class map and track it through misses; SUCCESS always."""
 
     ports = (
         Port(
@@ -111,21 +114,22 @@ class FindHelipad(Leaf):
         self._last_s, self._map_restarts = -1.0, 0
 
     def on_inherit(self, former: Self) -> None:
-        """Keep the helipad's track, unless the pad is another now."""
+        """Keep the helipad's track, unless the height of the pad has changed."""
         if self.port_value("pad_height_m") == former.port_value("pad_height_m"):
             self._finder, self._last_s = former._finder, former._last_s
             self._map_restarts = former._map_restarts
 
     def update(self) -> Status:
-        """Follow the drone's motion, and take in a new class map."""
+        """Move the track with the drone, and search a new class map for the helipad."""
         state = self.read(STATE).value
         if state is None:
             return Status.SUCCESS
         site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
         if site_map is not None and site_map.restarts > self._map_restarts:
             self._map_restarts = site_map.restarts
-            self._finder.forget()  # it was carried to where the drone no longer is
-        # The pad stands still on the ground, whatever telemetry takes for the drone's motion.
+            self._finder.forget()  # the track is relative to the drone's pose before the restart
+        # The pad is fixed to the ground, so it is moved by the motion over the ground, not by
+        # telemetry's.
         over_ground = state if motion is None else motion.over_ground(state)
         self._finder.predict(over_ground, self.clock.now())
         class_map = self.read(CLASS_MAP).value

@@ -1,4 +1,4 @@
-"""The second level's perception leaves: metric depth of each frame, and the corridor within it."""
+"""The second level's perception leaves: metric depth of each frame, and the safety corridor."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from uav_bt.tree import Leaf, Port, Status
 
 
 class EstimateDepth(Leaf):
-    """Metric depth of each new frame; SUCCESS always, staleness shows by age.
+    """Estimate the metric depth of each new frame; SUCCESS always.
 
-    A frame that gives no metric depth (black, frozen, too little carpet, no height) writes none,
-    and the leaf's message says why. Where `MapSite` ticks before it, the
-    range of a box is known by its base after that has left the view.
+    Nothing is written for a frame without metric depth (black, frozen, too little carpet, no
+    height), and the leaf's message gives the reason. If `MapSite` ticks before this leaf, the base
+    of a box gives its range even after the base has left the view.
     """
 
     ports = (
@@ -53,7 +53,13 @@ class EstimateDepth(Leaf):
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Load the network; raises WeightsError, FileError or UnknownNameError when it cannot."""
+        """Load the network.
+
+        Raises:
+            WeightsError: the file is absent or no usable network.
+            FileError: its mapping file cannot be used.
+            UnknownNameError: no network has this name.
+        """
         # Late: OpenCV is heavy.
         from perception.depth.contact.depth import ContactDepthConfig  # noqa: PLC0415
         from perception.depth.metric import MetricDepthConfig, MetricDepthMaker  # noqa: PLC0415
@@ -100,7 +106,7 @@ class EstimateDepth(Leaf):
 
     @staticmethod
     def _load(model: str, mission: MissionContext) -> DepthEstimator:
-        # Late: an inference runtime takes seconds to import and `uav-bt check` must answer at once.
+        # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
         from perception.depth.runtime import load_depth_estimator  # noqa: PLC0415
 
         network: DepthEstimator = load_depth_estimator(model, threads=mission.inference_threads)
@@ -108,7 +114,7 @@ class EstimateDepth(Leaf):
 
 
 class BuildCorridor(Leaf):
-    """Look for what is inside the safety corridor of each new metric depth; SUCCESS always."""
+    """Find the obstacles in the safety corridor of each new metric depth; SUCCESS always."""
 
     ports = (
         Port(
@@ -144,7 +150,7 @@ class BuildCorridor(Leaf):
     writes = (CORRIDOR,)
 
     def config(self) -> CorridorConfig:
-        """Return the corridor that the ports ask for.
+        """Return the configuration of the corridor from the ports.
 
         Raises:
             ValueRangeError: a distance is not positive.
@@ -160,7 +166,7 @@ class BuildCorridor(Leaf):
         )
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Place the planes; raises ValueRangeError where they cannot stand."""
+        """Place the planes; raises ValueRangeError for impossible distances."""
         nose_m = mission.airframe.body_size_m[0] / 2
         self._builder = CorridorBuilder(replace(self.config(), nose_m=nose_m))
         self._timer = StageTimer(mission, "corridor")

@@ -1,4 +1,4 @@
-"""The leaf that follows the drone's motion over the ground."""
+"""The leaf that estimates the drone's motion over the ground."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class TrackMotion(Leaf):
     """Estimate the drone's pose and velocity over the ground in every tick; SUCCESS always.
 
     The estimate integrates telemetry. Each class map with enough ground in view corrects it. It is
-    written from the first class map on. Leaves that need a place (`MapSite`, the position hold)
-    read it, so this leaf stands after `Segment` and ahead of `MapSite`.
+    written from the first class map on. Leaves that need the drone's position (`MapSite`, the
+    position hold) read it. Place this leaf after `Segment` and before `MapSite`.
     """
 
     formerly = ("RememberObstacles",)
@@ -35,7 +35,7 @@ class TrackMotion(Leaf):
         self._odometry, self._last_s = former._odometry, former._last_s
 
     def update(self) -> Status:
-        """Integrate telemetry, and correct it by a new class map."""
+        """Integrate telemetry, and correct the estimate with a new class map."""
         state = self.read(STATE).value
         if state is None:
             return Status.SUCCESS

@@ -1,4 +1,4 @@
-"""RememberViews: keep the frames of the last seconds, for policies that see movement in pixels."""
+"""The leaf RememberViews: it keeps the last seconds' frames for policies that compare frames."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uav_bt.types.dead_reckoning import Odometry
 class RememberViews(Leaf):
     """Keep the frames of the last seconds and where they were captured; SUCCESS always."""
 
-    # As far back as any network of ours looks, twice two seconds, and the frames' rhythm beside it.
+    # Networks look back up to 4 s; the rest covers the interval between frames.
     ports = (
         Port("keep_s", float, default=4.2, least=0, most=30, doc="how long frames are kept, s"),
     )
@@ -29,7 +29,7 @@ class RememberViews(Leaf):
         self._views: deque[PastView] = deque()
 
     def update(self) -> Status:
-        """Follow the drone's motion, and take in a new frame."""
+        """Integrate the drone's motion, and keep a new frame."""
         state, frame = self.read(STATE).value, self.read(FRAME).value
         if state is not None:
             self._odometry.update(state)

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 class MapSite(Leaf):
     """Keep the map of the place; SUCCESS always.
 
-    `TrackMotion` must stand ahead of it: a class map is taken in only with the drone's pose at its
-    capture. `FindHelipad` ahead of it puts the landing mark on the map.
+    Place it after `TrackMotion`: a class map enters the map only with the drone's pose at its
+    capture. A `FindHelipad` before it puts the landing mark on the map.
     """
 
-    mapping: ClassVar[SiteMapperConfig | None] = None  # None: as it ships
+    mapping: ClassVar[SiteMapperConfig | None] = None  # None: the defaults
     formerly = ("RememberObstacles",)
     reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, HELIPAD)
     writes = (SITE_MAP,)
@@ -46,11 +46,11 @@ class MapSite(Leaf):
         self._last_s = -math.inf
 
     def on_inherit(self, former: Self) -> None:
-        """Keep the map and where the drone is on it."""
+        """Keep the map and the drone's pose on it."""
         self._mapper, self._last_s = former._mapper, former._last_s
 
     def update(self) -> Status:
-        """Take in a new class map, and write the map with the drone where it is now."""
+        """Add a new class map, and write the map with the drone's present pose."""
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map, motion = self.read(CLASS_MAP).value, self.read(ODOMETRY).value
         self.feedback_message = ""

@@ -1,13 +1,13 @@
-"""The paper's second-level rule: as far ahead as the safety corridor is free, up to one metre.
+"""The paper's second-level rule: advance up to one metre while the safety corridor is free.
 
     front clear beyond 2 m      advance up to 1 m
     something nearer            advance as far as is safe
-    too near for a step         turn away from the side that is intruded upon
+    too near for a step         turn away from the side with the nearest obstacle
     carpet ends                 turn to the half with more carpet, as in the first level
     no depth                    turn on the spot and look again
 
 A step is the least of four lengths: the free corridor (from the depth map), the carpet ahead (from
-the class map and the camera's geometry), the way clear of remembered obstacles (a forward-looking
+the class map and the camera's geometry), the path clear of obstacles on the map (a forward-looking
 camera does not see those beside the drone), and the longest step.
 """
 
@@ -32,31 +32,31 @@ _RANGE_STEP_M = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorRuleConfig:
-    """Lengths of steps, and the distances they keep."""
+    """Lengths of steps, and the distances that they keep."""
 
     longest_step_m: float = 1.0  # the paper's
-    shortest_step_m: float = 0.3  # the first level's; less is not worth the stop
+    shortest_step_m: float = 0.3  # the first level's step
     turn_rad: float = math.radians(30)  # one correction; a third of the view
-    # Kept free between the step's end and an obstacle ahead, from the body's centre. The body
-    # reaches 0.12 m ahead of its centre and 0.16 m to either side (`Airframe`), so 0.2 m with
-    # any heading; a metre of step strays by 0.1 m, the depth errs by another 0.1 m.
+    # Between the body's centre at the step's end and an obstacle ahead. The body reaches 0.12 m
+    # ahead of its centre and 0.16 m to either side (`Airframe`), so 0.2 m at any heading. A step
+    # of 1 m strays by 0.1 m, and the depth has an error of 0.1 m.
     front_margin_m: float = 0.6
-    # Kept between the step's end and the carpet's end, likewise.
+    # Between the body's centre at the step's end and the end of the carpet.
     edge_margin_m: float = 0.5
     carpet_half_width_m: float = 0.4  # of the strip ahead that must be carpet
     carpet_share: float = 0.7  # of the strip's width, at every range
-    carpet_range_m: float = 4.0  # from the camera; further away a row is too many decimetres
-    side_margin_m: float = 0.55  # from the body's centre to remembered obstacles beside the way
-    # Less of every margin after each full turn without a free way. Remembered obstacles are off by
-    # up to 0.2 m after half a minute of turning; the body's half diagonal is 0.2 m, too.
+    carpet_range_m: float = 4.0  # from the camera; further away one row spans several decimetres
+    side_margin_m: float = 0.55  # from the body's centre to obstacles on the map beside the path
+    # Reduction of every margin after each full turn without a free path. Obstacles on the map are
+    # off by up to 0.2 m after half a minute of turning, and the body's half diagonal is 0.2 m.
     margin_relief_m: float = 0.04
-    max_full_turns: int = 3  # of relief
-    # Leaving a turn takes this much more room than a step: no dithering at the threshold.
+    max_full_turns: int = 3  # full turns after which the margins shrink no further
+    # A turn ends only with this much more free path than a step, which prevents dithering.
     hysteresis_m: float = 0.15
-    # An obstacle of unknown range within this bearing of ahead forbids a step.
+    # An obstacle of unknown range within this bearing from straight ahead forbids a step.
     unplaced_half_angle_rad: float = math.radians(45)
-    unplaced_min: int = 2  # fewer are specks of the mask
-    tie_ratio: float = 0.1  # halves closer than this are a tie, which the random draw decides
+    unplaced_min: int = 2  # fewer are mask noise
+    tie_ratio: float = 0.1  # halves closer than this are a tie, which the random sample decides
 
     def __post_init__(self) -> None:
         if not 0.0 < self.shortest_step_m <= self.longest_step_m:
@@ -66,14 +66,14 @@ class CorridorRuleConfig:
 
 
 def carpet_reach(groups: NDArray[np.uint8], view: PolicyView, config: CorridorRuleConfig) -> float:
-    """Return how far ahead of the camera the carpet goes on, metres.
+    """Return the length of the carpet ahead of the camera, metres; inf when no end is in view.
 
-    Boxes and the helipad stand on the carpet, so they count as carpet. What lies below the image's
-    lower edge is taken for carpet when the carpet in view begins there.
+    Boxes and the helipad stand on the carpet, so they count as carpet. The floor below the image's
+    lower edge counts as carpet if the lowest visible rows show carpet.
 
     Args:
-        groups: (H, W) group ids.
-        view: the view that they belong to.
+        groups: (H, W) uint8, group ids.
+        view: the view of these groups.
         config: width, share and range.
     """
     height_m = max(view.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
@@ -94,7 +94,7 @@ def carpet_reach(groups: NDArray[np.uint8], view: PolicyView, config: CorridorRu
     ends = is_background.sum(axis=1) > allowed
     if not ends.any():
         return math.inf
-    # No carpet in view at all: it ended somewhere below the view.
+    # The nearest visible row is background: the carpet ends somewhere below the view.
     return 0.0 if ends[visible.argmax()] else float(ranges[ends.argmax()])
 
 
@@ -105,7 +105,7 @@ class CorridorRule:
         self.config = config or CorridorRuleConfig()
 
     def decide(self, view: PolicyView) -> Advance | Blocked:
-        """Return an advance or a turn. A turn under way keeps its direction until it worked."""
+        """Return an advance or a turn. A turn keeps its direction until the path is free."""
         cfg = self.config
         relief_m = cfg.margin_relief_m * min(view.full_turns, cfg.max_full_turns)
         if view.corridor is None:
@@ -137,7 +137,7 @@ class CorridorRule:
         )
 
     def _beside(self, view: PolicyView, step_m: float, margin_m: float) -> float:
-        """Return the longest step up to this one that obstacles on the map allow, or zero."""
+        """Return the longest step up to `step_m` that obstacles on the map allow, or zero."""
         if view.site_map is None:
             return step_m
         cfg, near = self.config, view.site_map.near
@@ -152,7 +152,7 @@ class CorridorRule:
         return 0.0
 
     def _held(self, view: PolicyView, side: float) -> float:
-        """Return a turn to a side (positive: clockwise), or on in the direction under way."""
+        """Return a turn to `side` (positive: clockwise), or on in the direction under way."""
         return math.copysign(self.config.turn_rad, view.turning or side)
 
     def _away(self, groups: NDArray[np.uint8], view: PolicyView) -> float:
@@ -163,7 +163,7 @@ class CorridorRule:
         return -self._more(groups, view, GROUP_OBSTACLE)
 
     def _more(self, groups: NDArray[np.uint8], view: PolicyView, group: int) -> float:
-        """Return the side that shows more of a group; the random draw decides a tie."""
+        """Return the side that shows more of a group; the random sample decides a tie."""
         middle = groups.shape[1] // 2
         left = int(np.count_nonzero(groups[:, :middle] == group))
         right = int(np.count_nonzero(groups[:, middle:] == group))

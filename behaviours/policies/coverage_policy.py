@@ -1,4 +1,4 @@
-"""Cover the place: fly the route over the site map that passes the most new ground per second."""
+"""Coverage policy: fly the route over the site map that covers the most new ground per second."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ class CoverageConfig:
 
     Attributes:
         margins: Distances that routes keep.
-        survey: The worth of routes.
-        little_m2ps: Where ordinary routes bring less new ground per second, tight ones are tried.
-        turn_rad: The turn to look further round when no way is known.
-        doubted_s: A map that the views contradict for longer is not flown by.
-        blind_s: Without ground in view for longer the drone turns back to it: it drifts unnoticed.
-            A turn over the outside takes less.
-        around_m: Ground to this distance from the drone is turned to.
+        survey: Search and value of routes.
+        little_m2ps: Tight routes are tried below this rate of new ground on ordinary routes, m2/s.
+        turn_rad: Turn for another view when no route is known.
+        doubted_s: The drone stops using a map that the views contradict for longer than this.
+        blind_s: The drone turns towards the ground after this time without ground in view, because
+            its drift is not measured meanwhile. An ordinary turn over the outside takes less.
+        around_m: The drone turns towards the ground within this distance.
         follow: How routes are followed.
-        pointing: The ground that counts as in view.
+        pointing: Which ground counts as in view.
     """
 
     margins: Margins = field(default_factory=Margins)
@@ -69,7 +69,7 @@ class CoveragePolicy:
         """Return a heading and a speed; a turn when no way is known; done when all is covered.
 
         Raises:
-            MissionError: no leaf keeps a map for it.
+            MissionError: no map is on the board.
         """
         cfg, site_map = self.config, view.site_map
         if site_map is None:
@@ -101,7 +101,7 @@ class CoveragePolicy:
             clearance = maps[Passage.TIGHTEST]
             route = best_route(clearance, cfg.survey, self._value)
         if route is None:
-            # What moves is in the way of ground for a while only.
+            # Moving obstacles block ground only for a while.
             still = not site_map.movers and not len(site_map.lanes_m)
             covered = view.full_turns > 0 and not clearance.shut_in and still
             return Done(reason="covered") if covered else turn
@@ -126,7 +126,7 @@ class CoveragePolicy:
 
 
 def _ground_rad(site_map: SiteMap, around_m: float) -> float | None:
-    """Return the bearing of the middle of the ground around the drone, None where none was seen."""
+    """Return the bearing of the mean of the ground around the drone; None if none was seen."""
     places_m = site_map.pose.points_to_body(site_map.places_m()[site_map.ground])
     if not len(places_m):
         return None

@@ -10,15 +10,16 @@ follow from the camera's geometry, so that each asks a question in metres:
 
 - The *high* rectangle asks whether a box stands in the way. Its upper edge is the row that sees the
   carpet `obstacle_range_m` ahead: a box whose base is further away does not reach into it. Its
-  lower edge is the image's, where the nearest visible carpet lies. A box that reaches the flight
-  altitude fills it from top to bottom when near, whatever the distance.
+  lower edge is the image's, where the nearest visible carpet lies. A nearer box that reaches the
+  flight altitude fills it from top to bottom at any distance.
 - The *low* rectangle asks whether the carpet goes on. It spans the carpet from the nearest visible
   row to `carpet_range_m`. Boxes and the helipad stand on the carpet, so they count as carpet.
 
-A third question is asked of the memory, not of the view: a step must keep `margin_m` from every
-obstacle seen lately, because a forward-looking camera does not see what stands beside the drone.
+Both rectangles are as wide as the image of the swept path with its margins at the distance in
+question.
 
-Both are as wide as the swept path with its margins, seen at the distance where it matters.
+A third test uses the map instead of the view: a step must keep `margin_m` from every recently seen
+obstacle, because a forward-looking camera does not see the obstacles beside the drone.
 """
 
 from __future__ import annotations
@@ -61,33 +62,34 @@ class Rectangle:
 
 @dataclass(frozen=True, kw_only=True)
 class SegmentationRuleConfig:
-    """Where the rectangles lie and what they trigger."""
+    """Positions, widths and thresholds of the rectangles, steps and margins."""
 
     step_m: float = 0.3  # the paper's advance
     turn_rad: float = math.radians(30)  # one correction; a third of the view
     obstacle_threshold_px: float = 900.0  # of a 224x112 map, as in the paper
-    carpet_threshold_px: float = 1600.0  # likewise
+    carpet_threshold_px: float = 1600.0  # of a 224x112 map, as in the paper
     obstacle_range_m: float = 1.6  # from the camera: boxes based beyond this are not in the way
-    # From the image's centre. A side 0.4 m beside the path, 1.2 m ahead, is seen 14 degrees out;
-    # the 8 degrees more are the 26 columns that it takes to reach the threshold.
+    # From the image's centre. The side of a box 0.4 m beside the path and 1.2 m ahead is seen at 14
+    # degrees. The other 8 degrees are the 26 columns that it needs to reach the threshold.
     obstacle_half_angle_rad: float = math.radians(22)
-    carpet_range_m: float = 1.75  # from the camera: how far the carpet must go on
+    carpet_range_m: float = 1.75  # from the camera: required length of the carpet ahead
     carpet_half_angle_rad: float = math.radians(18)
-    # Leaving a turn takes this share of the obstacle threshold: no dithering at the threshold.
+    # A turn ends at this share of the obstacle threshold, which prevents dithering at it.
     hysteresis: float = 0.75
-    # After each full turn without a free way, this much more obstacle and less carpet will do.
+    # After each full turn without a free path the obstacle threshold grows and the carpet
+    # threshold falls by these shares.
     obstacle_relief: float = 0.35
     carpet_relief: float = 0.2
-    max_full_turns: int = 3  # of relief
-    # From the body's centre to a remembered base: half the body's diagonal is 0.2, the rest is
-    # for drift and masks. What is already nearer may be left, not approached.
+    max_full_turns: int = 3  # full turns after which the thresholds change no further
+    # From the body's centre to an obstacle's base on the map: 0.2 m is half the body's diagonal,
+    # the rest allows for drift and mask errors. From a nearer obstacle the drone may only leave.
     margin_m: float = 0.55
-    margin_relief_m: float = 0.06  # less of it after each full turn without a free way
-    # An obstacle of unknown range within this bearing of ahead forbids a step; further aside, the
-    # path passes it at 0.7 of its range or more.
+    margin_relief_m: float = 0.06  # reduction of margin_m after each full turn without a free path
+    # An obstacle of unknown range within this bearing from straight ahead forbids a step. Outside
+    # it the path passes the obstacle at 0.7 of its range or more.
     unplaced_half_angle_rad: float = math.radians(45)
-    unplaced_min: int = 2  # fewer are specks of the mask
-    tie_ratio: float = 0.1  # halves closer than this are a tie, which the random draw decides
+    unplaced_min: int = 2  # fewer are mask noise
+    tie_ratio: float = 0.1  # halves closer than this are a tie, which the random sample decides
 
     def __post_init__(self) -> None:
         if self.step_m <= 0.0 or not 0.0 < self.turn_rad <= math.pi:
@@ -112,7 +114,7 @@ class SegmentationRule:
         return high, low
 
     def decide(self, view: PolicyView) -> Advance | Blocked:
-        """Return an advance or a turn. A turn under way keeps its direction until it worked."""
+        """Return an advance or a turn. A turn keeps its direction until the path is free."""
         cfg = self.config
         groups = group_of(view.class_map.ids)
         high, low = self.rectangles(view)
@@ -148,7 +150,7 @@ class SegmentationRule:
         if near.unplaced_within(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min:
             return False
         margin_m = cfg.margin_m - cfg.margin_relief_m * relief
-        # Assumptions may close every way; after a full turn only what was really seen counts.
+        # Assumed obstacles may block every path; after a full turn only seen ones count.
         return near.allows(cfg.step_m, margin_m=margin_m, assumed=relief == 0)
 
     def _turn(self, for_left: int, for_right: int, tie_break: float) -> float:

@@ -1,7 +1,7 @@
-"""The control student as a leaf policy: it looks at pixels, not at what perception makes of them.
+"""The control student as a leaf policy: a network that reads frames instead of perception results.
 
-`policy="student"` flies on the network that comes with the package, `policy="student:FILE.onnx"` on
-another one. The tree needs `<RememberViews/>` ahead of its mission.
+`policy="student"` uses the network that comes with the package, `policy="student:FILE.onnx"`
+another one. The tree needs `<RememberViews/>` before the leaves that fly.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from uav_bt.errors import MissionError, ValueRangeError
 from uav_bt.protocols import PolicyView
 from uav_bt.types import PastView
 
-_KEPT: Final = 48  # images at the network's size: those of 4 s at 10 frames a second, and more
+_KEPT: Final = 48  # images at the network's size: 4 s at 10 frames a second, and 8 spare
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudentPolicyConfig:
-    """How what the network says becomes a movement."""
+    """How the network's outputs become a movement."""
 
-    advance_at: float = 0.5  # the share of "go on" above which the drone goes on
-    # Less of it after each full turn without a free way, as the rules ask for less then.
+    advance_at: float = 0.5  # probability of "advance" above which the drone advances
+    # Reduction of advance_at after each full turn without a free path; the rules relax likewise.
     relief: float = 0.1
-    max_full_turns: int = 3  # of relief
-    shortest_step_m: float = 0.3  # the rules' steps, which it learnt from
-    longest_step_m: float = 1.0
-    turn_rad: float = math.radians(30)  # one correction, as the rules'
+    max_full_turns: int = 3  # full turns after which advance_at falls no further
+    shortest_step_m: float = 0.3  # the shortest step of the rules in the training data
+    longest_step_m: float = 1.0  # the longest step of the rules in the training data
+    turn_rad: float = math.radians(30)  # one correction, as in the rules
 
     def __post_init__(self) -> None:
         if not 0.0 < self.shortest_step_m <= self.longest_step_m:
@@ -46,7 +46,7 @@ class StudentPolicyConfig:
 
 
 class StudentPolicy:
-    """The network as a leaf policy. Pure: it keeps images that it has resized, and nothing else."""
+    """The network as a leaf policy. Its only state is a cache of resized images."""
 
     def __init__(
         self, weights: Path = SHIPPED_STUDENT, *, config: StudentPolicyConfig | None = None
@@ -55,7 +55,7 @@ class StudentPolicy:
 
         Args:
             weights: its ONNX file.
-            config: how what it says becomes a movement.
+            config: how its outputs become a movement.
 
         Raises:
             WeightsError: the file cannot be used.
@@ -66,20 +66,20 @@ class StudentPolicy:
 
     @classmethod
     def from_text(cls, text: str) -> Self:
-        """Return the policy of a network's file; what `policy="student:FILE.onnx"` asks for."""
+        """Return the policy of a network's file, for `policy="student:FILE.onnx"`."""
         return cls(Path(text))
 
     @staticmethod
     def look_up(text: str) -> None:
-        """Refuse a network's file that is not there, or no ONNX file."""
+        """Check the network's file; raises WeightsError if it is absent or not ONNX."""
         check_onnx(Path(text), "`uav-bt net train student`")
 
     def decide(self, view: PolicyView) -> Advance | Blocked:
-        """Return an advance or a turn. A turn under way keeps its direction until it worked.
+        """Return an advance or a turn. A turn keeps its direction until the path is free.
 
         Raises:
-            MissionError: no leaf remembers views for it.
-            WeightsError: the network answered with something that is not a number.
+            MissionError: no recent views are on the board.
+            WeightsError: an output of the network is not a finite number.
         """
         if view.recent is None:
             raise MissionError(
@@ -104,7 +104,7 @@ class StudentPolicy:
         wanted = cfg.advance_at - cfg.relief * min(view.full_turns, cfg.max_full_turns)
         free_m = min(max(estimate.free_m, 0.0), cfg.longest_step_m)
         ends = estimate.ground_ends > 0.5
-        # An edge is turned away from however free of obstacles the way is, as by the rule.
+        # The drone turns away from an edge even if the path is free of obstacles, as in the rule.
         if estimate.advance > wanted and not ends:
             step_m = min(max(estimate.step_m, cfg.shortest_step_m), cfg.longest_step_m)
             return Advance(
@@ -117,7 +117,7 @@ class StudentPolicy:
         return Blocked(yaw_rad=yaw_rad, ground_ends=ends, reason=reason, free_m=free_m)
 
     def _image(self, past: PastView) -> NDArray[np.uint8]:
-        """Return the image of a view at the size of the network; each is resized once."""
+        """Return the image of a view at the network's input size; each is resized once."""
         key = (past.frame.index, past.frame.captured_s)
         if key not in self._images:
             self._images[key] = self._student.preprocess(past.frame.image)

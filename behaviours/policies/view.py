@@ -1,4 +1,4 @@
-"""The view that a leaf policy answers: the board's values that belong to one frame."""
+"""The input of a leaf policy: the board's values that belong to one frame."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
     RECENT_VIEWS,
     HELD_TURN,
 )
-"""What a leaf must declare that it reads, to show views to policies."""
+"""The board keys that a leaf must declare in `reads` before it asks policies."""
 
 
 def current_view(leaf: Leaf) -> tuple[Frame, ClassMap, CameraModel] | None:
     """Return the newest frame, its class map and the camera; None while one is missing.
 
     Args:
-        leaf: declares `VIEW_KEYS`.
+        leaf: a leaf with `VIEW_KEYS` in its `reads`.
     """
     frame, class_map = leaf.read(FRAME).value, leaf.read(CLASS_MAP).value
     camera = leaf.read(CAMERA).value
@@ -50,8 +50,8 @@ def ask(policy: LeafPolicy, view: PolicyView) -> Answer:
     """Return a policy's answer to a view.
 
     Raises:
-        PolicyFailedError: it raised.
-        MissionError: it returned something else.
+        PolicyFailedError: the policy raised an exception.
+        MissionError: the policy returned something other than an `Answer`.
     """
     try:
         answer: object = policy.decide(view)
@@ -76,15 +76,15 @@ def policy_view(
     tie_break: float,
     clearances: Clearances | None = None,
 ) -> PolicyView:
-    """Return what a policy is shown of a frame.
+    """Return the input of a policy for a frame.
 
     Args:
-        leaf: declares `VIEW_KEYS`.
-        frame: the newest.
-        class_map: of that frame.
-        camera: at the frame's size.
+        leaf: a leaf with `VIEW_KEYS` in its `reads`.
+        frame: the newest frame.
+        class_map: the class map of that frame.
+        camera: the camera at the frame's size.
         held: the turn under way.
-        tie_break: a uniform draw from [0, 1).
+        tie_break: a uniform random sample from [0, 1).
         clearances: distances that routes keep in the place; default: those of the lab.
     """
     height_px, width_px = class_map.ids.shape

@@ -1,11 +1,11 @@
 """Camera calibration from photographs of a checkerboard of unknown layout.
 
-As the paper does it: every corner layout that the photographs allow is tried, and the one with the
-lowest reprojection error is kept. A layout of few corners is easily explained, by a wrong camera
-too: its own error says little. So each camera is also measured on the same corners, all that were
-found in all photographs, with only the board's pose fitted anew; the layout with the lowest error
-there wins, and of those within a fiftieth of it the one with the most corners. A camera that the
-photographs do not determine, or that no lens explains, is refused (`calibration_checks`).
+As in the paper, every corner layout in the photographs is tried, and the layout with the lowest
+reprojection error is kept. The error on a layout's own corners says little, because even a wrong
+camera fits a layout of few corners. So each camera is measured on the same set: all corners found
+in all photographs, with only the board's pose fitted again. The layout with the lowest error there
+wins; among layouts within 2 percent of it, the one with the most corners wins. A camera that the
+photographs do not determine, or that no real lens matches, is refused (`calibration_checks`).
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from uav_bt.types import CameraModel
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationConfig:
-    """What is tried and what is believed."""
+    """Which layouts are tried and which photographs and cameras are accepted."""
 
     square_m: float = 0.02  # edge of a square; changes distances, never the camera
-    min_images: int = 3  # of a layout; fewer leave the focal length open
-    max_layouts: int = 12  # tried, those with the most corners in all
-    max_images: int = 80  # a layout's camera is solved from; more take minutes and add nothing
-    stray_factor: float = 3.0  # a photograph this many times worse than the median is left out
-    stray_floor_px: float = 0.5  # but not when it is this good
-    tie: float = 0.02  # errors closer than this are equal: then more corners win
+    min_images: int = 3  # photographs per layout; fewer do not determine the focal length
+    max_layouts: int = 12  # layouts tried: those with the most corners in total
+    max_images: int = 80  # photographs per layout for the solver; more take minutes, gain nothing
+    stray_factor: float = 3.0  # a photograph with this many times the median error is left out
+    stray_floor_px: float = 0.5  # a photograph with an error below this is never left out
+    tie: float = 0.02  # relative difference below which errors count as equal; more corners win
     limits: CalibrationLimits = field(default_factory=CalibrationLimits)
 
     def __post_init__(self) -> None:
@@ -45,31 +45,31 @@ class CalibrationConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class LayoutTrial:
-    """What one corner layout gives."""
+    """The camera from one corner layout, and its errors."""
 
     columns: int  # inner corners along the longer side
-    rows: int
-    images: tuple[str, ...]  # that went in
-    error_px: float  # root mean square reprojection error of its own corners
-    common_error_px: float  # of all corners found in all photographs
+    rows: int  # inner corners along the shorter side
+    images: tuple[str, ...]  # names of the photographs used
+    error_px: float  # root mean square reprojection error of this layout's corners
+    common_error_px: float  # root mean square error of all corners found in all photographs
     camera: CameraModel
     deviations_px: tuple[float, ...] = ()  # standard deviations of fx, fy, cx, cy
-    fault: str = ""  # why the camera is not believed; empty when it is
+    fault: str = ""  # why the camera is refused; empty when it is accepted
 
     @property
     def corners(self) -> int:
-        """Corners of all its photographs."""
+        """Number of corners in all its photographs."""
         return self.columns * self.rows * len(self.images)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """The result, and all that was tried."""
+    """The result of a calibration, with all trials."""
 
     best: LayoutTrial
     trials: tuple[LayoutTrial, ...]  # by falling number of corners
     skipped: Mapping[str, str]  # photograph -> why the best layout did not use it
-    warnings: tuple[str, ...]  # doubts, and which photographs to add
+    warnings: tuple[str, ...]  # weak points, each with the photographs to add
 
 
 def calibrate(
@@ -81,13 +81,13 @@ def calibrate(
     """Find the camera's intrinsics.
 
     Args:
-        photographs: by name, what reads the image as (H, W) grey; those of another size than most
-            are left out.
-        config: what is tried.
+        photographs: by name, a function that returns the image, (H, W) uint8 grey. Photographs of
+            another size than most are left out.
+        config: which layouts are tried.
         advance: called with the progress.
 
     Raises:
-        InputError: too few photographs show a board, or no camera that they give is believed.
+        InputError: too few photographs show a board, or every resulting camera is refused.
     """
     config = config or CalibrationConfig()
     found, size_px, unusable = find_boards(photographs, advance)
@@ -138,7 +138,7 @@ def calibrate(
 
 
 def _layouts(boards: Mapping[str, Corners], config: CalibrationConfig) -> list[tuple[int, int]]:
-    """Return (columns, rows) of the layouts that enough photographs allow, by falling corners."""
+    """Return (columns, rows) of the layouts in enough photographs, by falling corners."""
     counted = {}
     for rows, columns in {grid.shape[:2] for grid in boards.values()}:
         images = sum(shows(grid, columns, rows) for grid in boards.values())
@@ -157,7 +157,7 @@ def _try_layout(
     size_px: tuple[int, int],
     config: CalibrationConfig,
 ) -> LayoutTrial | None:
-    """Solve for a camera from one layout; of larger boards that many corners are taken."""
+    """Solve for a camera from one layout; larger boards contribute a part of this layout."""
     views = {
         name: np.ascontiguousarray(grid[:rows, :columns])
         for name, grid in boards.items()
@@ -188,7 +188,7 @@ def _try_layout(
 
 
 def _spread(names: list[str], count: int) -> list[str]:
-    """Return so many names at most, evenly from all: neighbours of a video are alike."""
+    """Return at most `count` names at even intervals, because adjacent video frames are alike."""
     if len(names) <= count:
         return names
     places = np.linspace(0, len(names) - 1, count).round().astype(int)
@@ -205,7 +205,7 @@ def _points(grid: Corners, square_m: float) -> NDArray[np.float32]:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Solved:
     error_px: float  # root mean square
-    camera: CameraModel | None  # None: no lens has these numbers
+    camera: CameraModel | None  # None: impossible for a lens
     deviations_px: tuple[float, ...]  # standard deviations of fx, fy, cx, cy
     views_px: NDArray[np.float64]  # (N,) error of each view
 
@@ -217,7 +217,7 @@ def _solve(views: list[Corners], size_px: tuple[int, int], config: CalibrationCo
         size_px,
         np.eye(3),
         np.zeros(5),
-        # A third radial term bends the image's corners, where boards seldom reach.
+        # A third radial term would bend the image's corners, which boards seldom reach.
         flags=cv2.CALIB_FIX_K3,
     )
     camera = _camera(np.asarray(matrix, np.float64), np.asarray(distortion, np.float64), size_px)
@@ -252,7 +252,7 @@ def _camera(
 def _common_error(
     boards: Mapping[str, Corners], camera: CameraModel, config: CalibrationConfig
 ) -> float:
-    """Return the root mean square error over all corners, the median photograph's for strays."""
+    """Return the root mean square error over all corners, without stray photographs."""
     matrix = np.array(
         [[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]]
     )
@@ -278,7 +278,7 @@ def _skipped(
     best: LayoutTrial,
     config: CalibrationConfig,
 ) -> dict[str, str]:
-    """Say of each photograph that the best layout did not use why."""
+    """Return the reason for each photograph that the best layout did not use."""
     whole = f"{best.columns}x{best.rows}"
     reasons = {}
     for name in photographs:

@@ -1,8 +1,8 @@
 """Checks that find a wrong calibration although its reprojection error is low.
 
-A low error says that some camera explains the corners, not that they determine it. Copies of one
-photograph add no knowledge; standard deviations and the part of the image where corners were seen
-tell how well the camera is known.
+A low error shows that some camera fits the corners, not that the corners determine it. Copies of
+one photograph add no information. Standard deviations and the part of the image with corners show
+how well the camera is determined.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ _SAMPLES: Final = 64  # radii at which the distortion is checked; chosen
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationLimits:
-    """Limits of a camera that is believed; all numbers are chosen, the reason is in brackets."""
+    """Limits for accepting a camera. All numbers are chosen."""
 
     error_px: float = 1.0  # root mean square; good calibrations are below 0.3 (the tests)
-    aspect: float = 0.05  # of fx / fy beside 1: pixels of cameras are square
-    centre: float = 0.2  # of the image's size beside the middle: lenses sit above the sensor
+    aspect: float = 0.05  # difference of fx / fy from 1, because cameras have square pixels
+    centre: float = 0.2  # offset from the middle by the image's size; lenses are above the sensor
     stretch: float = 2.0  # of a radius by the distortion, anywhere in the image (fisheye: below 2)
-    deviation: float = 0.01  # standard deviation by the focal length: refused above, 0.6 degrees
-    doubtful: float = 0.002  # warned above: 1.5 px of 720 (three photographs in the tests: 1.2)
-    copy_px: float = 2.0  # photographs whose corners all lie this close are copies
+    deviation: float = 0.01  # standard deviation by focal length: refused above, 0.6 degrees
+    doubtful: float = 0.002  # likewise: warned above, 1.5 px of 720 (three test photographs: 1.2)
+    copy_px: float = 2.0  # photographs with all corners closer than this are copies
 
 
 def distinct(
     boards: Mapping[str, Corners], limits: CalibrationLimits
 ) -> tuple[dict[str, Corners], dict[str, str]]:
-    """Return the boards without copies, and of each copy which photograph it repeats."""
+    """Return the boards without copies, and a message for each copy."""
     kept: dict[str, Corners] = {}
     copies = {}
     for name, grid in boards.items():
@@ -66,13 +66,13 @@ def fault(
     deviations_px: tuple[float, ...],
     limits: CalibrationLimits,
 ) -> str:
-    """Return why a camera is not believed; empty when it is.
+    """Return why a camera is refused; empty when it is accepted.
 
     Args:
         camera: the result of the solver.
         error_px: root mean square reprojection error.
         deviations_px: (4,) standard deviations of fx, fy, cx, cy.
-        limits: of a camera that is believed.
+        limits: limits for accepting a camera.
     """
     if error_px > limits.error_px:
         return (
@@ -114,7 +114,7 @@ def fault(
 
 
 def _believable_distortion(camera: CameraModel, limits: CalibrationLimits) -> bool:
-    """Return whether the radius grows from the centre to the farthest corner, and how much."""
+    """Return whether the distorted radius grows up to the farthest corner, within `stretch`."""
     k1, k2 = (*camera.distortion, 0.0, 0.0)[:2]
     farthest = math.hypot(
         max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px,
@@ -141,8 +141,8 @@ def doubts(
     Args:
         camera: the result of the solver.
         deviations_px: (4,) standard deviations of fx, fy, cx, cy.
-        boards: corners of the photographs that went in.
-        limits: of a camera that is believed.
+        boards: corners of the photographs used.
+        limits: limits for accepting a camera.
     """
     found = []
     worst = float(np.max(deviations_px))

@@ -1,4 +1,4 @@
-"""Camera files: what a calibration found, as YAML that people read and flights check.
+"""Camera files: the result of a calibration as YAML.
 
     width_px: 1280
     height_px: 720
@@ -12,10 +12,10 @@
     corners: [24, 13]
     images_used: 312
 
-The first four are needed. `frames` says whether the camera is that of images as they are stored
-(`raw`, also where the key is absent) or as a player turns them by the orientation in the file
-(`turned`). The others say where the numbers come from. `forward_offset_m` may be added: how far the
-lens is ahead of the drone's centre. `Undistorter` takes the distortion out of images.
+The first four keys are required. `frames` tells which images the camera belongs to: images as they
+are stored (`raw`, the default) or as a player turns them by the orientation in the file (`turned`).
+The other keys document the origin of the numbers. `forward_offset_m` may be added: the distance of
+the lens ahead of the drone's centre. `Undistorter` removes the distortion from images.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from uav_bt.files import write_whole
 from uav_bt.types import CameraModel
 from uav_bt.yaml_file import read_yaml
 
-_DISTORTIONS: Final = (0, 4, 5, 8, 12, 14)  # how many numbers OpenCV's models have
+_DISTORTIONS: Final = (0, 4, 5, 8, 12, 14)  # possible lengths of OpenCV's distortion vectors
 _REMEDY: Final = "`uav-bt lab calibrate` makes one"
-_ASPECT_SLACK: Final = 0.01  # of the aspect: 1280x720 and 854x480 are both 16:9
+_ASPECT_SLACK: Final = 0.01  # relative; 1280x720 and 854x480 are both 16:9
 
 
 def write_camera(path: Path, trial: LayoutTrial) -> None:
-    """Write the camera that a layout gave.
+    """Write the camera of a layout.
 
     Raises:
         FileError: the file cannot be written.
@@ -79,14 +79,13 @@ def load_camera(
 
     Args:
         path: the YAML file.
-        size_px: width and height of the images it is for; the camera is scaled to it. As
-            calibrated when None.
-        orientation: from the stored images to those it is for.
-        forward_offset_m: of the lens ahead of the drone's centre, where the file does not say it.
+        size_px: width and height of the images; the camera is scaled to it. None: as calibrated.
+        orientation: orientation of the images relative to the stored ones.
+        forward_offset_m: distance of the lens ahead of the drone's centre, if the file has none.
 
     Raises:
         FileError: the file is absent or malformed.
-        ValueRangeError: it was calibrated at another aspect than that of the images.
+        ValueRangeError: the camera was calibrated at another aspect ratio than the images'.
     """
     file = _foreign(path) or read_yaml(path, _CameraFile, "camera file", remedy=_REMEDY).value
     camera = file.camera(forward_offset_m)
@@ -118,7 +117,7 @@ class _CameraFile:
     distortion: tuple[float, ...]
     frames: Literal["raw", "turned"] = "raw"
     forward_offset_m: float | None = None
-    # Where it comes from, for people:
+    # Origin of the numbers, not used:
     reprojection_error_px: Any = None
     corners: Any = None
     images_used: Any = None
@@ -165,8 +164,8 @@ def fitted_camera(
     """Return a camera scaled to another image size of the same aspect.
 
     Raises:
-        ValueRangeError: the aspect is another, so that the image was cropped or comes from
-            another camera.
+        ValueRangeError: the aspect ratios differ: the image was cropped or comes from another
+            camera.
     """
     aspect, wanted = camera.width_px / camera.height_px, width_px / height_px
     if abs(aspect / wanted - 1.0) > _ASPECT_SLACK:
@@ -179,10 +178,10 @@ def fitted_camera(
 
 
 class Undistorter:
-    """Undistorts images of one camera; keeps the map from image to image.
+    """Undistorts images of one camera; the undistortion map is computed once.
 
     Args:
-        camera: as calibrated, with its distortion, at the images' size.
+        camera: the camera with its distortion, at the images' size.
     """
 
     def __init__(self, camera: CameraModel) -> None:
@@ -204,13 +203,13 @@ class Undistorter:
         return replace(self._camera, distortion=())
 
     def undistort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the undistorted image; black where the lens saw nothing.
+        """Return the undistorted image; black outside the original image.
 
         Args:
             image: (H, W) or (H, W, 3) uint8 at the camera's size.
 
         Raises:
-            ShapeError: it has another size.
+            ShapeError: the image has another size.
         """
         size = (self._camera.height_px, self._camera.width_px)
         if image.shape[:2] != size:
@@ -221,10 +220,10 @@ class Undistorter:
         return np.asarray(cv2.remap(image, *self._map, cv2.INTER_LINEAR), dtype=np.uint8)
 
     def points(self, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return where pixels of the distorted image are in the undistorted one.
+        """Return the positions in the undistorted image of pixels of the distorted one.
 
         Args:
-            pixels: (..., 2) column and row.
+            pixels: (..., 2) column and row, px.
 
         Raises:
             ShapeError: the last axis is not column and row.

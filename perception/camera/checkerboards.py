@@ -1,4 +1,4 @@
-"""Checkerboards in photographs: how many inner corners show, and where each of them is."""
+"""Detection of checkerboards in photographs: layout and positions of the inner corners."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from uav_bt.errors import FileError, InputError, ShapeError
 from uav_bt.progress import Advance
 
 Grey = NDArray[np.uint8]  # (H, W)
-Corners = NDArray[np.float32]  # (rows, columns, 2): column and row in the image of each corner
+Corners = NDArray[np.float32]  # (rows, columns, 2): image column and row of each corner, px
 
 Photographs = Mapping[str, Callable[[], Grey]]
 
-MIN_CORNERS = 12  # 4x3: fewer say little more than the board's four corners do
+MIN_CORNERS = 12  # 4x3: fewer add little information to the board's four corners
 
-_SEARCH_PX = 1280  # longer images are searched shrunk to this, and refined at full size
-# What the search starts to grow a board from. Small ones are found in any clutter, so the larger
-# goes first.
+_SEARCH_PX = 1280  # larger images are searched at this longest side, and refined at full size
+# Layouts from which the search grows a board. Clutter often contains the small layout, so the
+# larger goes first.
 _SEEDS = ((7, 5), (4, 3))
 
 
 def find_any_board(image: Grey) -> Corners | None:
-    """Find the largest part of a board of unknown layout of which all corners show.
+    """Find the largest part of a board of unknown layout with all corners visible.
 
     Args:
         image: (H, W) uint8 grey.
 
     Returns:
-        Its inner corners, with at least as many columns as rows; None where there is no board.
+        Its inner corners, with at least as many columns as rows; None without a board.
 
     Raises:
         ShapeError: the image is not grey.
@@ -50,22 +50,22 @@ def find_any_board(image: Grey) -> Corners | None:
         if best is None or grid.size > best.size:
             best = grid
         if best.size > 2 * 2 * seed[0] * seed[1]:
-            break  # grown to twice the seed: no piece of clutter
+            break  # grown to twice the seed, so it cannot be clutter
     if best is None or best.size < 2 * MIN_CORNERS:
         return None
     return _refined(image, best, shrink)
 
 
 def find_board(image: Grey, columns: int, rows: int) -> Corners | None:
-    """Find a board of known layout, all of whose corners show.
+    """Find a board of known layout with all corners visible.
 
     Args:
         image: (H, W) uint8 grey.
         columns: inner corners along its longer side.
-        rows: along its shorter.
+        rows: inner corners along its shorter side.
 
     Returns:
-        (rows, columns, 2) its inner corners, or None.
+        (rows, columns, 2) float32, its inner corners in px; or None.
 
     Raises:
         ShapeError: the image is not grey.
@@ -80,7 +80,7 @@ def find_board(image: Grey, columns: int, rows: int) -> Corners | None:
 
 
 def _searchable(image: Grey) -> tuple[Grey, float]:
-    """Return the image small enough to search, and how many of its pixels one of those spans."""
+    """Return the image shrunk for the search, and the factor by which it was shrunk."""
     if image.ndim != 2:
         raise ShapeError("image of a board", expected="HxW, grey", actual=image.shape)
     longest = max(image.shape)
@@ -92,7 +92,7 @@ def _searchable(image: Grey) -> tuple[Grey, float]:
 
 
 def _canonical(grid: Corners) -> Corners:
-    """Turn a grid so that it has no more rows than columns and is not mirrored."""
+    """Return the grid turned to at least as many columns as rows, and not mirrored."""
     if grid.shape[0] > grid.shape[1]:
         grid = np.rot90(grid)
     along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
@@ -102,10 +102,10 @@ def _canonical(grid: Corners) -> Corners:
 
 
 def _refined(image: Grey, grid: Corners, shrink: float) -> Corners:
-    """Place corners to a part of a pixel of the full image.
+    """Refine corners to subpixel accuracy in the full image.
 
-    Also where nothing was shrunk: the search errs to one side, which in the twin moves the camera's
-    centre by half a pixel; this scatters more and errs less.
+    This is needed even without shrinking: the search is biased to one side, which in the twin moves
+    the camera's centre by half a pixel. The refined corners have more scatter but less bias.
     """
     full = (grid + 0.5) * np.float32(shrink) - np.float32(0.5)
     spacing = min(
@@ -127,15 +127,16 @@ def find_boards(
     """Find the boards of many photographs of one camera.
 
     Args:
-        photographs: by name, what reads the image as (H, W) grey. Those of another size than most
-            are left out.
+        photographs: by name, a function that returns the image, (H, W) uint8 grey. Photographs of
+            another size than most are left out.
         advance: called with the progress.
 
     Returns:
-        Each photograph's board, width and height of the photographs, and why some cannot be used.
+        The board of each photograph, width and height of the photographs, and the reason for each
+        unusable photograph.
 
     Raises:
-        InputError: none can be read.
+        InputError: no photograph can be read.
     """
     boards: dict[str, Corners] = {}
     unusable: dict[str, str] = {}
@@ -168,7 +169,10 @@ def find_boards(
 
 
 def _look_again(photographs: Photographs, boards: dict[str, Corners], advance: Advance) -> None:
-    """Look for the commonest layout where less of a board was found: knowing it helps."""
+    """Search again, for the commonest layout, where less of a board was found.
+
+    A search for a known layout succeeds more often.
+    """
     votes = Counter(grid.shape[:2] for grid in boards.values())
     agreed = [layout for layout, count in votes.items() if count > 1]
     if not agreed:
@@ -185,5 +189,5 @@ def _look_again(photographs: Photographs, boards: dict[str, Corners], advance: A
 
 
 def shows(grid: Corners, columns: int, rows: int) -> bool:
-    """Return whether a board shows so many inner corners, along its longer side and its shorter."""
+    """Return whether a board has at least `columns` x `rows` inner corners."""
     return bool(grid.shape[0] >= rows and grid.shape[1] >= columns)

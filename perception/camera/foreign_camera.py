@@ -23,7 +23,7 @@ _DISTORTION_KEYS: Final = ("distortion_coefficients", "distCoeffs")
 
 
 class _Loader(BoundedLoader):
-    """Takes OpenCV's matrices as the mappings that they are."""
+    """Reads OpenCV's matrices as mappings."""
 
 
 def _matrix(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -35,16 +35,16 @@ _Loader.add_constructor(_MATRIX, _matrix)
 
 
 def foreign_camera(path: Path) -> dict[str, Any] | None:
-    """Return the values of a camera file of another tool, by the keys of our own.
+    """Return the values of another tool's camera file under the keys of our camera files.
 
     Args:
         path: the file.
 
     Returns:
-        `width_px`, `height_px`, `K` and `distortion`; None where the file is not of these tools.
+        `width_px`, `height_px`, `K` and `distortion`; None for a file of no known tool.
 
     Raises:
-        FileError: the file cannot be read, lacks a value, or has a lens model that is not OpenCV's.
+        FileError: the file cannot be read, lacks a value, or has a lens model other than OpenCV's.
     """
     with reading(path):
         text = read_bounded(path, MAX_BYTES).decode()

@@ -1,4 +1,4 @@
-"""Blindness that looks like sight: frames that arrive in time and show nothing, or nothing new."""
+"""Detection of blank and frozen frames that arrive in time."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ from uav_bt.types import DroneState, Frame
 
 @dataclass(frozen=True, kw_only=True)
 class FrameWatchConfig:
-    """When an image cannot be flown by.
+    """Thresholds for unusable images.
 
     Attributes:
-        dark: grey level above which a twentieth of the image has to be, 0 to 255; black carpet in
-            the evening is one side of an image whose other side shows a wall.
-        bright: mean grey level above which nothing is seen.
-        contrast: least standard deviation of the blurred image, grey levels; a lens that is covered
-            shows less.
-        noise: most noise, grey levels (J. Immerkaer, Fast Noise Variance Estimation, 1996).
-        repeats: so many equal frames in a row are a frozen video where no two were equal before.
-        still_s: so long the same image is a frozen video in any case; a real camera's noise differs
-            from image to image, a simulated one may have none.
-        turned_rad: a turn of body or gimbal in which the image must change.
-        moved_m: a way in which the image must change.
+        dark: A twentieth of the image must be above this grey level, 0 to 255. An image of black
+            carpet in the evening passes, because its other side shows a wall.
+        bright: The mean grey level above which an image is overexposed, 0 to 255.
+        contrast: Minimum standard deviation of the shrunk image, grey levels. A covered lens gives
+            less.
+        noise: Maximum noise, grey levels (J. Immerkaer, Fast Noise Variance Estimation, 1996).
+        repeats: This number of equal frames in a row is a frozen video, if no two frames were equal
+            before.
+        still_s: Equal frames for longer than this are a frozen video in any case. A real camera's
+            noise differs from image to image; a simulated camera may have no noise.
+        turned_rad: The image must change during a turn of body or gimbal by this angle.
+        moved_m: The image must change over a path of this length.
     """
 
     dark: float = 20.0
@@ -40,35 +41,35 @@ class FrameWatchConfig:
     moved_m: float = 0.12
 
 
-_SMALL = (64, 36)  # width and height of the image that is judged, pixels
-# Immerkaer's kernel: blind to edges and slopes. The median instead of the mean makes it deaf to
-# texture, too.
+_SMALL = (64, 36)  # width and height of the shrunk image, px
+# Immerkaer's kernel does not respond to edges and slopes. The median instead of the mean also
+# suppresses texture.
 _KERNEL = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
 _KERNEL_GAIN = 6.0
 _MEDIAN_TO_SIGMA = 0.6745
 
 
 class FrameWatch:
-    """Judges one frame after the other.
+    """Checks a sequence of frames.
 
     Args:
-        config: when an image cannot be flown by.
+        config: thresholds for unusable images.
     """
 
     def __init__(self, config: FrameWatchConfig | None = None) -> None:
         self._config = config or FrameWatchConfig()
         self._last: NDArray[np.uint8] | None = None
-        self._first: Frame | None = None  # of the frames that show the same
+        self._first: Frame | None = None  # the first of the equal frames
         self._seen_s = 0.0  # capture time of the newest frame
-        self._moved_m = 0.0  # since the first of them
+        self._moved_m = 0.0  # path length since the first of the equal frames
         self._repeats = 0
-        self._noisy = 0  # frames in a row that differed from the one before
+        self._noisy = 0  # consecutive frames that differed from the previous one
 
     def __call__(self, frame: Frame, state: DroneState) -> str | None:
-        """Return why a frame cannot be flown by, None when it can.
+        """Return why a frame is unusable; None when it is usable.
 
         Args:
-            frame: newer than the one before.
+            frame: the newest frame; newer than that of the previous call.
             state: the newest telemetry.
         """
         grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
@@ -92,7 +93,7 @@ class FrameWatch:
         return None
 
     def _frozen(self, frame: Frame, grey: NDArray[np.uint8], state: DroneState) -> str | None:
-        """Return a complaint when the image stays the same and should not."""
+        """Return a message when the image stays equal although it should change."""
         same = self._last is not None and np.array_equal(self._last, grey)
         if not same or self._first is None:
             self._noisy = 0 if same else self._noisy + 1
@@ -103,7 +104,7 @@ class FrameWatch:
         speed_mps = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
         self._moved_m += speed_mps * max(0.0, frame.captured_s - self._seen_s)
         self._seen_s = frame.captured_s
-        # A camera whose images always differed by their noise does not show the same one twice.
+        # A camera with noise never gives two equal images.
         repeats = self._config.repeats
         noisy = self._noisy > repeats and self._repeats >= repeats
         still = frame.captured_s - self._first.captured_s > self._config.still_s

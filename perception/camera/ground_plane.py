@@ -1,16 +1,16 @@
-"""The ground plane in the image: how far away the carpet is at every pixel.
+"""The ground plane in the image: the depth of the carpet at every pixel.
 
 Frames are those of `uav_bt.types.projection`: a level frame at the lens, x forward, y right,
 z down.
-Two distances are kept apart throughout:
+Two distances are distinguished:
 
-*depth*  along the optical axis; what networks predict and what the twin's truth holds;
-*range*  along the pixel's ray, the Euclidean distance; what a tape measure gives, and the distance
-         between P'' and the camera in the paper (Mocanu et al., equations 4 to 9).
+*depth*  along the optical axis; networks predict it, and the twin's truth holds it;
+*range*  along the pixel's ray, the Euclidean distance; a tape measure gives it, and in the paper it
+         is the distance between P'' and the camera (Mocanu et al., equations 4 to 9).
 
-The paper's equation 9 is ``lambda = x_t / (x_t - x')`` with x up: the height over what the ray
-descends per unit of lambda. With rays of unit depth that very lambda is the depth, and the range is
-lambda times the ray's length.
+The paper's equation 9 is ``lambda = x_t / (x_t - x')`` with x up: the height divided by the descent
+of the ray per unit of lambda. For rays of unit depth, lambda is the depth, and the range is lambda
+times the ray's length.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ _LEVEL = 1e-6  # rays that descend less than this per unit of depth never meet t
 
 @dataclass(frozen=True, kw_only=True)
 class CameraView:
-    """Where the lens is above the carpet and how it is turned."""
+    """Height and attitude of the lens above the carpet."""
 
-    camera: CameraModel  # at the size of the map that is looked at; undistorted
+    camera: CameraModel  # at the size of the class or depth map; undistorted
     pitch_rad: float  # of the optical axis to the horizon, negative down
     height_m: float  # of the lens above the carpet
     roll_rad: float = 0.0  # of the image about the optical axis, its right side down positive
@@ -55,16 +55,17 @@ class CameraView:
 def view_of(
     frame: Frame, camera: CameraModel, size_px: tuple[int, int], *, roll_rad: float = 0.0
 ) -> CameraView:
-    """Return the view of a frame's telemetry, for maps of a size.
+    """Return the view from a frame's telemetry, for maps of a size.
 
-    The gimbal holds its pitch to the horizon whatever the body does, so of the body's attitude only
-    the lever remains: the lens is ahead of the body's centre, and goes up and down with its nose.
+    The gimbal holds its pitch to the horizon at any attitude of the body. The body's attitude
+    matters only for the lever: the lens is ahead of the body's centre and moves up and down with
+    the nose.
 
     Args:
         frame: its gimbal pitch, attitude and height above the carpet are used.
         camera: intrinsics of that camera, at any size.
-        size_px: width and height of the map that is looked at.
-        roll_rad: what the gimbal leaves of roll; no drone of ours reports it.
+        size_px: width and height of the class or depth map.
+        roll_rad: roll that the gimbal leaves; no supported drone reports it.
 
     Raises:
         ValueRangeError: the telemetry is not finite.
@@ -88,7 +89,7 @@ def level_rays(view: CameraView) -> NDArray[np.float32]:
     across = (np.arange(camera.width_px) - camera.cx_px) / camera.fx_px
     along = (np.arange(camera.height_px) - camera.cy_px) / camera.fy_px
     axes = camera_axes(view.pitch_rad, view.roll_rad)
-    # Each component is a plane over the image: a row plus a column, added out.
+    # Each component is a plane over the image: the outer sum of a row and a column.
     columns = (axes[:, :1] * across).astype(np.float32)
     rows = (axes[:, 1:2] * along + axes[:, 2:]).astype(np.float32)
     return np.asarray(columns[:, None, :] + rows[:, :, None])
@@ -110,10 +111,10 @@ def ground_depth(
     Args:
         view: the camera.
         plane_m: height of the plane above the carpet; 0.4 for the top of the helipad.
-        rays: `level_rays(view)` where it is at hand.
+        rays: `level_rays(view)`, if already computed.
 
     Returns:
-        (H, W) float32 metres along the optical axis; NaN where the ray does not go down to it.
+        (H, W) float32 metres along the optical axis; NaN where the ray does not meet the plane.
 
     Raises:
         ValueRangeError: the lens is not above the plane.
@@ -133,7 +134,7 @@ def ground_depth(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundPlane:
-    """The carpet in one view, computed once for all that need it."""
+    """The carpet in one view, computed once for all users."""
 
     view: CameraView
     rays: NDArray[np.float32]  # (3, H, W), `level_rays`

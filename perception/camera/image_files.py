@@ -1,4 +1,4 @@
-"""Image files: which ones a folder holds, and their pixels with 8 bits."""
+"""Image files: listing a folder's images, and reading them with 8 bits."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from uav_bt.files import reading
 
 IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 FOREIGN_SUFFIXES: Final = (".arw", ".avif", ".cr2", ".cr3", ".dng", ".heic", ".heif", ".nef")
-"""Formats of phones and cameras that are named and not read."""
+"""Formats of phones and cameras that messages name but that cannot be read."""
 
 _JPEG_MARK: Final = b"\xff\xd8"
 _EXIF_MARK: Final = b"Exif\0\0"
-_EXIF_BYTES: Final = 65_536 + 64  # a JPEG segment's longest, behind the one before it
+_EXIF_BYTES: Final = 65_536 + 64  # longest JPEG segment, and the segment before it
 _ORIENTATION_TAG: Final = 0x0112
 _EXIF: Final = {  # EXIF 2.3, table 4: value of the tag
     2: Orientation(flip_columns=True),
@@ -34,7 +34,7 @@ _NAMED: Final = 3  # files that a message lists
 
 
 def image_files(folder: Path) -> tuple[list[Path], str]:
-    """Return the images of a folder, and a line about images of formats that are not read.
+    """Return the images of a folder, and a line about images in unsupported formats.
 
     Raises:
         FileError: the folder holds no image.
@@ -66,12 +66,12 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8
 
     Args:
         path: the file.
-        colour: three colours; otherwise grey.
-        as_stored: leave the sensor's rows as they are; otherwise turn them by the EXIF orientation.
+        colour: whether to return three colours; otherwise grey.
+        as_stored: whether to keep the stored rows; otherwise the EXIF orientation is applied.
 
     Returns:
-        (H, W, 3) uint8 RGB or (H, W) uint8. Images of more than 8 bits are scaled to the range of
-        bits that they use, as 12 bits in a 16-bit file.
+        (H, W, 3) uint8 RGB or (H, W) uint8. Images of more than 8 bits are shifted down by the bits
+        that they use, for example 12 bits in a 16-bit file.
 
     Raises:
         FileError: the file cannot be read or holds no image.
@@ -83,7 +83,7 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8
     flags = cv2.IMREAD_ANYDEPTH | (cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE)
     if as_stored:
         flags |= cv2.IMREAD_IGNORE_ORIENTATION
-    # OpenCV raises on an empty buffer, and returns nothing where no image is encoded.
+    # OpenCV raises on an empty buffer, and returns None for data without an image.
     image = cv2.imdecode(encoded, flags) if encoded.size else None
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise FileError(path, "is not a readable image")
@@ -94,7 +94,7 @@ def read_image(path: Path, *, colour: bool, as_stored: bool) -> NDArray[np.uint8
 
 
 def exif_orientation(path: Path) -> Orientation:
-    """Return how a JPEG file's EXIF data turn its stored rows; upright where they say nothing.
+    """Return the orientation in a JPEG file's EXIF data; upright without one.
 
     Raises:
         FileError: the file cannot be read.

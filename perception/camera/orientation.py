@@ -1,7 +1,7 @@
 """The orientation that a video's metadata gives its frames, applied to images and cameras.
 
-A drone or phone that is mounted upside down stores the sensor's rows as they are and notes in the
-file how a player turns them. FFmpeg calls that note the display matrix.
+A drone or phone that is mounted upside down stores the sensor's rows unchanged and records in the
+file how a player must turn them. FFmpeg calls this record the display matrix.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _SLACK: Final = (
 
 @dataclass(frozen=True, kw_only=True)
 class Orientation:
-    """A turn by quarters and a mirroring: transpose first, then flip."""
+    """A rotation by a multiple of 90 degrees and a mirroring: transpose first, then flip."""
 
-    transpose: bool = False  # columns become rows
-    flip_columns: bool = False  # left and right change places
-    flip_rows: bool = False  # top and bottom change places
+    transpose: bool = False  # swap columns and rows
+    flip_columns: bool = False  # swap left and right
+    flip_rows: bool = False  # swap top and bottom
 
     @staticmethod
     def from_display_matrix(matrix: NDArray[np.floating]) -> Orientation:
@@ -34,11 +34,11 @@ class Orientation:
 
         Args:
             matrix: (2, 2) floats a, b, c, d: column x and row y are shown at column a x + c y and
-                row b x + d y. Scale is left out.
+                row b x + d y. Its scale is ignored.
 
         Raises:
             ShapeError: the matrix has another shape.
-            ValueRangeError: the angle is between the multiples of 90 degrees.
+            ValueRangeError: the angle is not a multiple of 90 degrees.
         """
         if matrix.shape != (2, 2):
             raise ShapeError("display matrix", expected="2x2", actual=matrix.shape)
@@ -70,8 +70,8 @@ class Orientation:
         """Return the camera of shown images from the camera of raw ones.
 
         Raises:
-            ValueRangeError: the lens model has more than the five numbers k1, k2, p1, p2, k3, and
-                the images are turned.
+            ValueRangeError: the images are turned, and the lens model has more than the five
+                numbers k1, k2, p1, p2, k3.
         """
         if self.upright:
             return raw

@@ -1,7 +1,7 @@
-"""The control student's shape, inputs and outputs: what flight and training have in common.
+"""The control student's shape, inputs and outputs, shared by flight and training.
 
-Beside the images it gets the ego state and the movement between the views, from dead-reckoned
-poses. Importing this module does not import torch.
+Besides the images, the inputs are the ego state and the motion between the views, from
+dead-reckoned poses. This module does not import torch.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from numpy.typing import NDArray
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.dead_reckoning import OdometryPose
 
-VERSION: Final = 2  # of layers' names, inputs and outputs; files of another one are refused
+VERSION: Final = 2  # of layer names, inputs and outputs; files of another version are refused
 
 OUTPUTS: Final = ("advance", "clockwise", "step_m", "ground_ends", "free_m")
-"""Logits of: advance (not turn), clockwise (if it turns), the ground ends; and metres."""
+"""Outputs: `advance` (or turn), `clockwise` (if it turns), `ground_ends` as logits; others in m."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlNetConfig:
     """The network's shape."""
 
-    width_px: int = 160  # a box's base at 3 m is still seen to 5 cm
+    width_px: int = 160  # at 3 m this resolves the base of a box to 5 cm
     height_px: int = 80
     channels: tuple[int, ...] = (24, 48, 96, 160)  # by level: the segmentation U-Net's encoder
-    bottleneck: int = 24  # channels that each place of the last level hands to the dense layers
-    embedding: int = 192  # values that a view is reduced to
-    hidden: int = 128  # of the layers that join the views
-    views: int = 3  # the present one and earlier ones
-    spacing_s: float = 0.5  # between them: the paper has three within a second
+    bottleneck: int = 24  # channels per cell of the last level into the dense layers
+    embedding: int = 192  # values per view
+    hidden: int = 128  # values of the layers that join the views
+    views: int = 3  # number of views: the present one and earlier ones
+    spacing_s: float = 0.5  # between views; the paper has three within a second
 
     def __post_init__(self) -> None:
         divisor = 2 ** len(self.channels)
@@ -50,7 +50,7 @@ class ControlNetConfig:
 
     @property
     def ages_s(self) -> tuple[float, ...]:
-        """How long before the present each view was, the present one first."""
+        """Ages of the views, s, the present one first."""
         return tuple(self.spacing_s * number for number in range(self.views))
 
     def to_json(self) -> dict[str, Any]:
@@ -59,52 +59,53 @@ class ControlNetConfig:
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> ControlNetConfig:
-        """Return the shape that `to_json` wrote.
+        """Return the shape from the values of `to_json`.
 
         Raises:
-            KeyError: a part of it is missing.
+            KeyError: a value is missing.
         """
         known = {item.name: values[item.name] for item in fields(cls)}
         return cls(**{**known, "channels": tuple(known["channels"])})
 
 
-# Where the vector is zero: the mission's usual height and camera pitch.
+# Zero points of the vector: the mission's usual height and camera pitch.
 _HEIGHT_M: Final = 1.5
 _PITCH_RAD: Final = math.radians(-30.0)
-_MAX_FULL_TURNS: Final = 3  # as many as the rules relieve
+_MAX_FULL_TURNS: Final = 3  # as `max_full_turns` of the rules
 
 _EGO: Final = 4  # height, pitch, turn under way, full turns
 _MOVED: Final = 5  # age, forward, right, sine and 1 - cosine of the turn
-_SIDED: Final = (False, False, True, False)  # a mirror changes the sign of these
+_SIDED: Final = (False, False, True, False)  # values that change sign in a mirrored world
 _SIDED_MOVED: Final = (False, False, True, True, False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class EgoState:
-    """The state of the drone when it decides."""
+    """The state of the drone at a decision."""
 
     height_above_carpet_m: float
     gimbal_pitch_rad: float
     turning: int = 0  # a turn under way: +1 clockwise, -1 counter-clockwise, 0 none
-    full_turns: int = 0  # in a row that found no free path
+    full_turns: int = 0  # consecutive full turns without a free path
 
 
 def state_size(views: int) -> int:
-    """Return the length of the state vector for so many views."""
+    """Return the length of the state vector for a number of views."""
     return _EGO + _MOVED * (views - 1)
 
 
 def state_vector(ego: EgoState, poses: Sequence[OdometryPose]) -> NDArray[np.float32]:
-    """Return the state vector of a moment.
+    """Return the state vector of a decision.
 
     Args:
         ego: the drone's state.
-        poses: where each view was captured, the present one first.
+        poses: poses at the capture of each view, the present one first.
 
     Returns:
-        (4 + 5 (V - 1),) float32: height and pitch from their usual values, the turn under way, full
-        turns; then of each earlier view its age in seconds, where the body was then (forward and
-        right from the body now, metres), sine and 1 - cosine of its heading from the heading now.
+        (4 + 5 (V - 1),) float32. The first four are height and pitch relative to their usual
+        values, the turn under way, and full turns. Each earlier view adds its age in seconds, the
+        body's former position (forward and right of the present body, metres), and sine and
+        1 - cosine of its heading relative to the present one.
     """
     now = poses[0]
     values = [

@@ -24,17 +24,17 @@ _ABOUT: Final = ["framework", "control"]  # where OpenVINO keeps an ONNX file's 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlEstimate:
-    """What the network predicts for a moment."""
+    """The network's prediction for a decision."""
 
-    advance: float  # 0 to 1: to go on rather than turn
-    clockwise: float  # 0 to 1: the side to turn to, if it turns
-    step_m: float  # of the advance
-    ground_ends: float  # 0 to 1
-    free_m: float  # how far the way ahead is free of obstacles, up to a step
+    advance: float  # 0 to 1: probability of an advance, not a turn
+    clockwise: float  # 0 to 1: probability that a turn is clockwise
+    step_m: float  # length of an advance
+    ground_ends: float  # 0 to 1: probability that the ground ends ahead
+    free_m: float  # length of the path ahead free of obstacles, up to a step
 
 
 def decode(prediction: NDArray[np.floating[Any]]) -> ControlEstimate:
-    """Return the meaning of the network's outputs, (5,): `config.OUTPUTS`."""
+    """Return the estimate from the network's outputs, (5,), `ego_state.OUTPUTS`."""
     advance, clockwise, step_m, ends, free_m = (float(value) for value in prediction)
     return ControlEstimate(
         advance=_sigmoid(advance),
@@ -50,14 +50,14 @@ def _sigmoid(logit: float) -> float:
 
 
 class OnnxControlStudent:
-    """A control student in an ONNX file, as `uav-bt net export student` makes it.
+    """A control student in an ONNX file from `uav-bt net export student`.
 
     Args:
         path: the ONNX file.
-        threads: of inference.
+        threads: number of inference threads.
 
     Raises:
-        WeightsError: the file is absent, damaged, of another version, or no control student.
+        WeightsError: the file is absent, damaged, of another version, or not a control student.
     """
 
     def __init__(self, path: Path = SHIPPED_STUDENT, *, threads: int = 1) -> None:
@@ -69,12 +69,12 @@ class OnnxControlStudent:
         self._state = (1, state_size(config.views))
         self._check(model)
         self._request = compile_model(model, threads, path).create_infer_request()
-        # The first inference is the slow one.
+        # Warm-up: the first inference is slow.
         self._run(np.zeros(self._frames, np.float32), np.zeros(self._state, np.float32))
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height of the network's images."""
+        """Width and height of the network's images, px."""
         return self.config.width_px, self.config.height_px
 
     def preprocess(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -84,16 +84,16 @@ class OnnxControlStudent:
     def estimate(
         self, images: Sequence[NDArray[np.uint8]], state: NDArray[np.float32]
     ) -> ControlEstimate:
-        """Return what the network predicts for a moment.
+        """Return the network's prediction for a decision.
 
         Args:
-            images: V of (h, w, 3) uint8 RGB, from `preprocess`; the present one first.
-            state: (S,) float32, `ego_state.state_vector` of that moment.
+            images: V images (h, w, 3) uint8 RGB, from `preprocess`; the present one first.
+            state: (S,) float32, `ego_state.state_vector` of that decision.
 
         Raises:
-            ShapeError: there are too few or too many of them, or of another size.
+            ShapeError: an argument has another number or size.
             ValueRangeError: a number of the state is not finite.
-            WeightsError: the network answered with something that is not a number.
+            WeightsError: an output of the network is not finite.
         """
         frames = np.stack(images)
         _, views, channels, height, width = self._frames
@@ -102,7 +102,7 @@ class OnnxControlStudent:
             raise ShapeError("views", expected=expected, actual=frames.shape)
         if state.shape != self._state[1:]:
             raise ShapeError("state vector", expected=str(self._state[1]), actual=state.shape)
-        # The network's own layers turn NaN into zero, unnoticed.
+        # The network's layers would turn NaN into zero without an error.
         if not np.isfinite(state).all():
             raise ValueRangeError(
                 f"the state must be finite numbers, got {state.tolist()}; look at telemetry"

@@ -1,21 +1,21 @@
-"""The safety corridor: five planes around the way ahead, and what metric depth finds within them.
+"""The safety corridor: five planes around the path ahead, and the obstacles between them.
 
-The paper (Mocanu et al.) writes X up, Y lateral, Z forward, in a frame at the drone's centre; here
-the same frame is level, x forward, y right, z down, so that X = -z, Y = y, Z = x. Its "camera
-position P'" of equation 8's text is T (C with the offset of equation 11): P' is the pixel on the
-image plane. With r a pixel's ray of unit depth and C the lens, one offset ahead of the centre:
+The paper (Mocanu et al.) writes X up, Y lateral, Z forward, in a frame at the drone's centre. Here
+this frame is level, x forward, y right, z down, so that X = -z, Y = y, Z = x. The "camera position
+P'" in the text of equation 8 is T (C with the offset of equation 11); P' is the pixel on the image
+plane. With r a pixel's ray of unit depth and C the lens, ahead of the centre by its offset:
 
     P'        = C + a * r                     (6)   a: distance of the image plane
     P'_center = C + (P' - C) * f             (12)   f: the focal factor
     P''       = C + lambda * (P'_center - C)  (8)   a point on the ray
     lambda    = (plane - C) / (P'_center - C)  (10A-10E, in the plane's own coordinate)
 
-A plane counts where lambda > 1: it lies beyond the image plane. A point at depth d of a pixel is
-C + d * r, so ``lambda * a * f`` is the depth at which the ray crosses a plane, and is compared with
-the depth of the pixel: both along the optical axis. (Along the ray both grow by the same factor;
-mixing the two would let obstacles at the image's edge through.) The nearest plane in front of a
-pixel is the one that it would cross; a pixel whose depth is less is inside the corridor, and
-belongs to that side.
+A plane counts if lambda > 1: it lies beyond the image plane. A point at depth d of a pixel is
+C + d * r, so the ray crosses a plane at the depth ``lambda * a * f``. This depth is compared with
+the depth of the pixel; both are along the optical axis. (Along the ray both grow by the same
+factor. Mixing depth and range would miss obstacles at the image's edge.) Each ray leaves the
+corridor through the nearest plane. A pixel with less depth is inside the corridor and counts for
+the side of that plane.
 """
 
 from __future__ import annotations
@@ -40,22 +40,22 @@ _NEVER = np.float32(np.inf)
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorConfig:
-    """Distances from the drone's centre; the paper's by default."""
+    """Distances from the drone's centre; by default the paper's."""
 
     left_m: float = 0.5  # twice the body's half width and a margin
-    right_m: float = 0.5
+    right_m: float = 0.5  # as left_m
     front_m: float = 2.0  # half the carpet
     up_m: float = 0.8
-    down_m: float = 0.8  # flown at 1.5 m, the carpet and the helipad stay below
+    down_m: float = 0.8  # at a flight height of 1.5 m the carpet and the helipad stay below
     focal_factor: float = 1.0  # f; 0.8 to 1.2 in the paper
     # a: planes nearer to the lens than f times this do not count. The paper's normalised rays put
-    # it at 1 m, which takes the side planes away from all pixels more than 27 degrees off the axis
-    # and so widens the corridor there; the real lens is here.
+    # the image plane at 1 m. All pixels more than 27 degrees off the axis then lose their side
+    # planes, which widens the corridor there. This value is that of a real lens.
     image_plane_m: float = 0.02
     nose_m: float = Airframe().body_size_m[0] / 2  # the body's front ahead of its centre
-    # Depth at the edges of things is a mixture: the nearest pixels, this many, are not believed.
+    # Depth at object borders mixes near and far: this number of nearest pixels is ignored.
     stray_px: int = 4
-    standing_mps: float = 0.05  # slower than this nothing is hit
+    standing_mps: float = 0.05  # below this speed the time to impact is infinite
 
     def __post_init__(self) -> None:
         distances = (self.left_m, self.right_m, self.front_m, self.up_m, self.down_m)
@@ -71,11 +71,11 @@ class CorridorConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorPlanes:
-    """Where every pixel's ray leaves the corridor; depends on camera and attitude only."""
+    """Exit of every pixel's ray from the corridor; depends on camera and attitude only."""
 
     rays: NDArray[np.float32]  # (3, H, W) of unit depth: forward, right, down
-    depth_m: NDArray[np.float32]  # (H, W) along the optical axis; inf where no plane is met
-    side: NDArray[np.uint8]  # (H, W) index into SIDES of the plane crossed; meaningless at inf
+    depth_m: NDArray[np.float32]  # (H, W) along the optical axis; inf if the ray meets no plane
+    side: NDArray[np.uint8]  # (H, W) index into SIDES of the exit plane; undefined at inf
 
     @classmethod
     def of(cls, view: CameraView, config: CorridorConfig) -> CorridorPlanes:
@@ -112,19 +112,19 @@ def build_corridor(
     things: NDArray[np.bool_] | None = None,
     config: CorridorConfig | None = None,
 ) -> Corridor:
-    """Find what is inside the corridor.
+    """Find the obstacles inside the corridor.
 
-    Where the depth is unknown but bounded, a thing whose bound is inside the corridor is inside;
-    how near it is is unknown, so nothing ahead of it counts as free.
+    A pixel with unknown depth is inside if its upper bound is inside. Its range is unknown, so the
+    free distance is then 0.
 
     Args:
         depth: metric depth, (H, W).
-        planes: of the same camera and attitude.
-        offset_m: of the lens ahead of the body's centre (C).
-        velocity: of the body, for the time to impact; standing still when None.
-        things: (H, W) pixels that count, others are not looked at; all when None. Where the depth
-            is unknown, only things can be in the way.
-        config: the corridor that the planes were made for.
+        planes: planes of the same camera and attitude.
+        offset_m: distance of the lens ahead of the body's centre (C).
+        velocity: of the body, for the time to impact; None for a hovering drone.
+        things: (H, W) bool, pixels that count; None for all. Pixels of unknown depth count only if
+            this mask is given.
+        config: the corridor of the planes.
 
     Raises:
         ShapeError: the sizes differ.
@@ -157,7 +157,7 @@ def build_corridor(
 def _looked_at(
     depth: DepthMap, things: NDArray[np.bool_] | None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float32]]:
-    """Return where the depth counts, where it is unknown and yet counts, and its upper bound."""
+    """Return the counted pixels of known depth, those of unknown depth, and the upper bounds."""
     counts = np.ones(depth.depth.shape, dtype=bool) if things is None else things
     finite = np.isfinite(depth.depth)
     lost = ~finite & counts if things is not None else np.zeros_like(counts)
@@ -185,7 +185,7 @@ def _check(depth: DepthMap, planes: CorridorPlanes, things: NDArray[np.bool_] | 
 
 
 def _nearest(distances: NDArray[np.float32], stray_px: int) -> int | None:
-    """Return the place of the nearest distance that is no stray, None where there is none."""
+    """Return the index of the nearest distance that is not a stray; None without one."""
     if distances.size <= stray_px:
         return None
     return int(np.argpartition(distances, stray_px)[stray_px])
@@ -203,7 +203,7 @@ def _free(
     offset_m: float,
     config: CorridorConfig,
 ) -> float:
-    """Return how far ahead of the centre nothing lies between the four walls; inf for nothing."""
+    """Return the free distance ahead of the centre between the four walls; inf without limit."""
     forward, right, down = planes.rays
     metres = depth.depth
     with np.errstate(invalid="ignore"):
@@ -222,7 +222,7 @@ def _impact(free_m: float, velocity: BodyVelocity | None, config: CorridorConfig
 
 
 class CorridorBuilder:
-    """Builds corridors, and keeps the planes of the last few attitudes.
+    """Builds corridors, and caches the planes of the last attitudes.
 
     Args:
         config: the corridor.
@@ -235,8 +235,8 @@ class CorridorBuilder:
         )
 
     def planes(self, view: CameraView) -> CorridorPlanes:
-        """Return the planes of a view, made once for each camera and attitude."""
-        return self._planes(replace(view, height_m=0.0))  # on which they do not depend
+        """Return the planes of a view, computed once for each camera and attitude."""
+        return self._planes(replace(view, height_m=0.0))  # planes do not depend on the height
 
     def intruding(
         self, depth: DepthMap, view: CameraView, *, things: NDArray[np.bool_] | None = None
@@ -268,7 +268,7 @@ class CorridorBuilder:
         velocity: BodyVelocity | None = None,
         things: NDArray[np.bool_] | None = None,
     ) -> Corridor:
-        """Find what is inside the corridor; see `build_corridor`."""
+        """Find the obstacles inside the corridor; see `build_corridor`."""
         return build_corridor(
             depth,
             self.planes(view),

@@ -1,6 +1,6 @@
-"""Mapping of a depth network of another tool: depth or disparity, and the form of its image.
+"""Mapping file of a foreign depth network: kind of output, and format of the input image.
 
-The mapping is a YAML file of the network's name beside it, `net.yaml` beside `net.onnx`:
+The mapping is a YAML file with the network's name, `net.yaml` beside `net.onnx`:
 
 .. code-block:: yaml
 
@@ -25,14 +25,14 @@ _OURS: Final = ["framework", "weights_sha256"]  # metadata that `uav-bt net trai
 
 @dataclass(frozen=True, kw_only=True)
 class DepthMapping:
-    """Meaning of a depth network's output, and the form of its image."""
+    """Meaning of a depth network's output, and the format of its input image."""
 
     output: Literal["depth", "disparity"]  # along the optical axis; 1/depth, both up to a factor
     input: InputFormat = field(default_factory=InputFormat)
 
 
 def depth_mapping(path: Path, model: Any) -> DepthMapping:
-    """Return the mapping of a depth network: that of the file beside it, or depth for our own.
+    """Return the mapping of a depth network: from the file beside it, or depth for our networks.
 
     Args:
         path: the ONNX file.

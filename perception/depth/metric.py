@@ -1,4 +1,4 @@
-"""Metric depth of a frame: a network's relative depth and its scale, ground contact, or both."""
+"""Metric depth of a frame: a network's scaled relative depth, ground contact, or both."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ SOURCES: Final[tuple[Source, ...]] = ("network", "contact", "fused")
 
 @dataclass(frozen=True, kw_only=True)
 class MetricDepthConfig:
-    """When a frame is refused."""
+    """Which frames are refused, and limits of the depth."""
 
-    black_level: float = 8.0  # mean of 255 below which a frame shows nothing
-    checked_px: int = 8  # every so many pixels of a frame are looked at for that
-    min_height_m: float = 0.15  # on the ground the carpet is not seen but touched
-    max_m: float = 20.0  # beyond any lab; what a scale makes of a network's sky
-    roll_rad: float = 0.0  # of the image, its right side down; what the gimbal is known to leave
+    black_level: float = 8.0  # a frame with a mean below this, of 255, is black
+    checked_px: int = 8  # step in rows and columns between the pixels of that mean
+    min_height_m: float = 0.15  # a lower drone is on the ground and sees no carpet
+    max_m: float = 20.0  # larger than any lab; limits the depth of a network's sky
+    roll_rad: float = 0.0  # known roll of the image that the gimbal leaves, right side down
     sampling: ScaleConfig = field(default_factory=ScaleConfig)
     contact: ContactDepthConfig = field(default_factory=ContactDepthConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
 class MetricDepth:
-    """Metric depth, or why there is none or less than asked for."""
+    """Metric depth, or the reason for missing or partial depth."""
 
     depth: DepthMap | None
-    refusal: str = ""  # for the status line and the records; ground contact may remain
-    scale: Scale | None = None  # of the network's depth; None where none went in
-    relative: DepthMap | None = None  # the network's own depth, where it was asked here
+    refusal: str = ""  # for the status line and the records; depth by ground contact may remain
+    scale: Scale | None = None  # of the network's depth; None if no network depth was used
+    relative: DepthMap | None = None  # the network's relative depth, if the network ran here
 
 
 class MetricDepthMaker:
@@ -62,15 +62,15 @@ class MetricDepthMaker:
 
     Args:
         source: ``network`` (relative depth times scale), ``contact`` (masks and geometry, NaN where
-            they know nothing) or ``fused`` (those where they know, with the network's word for how
-            high a roof is whose box's base is out of sight; the network elsewhere; never further
-            than they allow).
-        scale: of the network's depth; None for the adaptive one.
-        generator: draws the carpet's pixels.
-        config: when a frame is refused.
+            these give no depth) or ``fused``: ``contact`` where it is known, otherwise the network,
+            limited by the upper bound of ``contact``. There the network also gives the height of a
+            roof if the base of its box is out of sight.
+        scale: estimator of the scale of the network's depth; None for `AdaptiveScale`.
+        generator: samples the carpet's pixels.
+        config: which frames are refused.
 
     Raises:
-        UnknownNameError: there is no such source.
+        UnknownNameError: the source is unknown.
     """
 
     def __init__(
@@ -100,10 +100,10 @@ class MetricDepthMaker:
 
         Args:
             frame: its telemetry gives the ground plane.
-            class_map: of that frame.
+            class_map: class map of that frame.
             camera: intrinsics, at any size.
             relative: the network's depth of that frame, at any size; not needed for ``contact``.
-            remembered: obstacles' bases seen earlier, for those out of view now.
+            remembered: obstacles' bases seen earlier, for bases now out of view.
         """
         refusal = self._refusal(frame, class_map, relative)
         if refusal:
@@ -136,7 +136,7 @@ class MetricDepthMaker:
     def _scale_of(
         self, relative: DepthMap, class_map: ClassMap, ground: GroundPlane
     ) -> tuple[Scale | None, str]:
-        """Return the scale of a network's depth, or None and why there is none."""
+        """Return the scale of a network's depth, or None and the reason."""
         fitting, sampling = _resized(relative.depth, ground.view), self._config.sampling
         sample = sample_carpet(fitting, class_map.ids, ground.depth_m, self._generator, sampling)
         scale = self._scale.update(sample, class_map.captured_s)
@@ -163,12 +163,12 @@ class MetricDepthMaker:
 def remembered_bases(
     near: NearObstacles, now: Pose2D, then: Pose2D, frame: Frame, camera: CameraModel
 ) -> Remembered:
-    """Return remembered obstacles as they lay from the lens when a frame was captured.
+    """Return remembered obstacles relative to the lens at a frame's capture.
 
     Args:
         near: obstacles from the body's centre at the pose `now`.
-        now: the dead-reckoned pose of the newest telemetry, which is newer than the frame.
-        then: the dead-reckoned pose at the frame's capture.
+        now: dead-reckoned pose of the newest telemetry, which is newer than the frame.
+        then: dead-reckoned pose at the frame's capture.
         frame: the frame.
         camera: gives the position of the lens.
     """
@@ -184,7 +184,7 @@ def _relative_refusal(frame: Frame, relative: DepthMap | None) -> str:
 
 
 def _contact_only(contact: ContactDepth | None, captured_s: float, no_scale: str) -> MetricDepth:
-    """Return what ground contact knows; a map of nothing would read as a free path."""
+    """Return the depth by ground contact; None instead of an empty map, which would mean free."""
     if contact is None or not np.isfinite(contact.depth).any():
         refusal = no_scale or "nothing in view stands on carpet"
         return MetricDepth(depth=None, refusal=refusal)

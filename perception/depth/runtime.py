@@ -20,25 +20,25 @@ from perception.networks.onnx_runtime import (
 from uav_bt.errors import UnknownNameError, WeightsError
 from uav_bt.types import DepthMap, Frame
 
-_MAX_DEPTH: Final = 1e4  # of a disparity of zero: so far that nothing there matters
+_MAX_DEPTH: Final = 1e4  # for a disparity of zero, in the network's unit
 
 
 class OnnxDepthEstimator:
     """A depth network in an ONNX file.
 
-    The network has one image as input, (1, 3, H, W) RGB in [0, 1] or as its mapping says, and one
-    output (1, 1, h, w) or (1, h, w), h and w at most H and W: relative depth along the optical
-    axis, or disparity, which is turned over. The same frame always gives the same depth, also with
-    other work beside it.
+    The network has one input image, (1, 3, H, W) RGB in [0, 1] or as in its mapping file, and one
+    output (1, 1, h, w) or (1, h, w), h and w at most H and W. The output is relative depth along
+    the optical axis, or disparity, which is inverted. The same frame always gives the same depth,
+    also under load.
 
     Args:
-        path: the ONNX file; `DepthMapping` has the file beside it.
-        threads: of inference.
+        path: the ONNX file; for the mapping file beside it see `depth_mapping`.
+        threads: number of inference threads.
 
     Raises:
-        WeightsError: the file is absent or damaged, the network is no depth network, or it is
-            unknown whether it gives depth or disparity.
-        FileError: the mapping beside it is malformed.
+        WeightsError: the file is absent or damaged, its output is not a depth map, or it is unknown
+            whether it gives depth or disparity.
+        FileError: the mapping file beside it is malformed.
     """
 
     def __init__(self, path: Path, *, threads: int = 1) -> None:
@@ -58,14 +58,14 @@ class OnnxDepthEstimator:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height that frames are resized to."""
+        """Width and height of the network's input, px; frames are resized to them."""
         return self._size
 
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the relative depth of a frame, at the size of the network's output.
 
         Raises:
-            WeightsError: the network answered with something that is no depth.
+            WeightsError: the network's output is not finite or not positive.
         """
         depth = self.depth(frame.image)
         return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
@@ -103,16 +103,16 @@ class OnnxDepthEstimator:
 
 
 def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEstimator:
-    """Return a depth network by the name of a shipped one, or an ONNX file.
+    """Return a shipped depth network by its name, or the network of an ONNX file.
 
     Args:
         model: "depth" (8-bit integers), "depth-fp32", or a path that ends in .onnx.
-        threads: of inference.
+        threads: number of inference threads.
 
     Raises:
-        UnknownNameError: it is neither.
-        ValueRangeError: it is the earlier name of "contact".
-        FileError: the mapping beside the file is malformed.
+        UnknownNameError: the name is unknown.
+        ValueRangeError: the name is the former name of "contact".
+        FileError: the mapping file beside the network is malformed.
         WeightsError: the file cannot be used, or it is unknown whether it gives depth or disparity.
     """
     path = depth_file(str(model))

@@ -1,13 +1,13 @@
 """From relative depth to metres: the paper's adaptive scale (equations 4 to 9).
 
-A network trained without truth gives depth in a unit of its own. The carpet is a plane at a known
-distance (`perception.camera.ground_plane`), so each pixel that shows it tells what that unit is
-worth: the median ratio of 50 random carpet pixels, afresh in every frame, smoothed by a Kalman
-filter that rejects outliers. The filter's state is the logarithm of the scale, which is what varies
-evenly: a network that sees everything a tenth too near does so near and far.
+A network trained without ground truth gives depth in an unknown unit. The carpet is a plane at a
+known distance (`perception.camera.ground_plane`), so each carpet pixel gives the unit in metres.
+The scale of a frame is the median ratio of 50 random carpet pixels. A Kalman filter that rejects
+outliers smooths it over time. The filter's state is the logarithm of the scale, because the errors
+are relative: a network that underestimates depth by a tenth does so at all ranges.
 
-Depth is along the optical axis on both sides of every ratio: the paper compares the Euclidean range
-with it, which is off by 1/cos of the angle to the axis, up to a fifth in the corners of our image.
+Both depths of a ratio are along the optical axis. The paper compares network depth with Euclidean
+range, which is wrong by 1/cos of the angle to the axis, up to a fifth in the corners of our image.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from uav_bt.types.arrays import Floats32
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """How relative depth becomes metres: ``factor * relative + shift_m``."""
+    """Conversion of relative depth to metres: ``factor * relative + shift_m``."""
 
-    factor: float  # metres for one unit of relative depth, positive
+    factor: float  # metres per unit of relative depth, positive
     shift_m: float = 0.0
     confidence: float = 1.0  # 0 to 1
 
@@ -41,15 +41,15 @@ class Scale:
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleConfig:
-    """How the carpet is sampled, and when it is too little."""
+    """How the carpet is sampled, and how much of it is needed."""
 
-    points: int = 50  # the paper's balance of time and steadiness
-    # Distance to the carpet's border, where mask and depth are at their worst: the paper's 10 of
-    # 256 rows, as a share of the map's height so that it means the same at every size.
+    points: int = 50  # carpet pixels per frame; the paper's compromise of time and noise
+    # Distance to the carpet's border, where mask and depth are least accurate: the paper's 10 of
+    # 256 rows, as a share of the map's height.
     margin_share: float = 10.0 / 256.0
-    min_points: int = 20  # fewer inner carpet pixels than this are no scale
-    max_range_m: float = 6.0  # beyond the lab a row of pixels spans metres
-    spread_half: float = 0.1  # relative spread of the ratios at which the confidence is a half
+    min_points: int = 20  # with fewer inner carpet pixels a frame gives no scale
+    max_range_m: float = 6.0  # of carpet pixels; beyond the lab one row spans metres
+    spread_half: float = 0.1  # relative spread of the ratios at which the confidence is 0.5
 
     def __post_init__(self) -> None:
         if self.points < 1 or not 1 <= self.min_points <= self.points:
@@ -78,17 +78,17 @@ def sample_carpet(
     generator: np.random.Generator,
     config: ScaleConfig | None = None,
 ) -> CarpetSample | None:
-    """Draw carpet pixels away from the carpet's border.
+    """Sample carpet pixels away from the carpet's border.
 
     Args:
         relative: (H, W) relative depth along the optical axis.
         ids: (H, W) class ids of the same size.
         ground_m: (H, W) depth of the ground plane, metres; NaN where a ray does not meet it.
-        generator: draws the pixels, without replacement.
-        config: how many, and how far inside.
+        generator: samples the pixels, without replacement.
+        config: number of pixels and distance from the border.
 
     Returns:
-        The sample, or None where too little carpet shows.
+        The sample, or None if too little carpet is in view.
 
     Raises:
         ShapeError: the sizes differ.
@@ -101,7 +101,7 @@ def sample_carpet(
         expected = f"{ids.shape[0]}x{ids.shape[1]}, as the class map"
         raise ShapeError("depth of the ground", expected=expected, actual=ground_m.shape)
     reach = max(1, round(config.margin_share * ids.shape[0]))
-    # The image's edge is no border of the carpet: it goes on behind it.
+    # The image's edge is not a border of the carpet.
     padded = cv2.copyMakeBorder(
         (ids == CARPET).astype(np.uint8), reach, reach, reach, reach, cv2.BORDER_REPLICATE
     )
@@ -125,18 +125,18 @@ def sample_carpet(
 
 
 class ScaleEstimator(Protocol):
-    """One frame's carpet in, the scale of that frame out."""
+    """Estimates the scale of each frame from its carpet."""
 
     def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
-        """Take in a frame's carpet (None: too little of it) and return the scale, or None."""
+        """Process a frame's carpet (None: too little of it) and return the scale, or None."""
         ...
 
 
 class AdaptiveScale:
-    """The paper's adaptive scale: each frame's median ratio, smoothed.
+    """The paper's adaptive scale: each frame's median ratio, smoothed over time.
 
     Args:
-        config: how the carpet is sampled.
+        config: number of carpet pixels and spread, for the confidence.
         smooth: the filter over time.
     """
 
@@ -149,15 +149,15 @@ class AdaptiveScale:
     def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
         """Return the smoothed scale.
 
-        Without carpet in view the last one carries on until it is too uncertain to fly on.
+        Without carpet in view the last scale is used until it is too uncertain.
         """
         own = 0.0
         if sample is not None:
             logs = np.log(sample.known_m / sample.predicted)
             middle = float(np.median(logs))
-            # Half of the ratios lie within this of the median; 1.4826 makes it a normal std.
+            # Median absolute deviation; 1.4826 converts it to a normal standard deviation.
             spread = 1.4826 * float(np.median(np.abs(logs - middle)))
-            std = 1.2533 * spread / math.sqrt(len(sample))  # of a median
+            std = 1.2533 * spread / math.sqrt(len(sample))  # standard error of a median
             if self._filter.update(middle, std, captured_s):
                 own = 1.0 / (1.0 + (spread / self._config.spread_half) ** 2)
                 own *= min(1.0, len(sample) / self._config.points)
@@ -165,20 +165,20 @@ class AdaptiveScale:
         if state is None:
             return None
         log_factor, certainty = state
-        # A frame that added nothing leaves what the filter still knows, which is less.
+        # Without a measurement the confidence follows from the filter, and is lower.
         confidence = own if own > 0.0 else 0.5 * certainty
         return Scale(factor=math.exp(log_factor), confidence=confidence)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleFilterConfig:
-    """Noise model, in parts of the scale (0.01 is one percent)."""
+    """Noise model, relative to the scale (0.01 is one percent)."""
 
-    wander_std: float = 0.05  # of a second: the network's unit changes with what it looks at
-    floor_std: float = 0.01  # of a measurement: height and pitch are wrong for all points alike
+    wander_std: float = 0.05  # per square root of a second: the network's unit varies with content
+    floor_std: float = 0.01  # of a measurement: errors of height and pitch affect all points alike
     gate: float = 10.8  # squared innovation over its variance: chi-square, 1 dof, 99.9 %
-    rejections_to_restart: int = 5  # so many outliers in a row mean that the state is wrong
-    lost_std: float = 0.15  # more uncertain than this is no scale: a metre would be a hand wrong
+    rejections_to_restart: int = 5  # after this number of outliers in a row the filter restarts
+    lost_std: float = 0.15  # above this the scale is lost: an error of 0.15 m per metre
 
     def __post_init__(self) -> None:
         stds = (self.wander_std, self.floor_std, self.gate, self.lost_std)
@@ -198,15 +198,15 @@ class ScaleFilter:
         self._rejected = 0
 
     def update(self, log_scale: float, std: float, captured_s: float) -> bool:
-        """Take in a measurement.
+        """Update the filter with a measurement.
 
         Args:
             log_scale: natural logarithm of the measured scale.
-            std: its standard deviation from the scatter of its points.
-            captured_s: when; an older one than the newest does not turn time back.
+            std: its standard deviation, from the scatter of its points.
+            captured_s: its time; an older time than the newest does not turn time back.
 
         Returns:
-            False when it was turned away as an outlier.
+            False if the measurement was rejected as an outlier.
 
         Raises:
             ValueRangeError: a number is not finite.
@@ -228,10 +228,10 @@ class ScaleFilter:
         return True
 
     def at(self, time_s: float) -> tuple[float, float] | None:
-        """Return the logarithm of the scale and how certain it is, 1 to 0.
+        """Return the logarithm of the scale and its certainty, 0 to 1, at a time.
 
         Returns:
-            None before the first measurement, and when the last one is too long ago.
+            None before the first measurement, and when the scale has become too uncertain.
         """
         self._predict(time_s)
         if self._filter is None:

@@ -1,4 +1,4 @@
-"""Depth of one frame after another, as a mission's leaf and a video of perception both make it."""
+"""Depth estimation frame by frame, shared by the mission's leaf and by perception on videos."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ Timed = Callable[[str], AbstractContextManager[object]]
 
 @dataclass(frozen=True, kw_only=True)
 class DepthStageConfig:
-    """Which frames are refused before anything is computed."""
+    """Which frames are refused before any computation."""
 
-    moving_mps: float = 0.2  # faster than this, two equal images mean that the video is frozen
-    compared_px: int = 8  # every so many pixels of two images are compared
-    aspect_slack: float = 0.01  # 640x360 and 854x480 are both 16:9; more was cropped
+    moving_mps: float = 0.2  # above this speed two equal images mean a frozen video
+    compared_px: int = 8  # step in rows and columns between compared pixels
+    aspect_slack: float = 0.01  # relative; 640x360 and 854x480 are both 16:9, others are cropped
 
     def __post_init__(self) -> None:
         if not (self.moving_mps > 0.0 and self.compared_px >= 1 and self.aspect_slack >= 0.0):
@@ -36,7 +36,7 @@ class DepthStage:
     """Relative and metric depth, frame by frame.
 
     Args:
-        network: frame in, relative depth out; None knows depth by ground contact alone.
+        network: frame in, relative depth out; None for depth by ground contact alone.
         maker: makes the metric depth.
         config: which frames are refused.
     """
@@ -62,17 +62,17 @@ class DepthStage:
         motion: MotionEstimate | None = None,
         timed: Timed = nullcontext,
     ) -> MetricDepth:
-        """Return the depth of a frame that was not seen before, at the class map's size.
+        """Return the depth of a new frame, at the class map's size.
 
         Args:
             frame: its telemetry gives the ground plane.
-            class_map: of that frame.
-            camera: intrinsics at any size of the frame's aspect.
-            state: the newest telemetry, where there is any.
+            class_map: class map of that frame.
+            camera: intrinsics at any size of the frame's aspect ratio.
+            state: the newest telemetry, if there is any.
             near: obstacles near the drone, from the body's centre at the pose of `motion`.
             motion: the drone's pose now and at this frame. Without it, or with one of another
                 frame, no remembered obstacle is used.
-            timed: measures a stage, `relative_depth` or `metric_depth`, by its name.
+            timed: measures the time of a stage, `relative_depth` or `metric_depth`, by its name.
         """
         refusal = self._frozen(frame, state) or self._misfit(frame, camera)
         if refusal:
@@ -90,7 +90,7 @@ class DepthStage:
         return replace(metric, relative=relative)
 
     def _frozen(self, frame: Frame, state: DroneState | None) -> str:
-        """Return a refusal where a moving drone sent the same image again."""
+        """Return a refusal if a moving drone sent the same image again."""
         every, before = self._config.compared_px, self._last_image
         self._last_image = frame.image[::every, ::every].copy()
         if before is None or state is None:
@@ -102,7 +102,7 @@ class DepthStage:
         return ""
 
     def _misfit(self, frame: Frame, camera: CameraModel) -> str:
-        """Return why a frame cannot be of a camera; empty when it can."""
+        """Return a message if frame and camera differ in aspect ratio; otherwise empty."""
         height_px, width_px = frame.image.shape[:2]
         stretch = (width_px * camera.height_px) / (height_px * camera.width_px)
         if abs(stretch - 1.0) <= self._config.aspect_slack:

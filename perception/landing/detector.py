@@ -1,8 +1,8 @@
-"""Find the helipad in a class map: its H and its striped box belong together.
+"""Detector of the helipad in a class map, as a pair of its H and its striped box.
 
 After the paper, section "First Level": candidate pairs are scored by distance, connectedness and
-compactness. Distances are measured in units of the pair's own size, so one set of thresholds holds
-near and far.
+compactness. Distances are measured relative to the size of the H, so that the same thresholds hold
+at every range.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
 from uav_bt.types import CameraModel, ClassMap, LandingMark
 from uav_bt.types.projection import ground_points
 
-_H_SHARE: Final = 0.6  # of the mark's top: the panel with the H, which is the class
+_H_SHARE: Final = 0.6  # of the mark's top: the panel of the class with the H
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,9 +29,10 @@ class HelipadDetectorConfig:
     min_h_area_px: float = 8.0  # an H at 4.5 m covers about 20
     min_box_area_px: float = 12.0  # sides of the box at 4.5 m cover about 60
     max_gap: float = 0.5  # between the components' edges, in H diameters
-    min_fill: float = 0.35  # of the H's convex hull: a scatter of specks fills less
+    min_fill: float = 0.35  # share of the H's convex hull; scattered noise fills less
     min_score: float = 0.35
-    # An H that the image's border cuts keeps this share: its centroid is up to 0.17 m off.
+    # The score of an H cut by the image's border is multiplied by this: its centroid is up to
+    # 0.17 m off.
     cut_share: float = 0.5
     max_components: int = 6  # of each class, largest first
 
@@ -42,7 +43,7 @@ class HelipadDetection:
 
     column_px: float  # centroid of the H, at the class map's size
     row_px: float
-    score: float  # 0 to 1; how far to trust it
+    score: float  # 0 to 1
     h_area_px: float  # pixels of the class map
     cut_by_edge: bool  # the H touches the image's border: its centroid is biased
 
@@ -71,7 +72,8 @@ def _components(binary: NDArray[np.uint8], min_area_px: float, limit: int) -> li
 def _hull_fill(component: _Component) -> float:
     points = cv2.findNonZero(component.mask)
     hull_area = cv2.contourArea(cv2.convexHull(points))
-    # A hull through pixel centres misses half a pixel all around: small shapes fill more than 1.
+    # A hull through pixel centres is half a pixel too small on each side, so the ratio may exceed
+    # 1 for small shapes.
     return min(1.0, component.area_px / hull_area) if hull_area > 0 else 1.0
 
 
@@ -82,7 +84,7 @@ class HelipadDetector:
         self._config = config or HelipadDetectorConfig()
 
     def detect(self, class_map: ClassMap) -> HelipadDetection | None:
-        """Return the most promising pair, or None when no pair is promising enough."""
+        """Return the pair with the highest score, or None when no pair reaches `min_score`."""
         cfg = self._config
         height, width = class_map.ids.shape
         scale = (width * height) / (224.0 * 112.0)
@@ -118,7 +120,7 @@ class HelipadDetector:
         if fill < cfg.min_fill:
             return 0.0
         connectedness = 1.0 - gap / cfg.max_gap
-        # Seen from anywhere, the box's centroid lies within about two H diameters of the H's.
+        # From any viewpoint the centroids of box and H are within about two H diameters.
         apart = math.dist(h.centroid, box.centroid) / diameter
         proximity = math.exp(-max(0.0, apart - 1.0) / 2.0)
         return math.cbrt(connectedness * proximity * fill)
@@ -141,16 +143,16 @@ def locate(
     gimbal_pitch_rad: float,
     height_above_pad_m: float,
 ) -> tuple[float, float] | None:
-    """Turn a detection into metres from the body's centre.
+    """Return the position of a detection from the body's centre, metres.
 
-    Perspective draws the near half of the H larger, so that its centroid lies up to 3 cm before the
-    pad's centre; straight down there is no such error.
+    In perspective the near half of the H is larger, so that its centroid lies up to 3 cm before the
+    pad's centre. A camera that looks straight down does not have this error.
 
     Args:
-        detection: in a class map of the camera model's size.
+        detection: detection in a class map.
         camera: intrinsics at the class map's size.
-        gimbal_pitch_rad: when the frame was captured.
-        height_above_pad_m: of the camera above the pad's top.
+        gimbal_pitch_rad: pitch of the gimbal at the frame's capture.
+        height_above_pad_m: height of the camera above the pad's top.
 
     Returns:
         (forward, right) metres in the level frame, or None when the ray does not meet the pad's
@@ -173,16 +175,15 @@ def visible_share(
     height_above_pad_m: float,
     mark: LandingMark,
 ) -> float:
-    """Return how much of a whole H a detection is, by the area that it covers on the pad's plane.
+    """Return the share of a whole H in a detection, from its area on the pad's plane.
 
-    Little is left of an H that the image's border cuts just above it, and a speck on a box near by,
-    which a mask takes for an H, is a small part of one.
+    The share is small for an H cut by the image's border, and for mask noise on a nearby box.
 
     Args:
-        detection: that `locate` finds a place for with the same arguments.
+        detection: a detection for which `locate` returns a position with the same arguments.
         camera: intrinsics at the class map's size.
-        gimbal_pitch_rad: when the frame was captured.
-        height_above_pad_m: of the camera above the pad's top.
+        gimbal_pitch_rad: pitch of the gimbal at the frame's capture.
+        height_above_pad_m: height of the camera above the pad's top.
         mark: the size of the mark.
 
     Returns:

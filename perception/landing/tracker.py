@@ -1,8 +1,8 @@
-"""Track the helipad from class map to class map, also through frames that miss it.
+"""Tracker of the helipad over class maps, including frames without a detection.
 
-The pad stands still, so a Kalman filter with a constant state in a dead-reckoned frame does it: the
-odometry integrates the drone's own velocity and yaw, detections are placed at the pose their frame
-was captured at (video is late), and the fix is read relative to the pose of now.
+The pad is fixed, so a Kalman filter with a constant state in a dead-reckoned frame is enough. The
+odometry integrates the drone's velocity and yaw. Because video is late, detections are placed by
+the pose at their frame's capture. The fix is given relative to the present pose.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from uav_bt.types import (
 )
 from uav_bt.types.dead_reckoning import Odometry
 
-# Of a whole H: a smaller one is a mask's error, for which boxes show up to 0.02. Only from just
-# above the pad so little of its H is in view.
+# A smaller share of a whole H is a mask error; on boxes such errors reach 0.02. Only from right
+# above the pad, within _ABOVE_M, may the visible share of the H be smaller.
 _SPECK: Final = 0.1
 _ABOVE_M: Final = 0.5
 
@@ -43,12 +43,12 @@ class HelipadTrackerConfig:
     """Noise model of the filter."""
 
     bearing_std_rad: float = 0.02  # about 3 pixels of a 224-wide class map
-    range_std_ratio: float = 0.06  # of the range: a pixel of elevation weighs more far away
-    floor_std_m: float = 0.03  # close up, the centroid of the H is this good
-    doubt_std_m: float = 0.3  # of a detection with confidence 0; in proportion in between
-    drift_std_mps: float = 0.05  # dead reckoning's error growth while the pad is unseen
+    range_std_ratio: float = 0.06  # error along the line of sight, relative to the range
+    floor_std_m: float = 0.03  # error of the H's centroid at close range
+    doubt_std_m: float = 0.3  # additional error, times 1 - confidence
+    drift_std_mps: float = 0.05  # growth of dead reckoning's error, per square root of a second
     gate: float = 13.8  # squared Mahalanobis distance, chi-square 2 dof at 99.9 %
-    rejections_to_restart: int = 5  # so many outliers in a row mean that the track is wrong
+    rejections_to_restart: int = 5  # after this number of outliers in a row the track restarts
 
 
 class HelipadTracker:
@@ -64,11 +64,12 @@ class HelipadTracker:
         self._rejected = 0
 
     def predict(self, state: DroneState, now_s: float | None = None) -> None:
-        """Follow the drone's own motion.
+        """Integrate the drone's motion.
 
         Args:
             state: telemetry.
-            now_s: until when the newest pose is carried on, s; None for telemetry's newest time.
+            now_s: time to which the newest pose is extrapolated, s; None for telemetry's newest
+                time.
         """
         pose = self._odometry.update(state, now_s)
         if self._filter is not None:
@@ -79,16 +80,16 @@ class HelipadTracker:
     def update(
         self, forward_m: float, right_m: float, *, captured_s: float, confidence: float
     ) -> bool:
-        """Take in a detection.
+        """Update the track with a detection.
 
         Args:
-            forward_m: ahead of the body's centre when the frame was captured, level.
-            right_m: to its right.
-            captured_s: when that was.
-            confidence: 0 to 1; the less, the less the detection moves the track.
+            forward_m: horizontal distance ahead of the body's centre at the frame's capture.
+            right_m: horizontal distance to its right.
+            captured_s: capture time of the frame.
+            confidence: 0 to 1; a less confident detection moves the track less.
 
         Returns:
-            False when the detection was rejected as an outlier (or came before any telemetry).
+            False if the detection was rejected as an outlier or came before any telemetry.
 
         Raises:
             ValueRangeError: a number is not finite, or the confidence is not within 0 and 1.
@@ -117,7 +118,7 @@ class HelipadTracker:
         return True
 
     def fix(self, *, detected: bool) -> HelipadFix | None:
-        """Return the pad relative to the drone now, None before the first detection."""
+        """Return the pad relative to the drone's present pose; None before the first detection."""
         pose = self._odometry.now
         if self._filter is None or pose is None:
             return None
@@ -164,7 +165,7 @@ class HelipadTracker:
 
 
 class HelipadFinder:
-    """Finds the helipad in class maps and carries it through misses by dead reckoning.
+    """Finds the helipad in class maps and tracks it through misses by dead reckoning.
 
     Args:
         mark: the size of the landing mark; default: the paper's.
@@ -173,16 +174,17 @@ class HelipadFinder:
     def __init__(self, mark: LandingMark | None = None) -> None:
         self._mark = mark or LandingMark()
         self._detector, self._tracker = HelipadDetector(), HelipadTracker()
-        self._reckons = False  # whether there was any telemetry to carry it by
-        self._seen: HelipadFix | None = None  # in the newest class map
-        self._accepted = False  # whether the track took that in
+        self._reckons = False  # whether any telemetry has come
+        self._seen: HelipadFix | None = None  # the detection in the newest class map
+        self._accepted = False  # whether the track accepted that detection
 
     def predict(self, state: DroneState, now_s: float | None = None) -> None:
-        """Follow the drone's own motion.
+        """Integrate the drone's motion.
 
         Args:
             state: telemetry.
-            now_s: until when the newest pose is carried on, s; None for telemetry's newest time.
+            now_s: time to which the newest pose is extrapolated, s; None for telemetry's newest
+                time.
         """
         self._reckons = True
         self._tracker.predict(state, now_s)
@@ -193,18 +195,18 @@ class HelipadFinder:
         self.miss()
 
     def miss(self) -> None:
-        """Note that there is no class map to look at."""
+        """Record that no class map is available."""
         self._seen, self._accepted = None, False
 
     def see(
         self, class_map: ClassMap, frame: Frame, camera: CameraModel
     ) -> HelipadDetection | None:
-        """Take in a class map and return what was detected in it; specks are nothing.
+        """Search a class map and return the detection; mask noise gives None.
 
         Args:
-            class_map: made from `frame`.
-            frame: its telemetry places what is seen.
-            camera: intrinsics at any size of the same aspect.
+            class_map: class map of `frame`.
+            frame: its telemetry places the detection.
+            camera: intrinsics at any size of the same aspect ratio.
         """
         self.miss()
         detection = self._detector.detect(class_map)
@@ -224,7 +226,7 @@ class HelipadFinder:
         share = visible_share(detection, *view, self._mark)
         if share < _SPECK and math.hypot(*place) > _ABOVE_M:
             return None
-        confidence = detection.score * share  # the middle of a part is not that of the whole
+        confidence = detection.score * share  # the centroid of a partial H is biased
         self._seen = HelipadFix(
             captured_s=frame.captured_s,
             forward_m=place[0],
@@ -239,7 +241,7 @@ class HelipadFinder:
         return detection
 
     def fix(self) -> HelipadFix | None:
-        """Return where the helipad is from the drone now; without telemetry only while seen."""
+        """Return the helipad relative to the drone; without telemetry only while it is seen."""
         if not self._reckons:
             return self._seen
         fix = self._tracker.fix(detected=self._accepted)

@@ -1,1 +1,1 @@
-"""The site map: what of the place is ground, what stands on it, and where the drone is in it."""
+"""The site map: ground, obstacles, movers and landing mark of the place, and the drone's pose."""

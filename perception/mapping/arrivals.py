@@ -1,4 +1,4 @@
-"""Which points of a view have arrived on ground that was seen free before."""
+"""Detection of points that have arrived on ground seen free before."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from uav_bt.types.arrays import Flags, Floats
 
 @dataclass(frozen=True, kw_only=True)
 class ArrivalConfig:
-    """Which points belong to what stands.
+    """Which points belong to standing obstacles.
 
-    A point that is seen again is off by the map's drift and by the errors of height and pitch. Near
-    a settled point that explains a new one; an obstacle that just came into view may move.
+    A point that is seen again is displaced by the map's drift and by the errors of height and
+    pitch. A new point near a settled point is therefore that obstacle again. An obstacle that just
+    came into view may move.
     """
 
     beside_m: float = 0.3  # a point this near to a settled point belongs to it. Chosen.
@@ -42,14 +43,14 @@ def find_arrivals(
         known: the map's bases.
         on_ground: (N,) points on ground that earlier views have shown.
         owned: (N,) points within a mover's circle.
-        config: which points belong to what stands.
+        config: which points belong to standing obstacles.
     """
     off_m = _off_standing_m(seen, known, config)
     return np.asarray((on_ground & (off_m > 0.0)) | (owned & (off_m > -config.shared_m)))
 
 
 def _off_standing_m(seen: Landmarks, known: Landmarks, config: ArrivalConfig) -> Floats:
-    """Return how far points are from the circles around settled points."""
+    """Return the distance of points to the circles around settled points, (N,), m."""
     time_s = float(seen.seen_s[0])
     known = known.take((known.settled_s <= time_s) & (known.missed == 0.0))
     if not len(known):

@@ -1,4 +1,4 @@
-"""What stands on the carpet and where it ends, bearing by bearing from below the camera."""
+"""Scan of a class map for bases of obstacles and the carpet's edge, by bearing."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from uav_bt.types import CameraModel, ClassMap, Frame
 from uav_bt.types.projection import project
 
 NO_CLASS: Final = 255
-"""Of a sample that lies below the image: neither a class nor a group."""
+"""Value of a sample below the image: neither a class nor a group."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContactScanConfig:
-    """How finely the view is scanned.
+    """Resolution of the scan.
 
-    It is scanned along bearings, not along columns: away from the image's centre a vertical edge
-    leans, and the lowest obstacle pixel of a column may lie half-way up a box.
+    The scan follows bearings, not columns: away from the image's centre a vertical edge leans, and
+    the lowest obstacle pixel of a column may lie half-way up a box.
     """
 
     bearing_step_rad: float = math.radians(1.0)  # about three columns of a 224-wide map
-    elevation_step_rad: float = math.radians(0.5)  # about a row of it
-    max_elevation_rad: float = math.radians(-8.0)  # carpet seen flatter is beyond the lab
-    min_run: int = 4  # samples of obstacle or background above a base; fewer are specks
+    elevation_step_rad: float = math.radians(0.5)  # about one row of a 224-wide map
+    max_elevation_rad: float = math.radians(-8.0)  # carpet above this elevation is beyond the lab
+    min_run: int = 4  # samples of obstacle or background above a base; fewer are mask noise
 
     def __post_init__(self) -> None:
         steps = min(self.bearing_step_rad, self.elevation_step_rad)
@@ -39,26 +39,26 @@ class ContactScanConfig:
 
 @dataclass(frozen=True, eq=False)
 class GroundScan:
-    """A class map sampled along bearings, where its pixels' rays meet the ground."""
+    """A class map sampled at points of the ground along bearings."""
 
     level_m: NDArray[np.float64]  # (B, E, 2) forward, right of the point below the camera
-    ids: NDArray[np.uint8]  # (B, E) class ids, `NO_CLASS` where a sample lies below the image
-    groups: NDArray[np.uint8]  # (B, E) their groups, likewise `NO_CLASS`
+    ids: NDArray[np.uint8]  # (B, E) class ids; `NO_CLASS` for samples below the image
+    groups: NDArray[np.uint8]  # (B, E) group ids; `NO_CLASS` for samples below the image
     image_groups: NDArray[np.uint8]  # (H, W) group ids of the whole class map
-    min_run: int  # samples that make a base
+    min_run: int  # samples above a base
 
 
 @dataclass(frozen=True)
 class Bases:
-    """Where the carpet meets obstacles and where it ends, from the point below the camera."""
+    """Bases of obstacles and edges of the carpet, from the point below the camera."""
 
     placed_m: NDArray[np.float64]  # (N, 2) forward, right
-    placed_ids: NDArray[np.uint8]  # (N,) classes of what stands there
-    # (M, 2): the nearest carpet in view on bearings where an obstacle hides it: the obstacle stands
-    # somewhere before it, since a vertical edge keeps its bearing.
+    placed_ids: NDArray[np.uint8]  # (N,) classes of the obstacles there
+    # (M, 2): the nearest sample in view on bearings where it shows an obstacle. The obstacle stands
+    # there or nearer, since a vertical edge keeps its bearing.
     hidden_m: NDArray[np.float64]
-    edges_m: NDArray[np.float64]  # (K, 2): where background follows the carpet
-    hidden_edges_m: NDArray[np.float64]  # (L, 2): the nearest in view, where it is background
+    edges_m: NDArray[np.float64]  # (K, 2): borders of carpet and background behind it
+    hidden_edges_m: NDArray[np.float64]  # (L, 2): nearest samples in view that are background
 
 
 def scan_ground(
@@ -67,10 +67,10 @@ def scan_ground(
     """Sample a class map along bearings, each from near to far.
 
     Args:
-        class_map: made from `frame`.
+        class_map: class map of `frame`.
         frame: its gimbal pitch and height place the samples on the ground.
         camera: intrinsics at the class map's size.
-        config: how finely it is scanned.
+        config: resolution of the scan.
     """
     config = config or ContactScanConfig()
     pitch_rad, height_m = frame.gimbal_pitch_rad, max(frame.height_above_carpet_m, 0.05)
@@ -117,7 +117,7 @@ def find_bases(scan: GroundScan) -> Bases:
 def _borders_m(
     scan: GroundScan, rows: NDArray[np.intp], first: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Return where runs begin: half-way between their first samples and those before."""
+    """Return the beginnings of runs: half-way between their first samples and those before."""
     return np.asarray((scan.level_m[rows, first] + scan.level_m[rows, first - 1]) / 2)
 
 
@@ -127,7 +127,7 @@ def _first_runs(
     """Find the nearest run of a group on each bearing; samples go from near to far.
 
     Returns:
-        The bearings that have one, where it begins, and the group before it.
+        The bearings with a run, the index of its first sample, and the group before it.
     """
     solid = sampled == group
     samples = solid.copy()

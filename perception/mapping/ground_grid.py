@@ -1,4 +1,4 @@
-"""The map's grid: where ground was seen, where it ends, where the drone has been."""
+"""The map's grid: seen ground, its end, and cells passed by the drone."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from uav_bt.types.site_map import is_beyond_edge
 
 @dataclass(frozen=True, kw_only=True)
 class GroundGridConfig:
-    """The grid's size, and what goes into it."""
+    """Size of the grid, and limits of its entries."""
 
     cell_m: float = 0.1  # side of a cell; chosen
-    reach_m: float = 12.0  # from the take-off point, each way; chosen
-    max_range_m: float = 4.0  # ground further from the camera is seen too flatly; chosen
-    # Views vote on whether a cell is ground or beyond it; more votes do not count. Chosen.
+    reach_m: float = 12.0  # from the take-off point in each direction; chosen
+    max_range_m: float = 4.0  # ground further from the camera is seen at too flat an angle; chosen
+    # Views vote whether a cell is ground or beyond its end; votes are limited to this. Chosen.
     max_votes: int = 6
-    near_step_m: float = 0.08  # between places below the lowest line of sight; chosen, below a cell
-    near_bearings: int = 3  # of the scan, one in this number is cleared; chosen
+    near_step_m: float = 0.08  # step along cleared bearings; chosen smaller than a cell
+    near_bearings: int = 3  # every n-th bearing of the scan is cleared; chosen
     passed_m: float = 0.5  # cells this near to the flown path were passed; as `coverage_passed`
-    around_m: float = 0.1  # ground must be seen this far around a place; its error when far; chosen
-    lane_s: float = 90.0  # a mover may come back to where it was for this time; chosen
+    around_m: float = 0.1  # ground must be seen this far around a place, its error at range; chosen
+    lane_s: float = 90.0  # a mover may return to a former place within this time; chosen
     looked_s: float = 0.4  # ground seen within this time is free of movers; chosen
     lane_m: float = 0.2  # radius of a lane around a mover's path; chosen
-    body_m: float = 0.35  # no obstacle stands this near to the drone; chosen
+    body_m: float = 0.35  # cells this near to the drone are free; chosen
 
     def __post_init__(self) -> None:
         if not 0.0 < self.cell_m < self.reach_m:
@@ -51,7 +51,7 @@ class GroundGrid:
         self._disc = _disc(config.passed_m / config.cell_m)
         self._around = np.argwhere(_disc(config.around_m / config.cell_m))
         self._around -= self._around.max(axis=0) // 2
-        self._moved_s = np.full((side, side), -np.inf)  # something moved there
+        self._moved_s = np.full((side, side), -np.inf)  # last time of a mover there
         self._has_moved = False
         self._lane = np.argwhere(_disc(config.lane_m / config.cell_m))
         self._lane -= self._lane.max(axis=0) // 2
@@ -60,7 +60,7 @@ class GroundGrid:
         self.full = False  # something lay outside the grid
 
     def add(self, view: View) -> None:
-        """Take in the ground that a view shows.
+        """Add the ground in a view.
 
         Args:
             view: placed in the map's frame.
@@ -87,7 +87,7 @@ class GroundGrid:
         self._clear_below(view)
 
     def fly_over(self, x_m: float, y_m: float) -> None:
-        """Note where the drone is: what lies below it is passed, and nothing stands there."""
+        """Mark the cells below the drone as passed and free of obstacles."""
         row, column = self._cells(np.array([[x_m, y_m]]))[0]
         _stamp(self.passed, int(row), int(column), self._disc)
         _stamp(self.free, int(row), int(column), self._body)
@@ -97,7 +97,7 @@ class GroundGrid:
             self._use(np.array([[row, column]]))
 
     def was_ground(self, places_m: Floats) -> Flags:
-        """Return at which places all ground around was seen.
+        """Return the places with all ground around them seen, (N,).
 
         Args:
             places_m: (N, 2) in the map's frame.
@@ -110,17 +110,17 @@ class GroundGrid:
         return known
 
     def shows_ground(self, x_m: float, y_m: float, *, since_s: float) -> bool:
-        """Return whether all ground around a place was seen since then."""
+        """Return whether all ground around a place was seen after `since_s`."""
         cells = self._cells(np.array([[x_m, y_m]])) + self._around
         inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all()
         return bool(inside and (self.seen_s[tuple(cells.T)] > since_s).all())
 
     def shown_at(self, places_m: Floats, captured_s: float) -> Flags:
-        """Return at which places the view of that time showed ground.
+        """Return the places at which the newest view showed ground, (N,).
 
         Args:
             places_m: (N, 2) in the map's frame.
-            captured_s: of the newest view.
+            captured_s: capture time of the newest view.
         """
         cells = self._cells(places_m)
         inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
@@ -129,11 +129,11 @@ class GroundGrid:
         return shown
 
     def note_moving(self, places_m: Floats, captured_s: float) -> None:
-        """Note where something moves or may move.
+        """Record movers and possible movers.
 
         Args:
-            places_m: (K, 2) of their middles, in the map's frame.
-            captured_s: of the view that shows them.
+            places_m: (K, 2) their middles in the map's frame.
+            captured_s: capture time of the view that shows them.
         """
         cells = (self._cells(places_m)[:, None, :] + self._lane).reshape(-1, 2)
         inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
@@ -141,7 +141,7 @@ class GroundGrid:
         self._has_moved |= bool(inside.any())
 
     def lanes_m(self, now_s: float) -> Floats:
-        """Return where something moved lately and may come back unseen, (K, 2)."""
+        """Return places where a mover was and to which it may have returned unseen, (K, 2)."""
         if not self._has_moved:
             return np.empty((0, 2))
         cfg = self.config
@@ -180,9 +180,9 @@ class GroundGrid:
         )
 
     def _clear_below(self, view: View) -> None:
-        """Note as free what lies between the camera and the nearest ground in view.
+        """Mark the cells between the camera and the nearest ground in view as free.
 
-        Whatever stood there and reached the flight height would hide that ground.
+        An obstacle there that reached the flight height would hide that ground.
         """
         cfg, scan = self.config, view.scan
         groups, level_m = scan.groups[:: cfg.near_bearings], scan.level_m[:: cfg.near_bearings]

@@ -1,7 +1,7 @@
-"""The map's points: where obstacles meet the ground, and where the ground ends.
+"""The map's points: bases of obstacles, and edges of the ground.
 
-A point stays where the first views placed it, so that later sightings correct the drone's place
-instead of moving the point along with its drift. It goes when views show ground around it.
+A point keeps the position from the first views, so that later sightings correct the drone's pose
+instead of moving the point with the drift. It is removed when views show ground around it.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from uav_bt.types.arrays import Flags, Floats
 
 @dataclass(frozen=True, kw_only=True)
 class LandmarkConfig:
-    """Which points are kept, and when they go."""
+    """Which points are kept, and when they are removed."""
 
     same_m: float = 0.08  # a point seen this near to a known point is that point again. Chosen.
-    # Weight from which a point stays where it is; a sighting at 1 m weighs 1, and the weight falls
+    # A point with this weight no longer moves. A sighting at 1 m has weight 1, and the weight falls
     # with the square of the range. Chosen.
     enough: float = 3.0
     max_weight: float = 4.0  # of one sighting, at 0.5 m and nearer. Chosen.
-    # Ground must be seen at a point and at this distance to all four sides of it to count against
-    # it. Chosen.
+    # Ground at a point counts against it only if ground is also seen at this distance on all four
+    # sides. Chosen.
     probe_m: float = 0.05
-    # Views that show ground around a point before it goes; as many as its weight, at least this and
-    # at most `max_missed`. One view with a wrong pose must not remove what would correct the pose.
-    # Chosen.
+    # A point is removed after a number of views with ground around it. This number is its weight,
+    # at least `min_missed` and at most `max_missed`. One view with a wrong pose must not remove the
+    # points that would correct the pose. Chosen.
     min_missed: float = 3.0
-    max_missed: float = 10.0  # likewise
+    max_missed: float = 10.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,15 +42,14 @@ class Landmarks(PointTable):
     """Points of one kind.
 
     Attributes:
-        xy_m: (N, 2) in the map's frame.
-        weight: (N,) of the sightings that placed it, 1/m2.
-        first_s: (N,) capture of the first view that showed it.
-        seen_s: (N,) capture of the newest view that showed it.
-        settled_s: (N,) from this time on, points seen beside it are taken for points of the same
-            standing obstacle.
-        from_m: (N, 2) place of the camera that saw it first.
-        ids: (N,) uint8 class of the obstacle; background where the ground ends.
-        missed: (N,) views that showed only ground there since it was last seen.
+        xy_m: (N, 2) positions in the map's frame.
+        weight: (N,) weight of the sightings that placed it, 1/m2.
+        first_s: (N,) capture time of the first view that showed it.
+        seen_s: (N,) capture time of the newest view that showed it.
+        settled_s: (N,) time from which points beside it count as the same standing obstacle.
+        from_m: (N, 2) position of the camera at the first sighting.
+        ids: (N,) uint8 class of the obstacle; background at the edge of the ground.
+        missed: (N,) number of views with only ground there since the last sighting.
     """
 
     weight: Floats
@@ -76,7 +75,11 @@ class Landmarks(PointTable):
         )
 
     def settled_after(self, waits_s: Floats) -> Landmarks:
-        """Return the points, each of them settled later by a time, (N,)."""
+        """Return the points with later settling times.
+
+        Args:
+            waits_s: (N,) delays.
+        """
         return replace(self, settled_s=self.settled_s + waits_s)
 
 
@@ -86,7 +89,7 @@ def bases_of(view: View, config: LandmarkConfig) -> Landmarks:
 
 
 def edges_of(view: View, config: LandmarkConfig) -> Landmarks:
-    """Return where the ground ends in a view, placed by its pose."""
+    """Return the edges of the ground in a view, placed by its pose."""
     ids = np.full(len(view.edges_m), BACKGROUND, dtype=np.uint8)
     return _placed(view, view.edges_m, ids, config)
 
@@ -118,9 +121,9 @@ def merge(
 
     Args:
         known: the map's points.
-        seen: the view's.
-        config: how near is near.
-        adds: False leaves out new points.
+        seen: the view's points.
+        config: distances and weights.
+        adds: whether new points are added.
     """
     seen = seen.take(first_in_cells(seen.xy_m, config.same_m))
     if not len(known) or not len(seen):
@@ -139,16 +142,16 @@ def merge(
 
 
 def find_free(known: Landmarks, view: View, config: LandmarkConfig) -> tuple[Flags, Flags]:
-    """Return which known points lie in a view, and which of those it shows to be ground.
+    """Return which known points lie in a view, and which of them show ground.
 
     Args:
         known: the map's points, N of them.
         view: placed in the map's frame.
-        config: how far around a point ground must be seen.
+        config: distance around a point at which ground must be seen.
 
     Returns:
-        (N,) whether a point and its surroundings lie in the image, near enough; and (N,) whether
-        they show only ground as well.
+        (N,) whether a point and its surroundings lie in the image and in range; and (N,) whether
+        they also show only ground.
     """
     local_m = view.lens.points_to_body(known.xy_m)
     probe_m = config.probe_m * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
@@ -158,12 +161,12 @@ def find_free(known: Landmarks, view: View, config: LandmarkConfig) -> tuple[Fla
 
 
 def drop_missed(known: Landmarks, free: Flags, config: LandmarkConfig) -> Landmarks:
-    """Return the known points, one more view counted against some, less those missed too often.
+    """Count a view against points with only ground around them, and drop those missed too often.
 
     Args:
         known: the map's points, N of them.
-        free: (N,) points around which another view shows only ground.
-        config: how often is too often.
+        free: (N,) points around which the view shows only ground.
+        config: limits for dropping points.
     """
     missed = known.missed + free
     enough = np.clip(known.weight, config.min_missed, config.max_missed)

@@ -1,4 +1,4 @@
-"""Where the landing mark is on the map."""
+"""The landing mark's place on the map."""
 
 from __future__ import annotations
 
@@ -15,41 +15,41 @@ from uav_bt.types.site_map import MapMark
 
 @dataclass(frozen=True, kw_only=True)
 class MarkPlaceConfig:
-    """How far sightings of the mark are trusted."""
+    """Errors of sightings, and when the mark is moved."""
 
-    std_m: float = 0.03  # of a sighting close by. Chosen.
-    std_ratio: float = 0.05  # of its range, in addition. Chosen.
-    # In addition, at confidence 0; in proportion to 1 - confidence. Half an H that the image's
-    # border cuts has its middle 0.25 m off.
+    std_m: float = 0.03  # standard deviation of a near sighting. Chosen.
+    std_ratio: float = 0.05  # in addition, by range. Chosen.
+    # In addition, times 1 - confidence. The middle of half an H, cut by the image's border, is
+    # 0.25 m off.
     doubt_m: float = 0.3
-    moved_views: int = 10  # this many sightings elsewhere in a row move the mark. Chosen.
-    # The mark is moved this far, as the map may have drifted; further only when ground was seen at
-    # its former place. Sightings far from a mark that still stands are a mask's errors. Chosen.
+    moved_views: int = 10  # this number of sightings elsewhere in a row moves the mark. Chosen.
+    # The mark is moved up to this distance, because the map may have drifted. It is moved further
+    # only if ground was seen at its former place; otherwise such sightings are mask errors. Chosen.
     drift_m: float = 0.7
 
 
 class MarkPlace:
-    """Keeps the mark's place of all its sightings.
+    """Keeps the place of the mark with the smallest standard deviation.
 
     Args:
-        config: how far sightings are trusted.
+        config: errors of sightings.
     """
 
     def __init__(self, config: MarkPlaceConfig) -> None:
         self._config = config
         self.mark: MapMark | None = None
-        self._elsewhere = 0  # sightings in a row that were not at its place
+        self._elsewhere = 0  # consecutive sightings at other places
 
     def add(
         self, fix: HelipadFix, reckoned: Pose2D, registration: Registration, grid: GroundGrid
     ) -> None:
-        """Take in a sighting, and correct the drone's place by it.
+        """Add a sighting, and correct the drone's pose by it.
 
         Args:
-            fix: from the body's centre.
-            reckoned: pose of the body, dead-reckoned.
-            registration: is corrected where the sighting agrees with the map.
-            grid: of the ground.
+            fix: position from the body's centre.
+            reckoned: dead-reckoned pose of the body.
+            registration: corrected if the sighting agrees with the map.
+            grid: grid of the ground.
         """
         cfg, known = self._config, self.mark
         std_m = math.hypot(

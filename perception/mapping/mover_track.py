@@ -1,4 +1,4 @@
-"""One thing that has arrived on free ground, followed from view to view by a Kalman filter."""
+"""Kalman filter that tracks one cluster of bases that has arrived on free ground."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class MoverConfig:
     depth_m: float = 0.4
     min_radius_m: float = 0.25  # least radius of a mover
     shrinks: float = 0.98  # ratio by which the radius may shrink from one sighting to the next
-    owned_m: float = 0.15  # points this near to the circle of what moves belong to it
+    owned_m: float = 0.15  # points this near to the circle of a mover belong to it
     std_m: float = 0.06  # standard deviation of a cluster's middle
     cut_std_m: float = 0.3  # the same where the end of the view cuts the cluster off
     range_std_ratio: float = 0.02  # the same as a ratio of its range, in addition
@@ -37,19 +37,19 @@ class MoverConfig:
     sightings: int = 5  # sightings after which a cluster may be a mover
     moved_m: float = 0.3  # distance from its first place after which a fast cluster is a mover
     moved_slowly_m: float = 0.45  # the same for a slow one
-    min_mps: float = 0.1  # a mover is faster
-    max_mps: float = 1.5  # and slower
+    min_mps: float = 0.1  # least speed of a mover
+    max_mps: float = 1.5  # largest speed of a mover
     sure: float = 2.0  # a cluster is fast above this many standard deviations of its velocity
-    stays_m: float = 0.2  # a cluster that stays this near to one place
-    stays_s: float = 3.0  # for this long stands
+    stays_m: float = 0.2  # a cluster within this distance of one place for `stays_s` stands
+    stays_s: float = 3.0  # the time for that
     # A cluster that has not moved is forgotten when it is unseen for this long.
     doubt_s: float = 0.6
     life_s: float = 2.5  # the same for a mover
     free_s: float = 0.3  # either is forgotten when its place is seen free for this long
-    # After a movement, an obstacle that has arrived may be a waiting mover this long.
+    # An obstacle that has arrived may be a waiting mover for this time after any movement.
     waits_s: float = 90.0
     trail_s: float = 3.0  # past places of a mover are kept for this long
-    # A point of the map belongs to a mover that was there this near in time to the point's first
+    # A point of the map belongs to a mover that was there within this time of the point's first
     # sighting.
     passed_s: float = 1.0
 
@@ -59,13 +59,13 @@ class MoverConfig:
 
 
 class MoverTrack:
-    """A cluster of bases: where it is, how fast, and whether it moves or stands.
+    """Position and velocity of a cluster of bases, and whether it moves or stands.
 
     Args:
-        number: tells it from others.
-        place_m: (2,) of its middle, in the map's frame.
-        noise: (2, 2) covariance of that.
-        time_s: of the view that showed it first.
+        number: number of the track.
+        place_m: (2,) its middle, in the map's frame.
+        noise: (2, 2) covariance of the middle, m2.
+        time_s: capture time of the first view that showed it.
         config: when a cluster is a mover.
     """
 
@@ -93,12 +93,12 @@ class MoverTrack:
 
     @property
     def place_m(self) -> Floats:
-        """Where it is, (2,) in the map's frame."""
+        """Its position, (2,) in the map's frame, m."""
         return np.asarray(self.filter.x[[0, 2], 0])
 
     @property
     def velocity_mps(self) -> Floats:
-        """How fast it goes, (2,) in the map's frame."""
+        """Its velocity, (2,) in the map's frame, m/s."""
         return np.asarray(self.filter.x[[1, 3], 0])
 
     def std(self, first: int) -> float:
@@ -108,13 +108,13 @@ class MoverTrack:
 
     @property
     def is_under_way(self) -> bool:
-        """Whether it is on its way, surely or most likely."""
+        """Whether it moves, certainly or most likely."""
         cfg, speed_mps = self._config, float(np.hypot(*self.velocity_mps))
         fast = speed_mps >= max(cfg.min_mps, cfg.sure * self.std(1))
         return self.moves or (fast and not self.stands and self.sightings >= cfg.early_sightings)
 
     def predict(self, time_s: float) -> None:
-        """Predict it up to a time."""
+        """Predict its state at a time."""
         step_s = time_s - self.time_s
         if step_s <= 0.0:
             return
@@ -130,29 +130,29 @@ class MoverTrack:
         return float(residual @ np.linalg.solve(spread, residual))
 
     def sight(self, place_m: Floats, noise: Floats, radius_m: float, *, whole: bool = True) -> None:
-        """Take in a sighting, at the time that it was predicted to.
+        """Update the track with a sighting at the time of the last prediction.
 
         Args:
-            place_m: (2,) of its middle.
-            noise: (2, 2) covariance of that.
-            radius_m: of the part that was seen.
-            whole: whether that is all of it.
+            place_m: (2,) the middle of the cluster.
+            noise: (2, 2) covariance of the middle, m2.
+            radius_m: radius of the visible part.
+            whole: whether the visible part is the whole.
         """
         cfg = self._config
-        if whole and not self.is_whole and not self.moves:  # it begins here, not at a part of it
+        if whole and not self.is_whole and not self.moves:  # restart: earlier middles were of parts
             self._begin(place_m, noise)
         else:
             self.filter.update(place_m.reshape(2, 1), R=noise)
         self.is_whole |= whole
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
-        # The part of it that is seen grows and shrinks with its place in the view.
+        # The visible part changes with its place in the view.
         self.radius_m = max(cfg.min_radius_m, radius_m, cfg.shrinks * self.radius_m)
 
     def judge(self, *, moves: bool = True) -> None:
         """Decide whether it moves or stands.
 
         Args:
-            moves: whether the sighting may show that; if not, it is judged anew from here on.
+            moves: whether the sighting may show movement; if not, judging restarts at this place.
         """
         cfg, place_m = self._config, self.place_m
         if not moves:

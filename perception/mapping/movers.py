@@ -1,9 +1,9 @@
-"""What moves in the place: tracked from view to view, and kept apart from what stands.
+"""Tracker of moving obstacles, which separates them from standing ones.
 
-Bases that appear on ground that was seen free before, away from settled points, have
-arrived. Those of a view are clustered, and a Kalman filter with a constant velocity follows each
-cluster in the map's frame. It is a mover once it has really moved, further than the noise of depth
-and odometry; it stands once it has stayed at one place for some seconds.
+Bases that appear on ground that was seen free before, away from settled points, have arrived. They
+are clustered in each view, and a constant-velocity Kalman filter tracks each cluster in the map's
+frame. A cluster is a mover after it has moved further than the noise of depth and odometry. It
+stands after it has stayed at one place for some seconds.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ _FAR = 1e6  # cost of a pair that must not be assigned
 
 @dataclass(frozen=True)
 class _Cluster:
-    place_m: Floats  # of its middle
-    noise: Floats  # (2, 2) covariance of that
+    place_m: Floats  # (2,) its middle
+    noise: Floats  # (2, 2) covariance of the middle, m2
     radius_m: float
-    rows: NDArray[np.intp]  # its points
+    rows: NDArray[np.intp]  # indices of its points
     whole: bool  # not cut off by the end of the view
 
 
 class MoverTracker:
-    """Follows clusters that have arrived on free ground.
+    """Tracks clusters that have arrived on free ground.
 
     Args:
         config: when a cluster is a mover.
@@ -43,15 +43,15 @@ class MoverTracker:
         self._config = config or MoverConfig()
         self._tracks: list[MoverTrack] = []
         self._count = 0
-        self._moved_s = -math.inf  # when anything was seen to move last
+        self._moved_s = -math.inf  # time of the last seen movement
 
     def predict(self, time_s: float) -> None:
-        """Let everything that is followed go on up to a time."""
+        """Predict all tracks up to a time."""
         for track in self._tracks:
             track.predict(time_s)
 
     def owns(self, points_m: Floats) -> Flags:
-        """Return which points lie on something that moves, at the time of the last prediction.
+        """Return which points lie on a mover, (N,), at the time of the last prediction.
 
         Args:
             points_m: (N, 2) in the map's frame.
@@ -71,17 +71,17 @@ class MoverTracker:
         cut: Flags | None = None,
         judges: bool = True,
     ) -> Flags:
-        """Take in the points of a view that have arrived on free ground.
+        """Track the points of a view that have arrived on free ground.
 
         Args:
             points_m: (N, 2) in the map's frame.
-            from_m: (2,) where the camera was.
-            time_s: when.
-            cut: (N,) which of them lie where the view ends: more may stand beside them.
-            judges: whether it may show that something moves.
+            from_m: (2,) position of the camera in the map's frame.
+            time_s: capture time of the view.
+            cut: (N,) points at the end of the view, beyond which the obstacle may continue.
+            judges: whether the view may show movement.
 
         Returns:
-            (N,) which of them belong to a cluster that has stayed long enough to stand.
+            (N,) points of clusters that have stayed long enough to stand.
         """
         cfg = self._config
         self._tracks = [
@@ -109,16 +109,16 @@ class MoverTracker:
         return stands
 
     def places_m(self) -> Floats:
-        """Return where everything that is followed should be, (K, 2) in the map's frame."""
+        """Return the predicted positions of all tracks, (K, 2) in the map's frame."""
         return np.array([track.place_m for track in self._tracks]).reshape(-1, 2)
 
     def may_move_m(self, time_s: float) -> Floats:
-        """Return where a view shows something that moves or may move, (K, 2) in the map's frame.
+        """Return the movers and possible movers in a view, (K, 2) in the map's frame.
 
-        Where anything has moved lately, what arrived and stands may be a mover that waits.
+        After a recent movement, an obstacle that has arrived and stands may be a waiting mover.
 
         Args:
-            time_s: of the view.
+            time_s: capture time of the view.
         """
         cfg = self._config
         least = cfg.sightings if time_s - self._moved_s <= cfg.waits_s else math.inf
@@ -130,11 +130,11 @@ class MoverTracker:
         return np.array(shown).reshape(-1, 2)
 
     def forget_free(self, free: Flags, time_s: float) -> None:
-        """Forget what views show not to be where it should be.
+        """Forget tracks at whose predicted positions views show ground.
 
         Args:
-            free: (K,) at which of `places_m` a view showed ground.
-            time_s: of the view.
+            free: (K,) entries of `places_m` at which a view showed ground.
+            time_s: capture time of the view.
         """
         kept: list[MoverTrack] = []
         for track, is_free in zip(self._tracks, free, strict=True):
@@ -150,11 +150,13 @@ class MoverTracker:
         self._tracks = kept
 
     def passed_over(self, points_m: Floats, first_s: Floats) -> Flags:
-        """Return which points of the map are of a mover: it was there when they were first seen.
+        """Return which points of the map belong to a mover, (N,).
+
+        A mover was at the place of these points when they were first seen.
 
         Args:
             points_m: (N, 2) in the map's frame.
-            first_s: (N,) when they were first seen.
+            first_s: (N,) times of the first sightings.
         """
         passed = np.zeros(len(points_m), dtype=bool)
         for track in self._tracks:
@@ -165,7 +167,7 @@ class MoverTracker:
         return passed
 
     def trails_m(self) -> Floats:
-        """Return where movers have been lately, and the radius, (K, 3) in the map's frame."""
+        """Return recent positions of movers and their radii, (K, 3) in the map's frame."""
         past = [
             (x_m, y_m, track.radius_m)
             for track in self._tracks
@@ -175,10 +177,10 @@ class MoverTracker:
         return np.array(past).reshape(-1, 3)
 
     def movers(self, time_s: float) -> tuple[MapMover, ...]:
-        """Return what moves, oldest first.
+        """Return the movers at a time, oldest first.
 
         Args:
-            time_s: where it will be then; not before the newest view.
+            time_s: the time, not before the newest view.
         """
         found = []
         for track in self._tracks:

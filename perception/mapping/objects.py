@@ -1,4 +1,4 @@
-"""The objects of the map: points of one class that stand together."""
+"""The objects of the map: clusters of points of one class."""
 
 from __future__ import annotations
 
@@ -18,15 +18,14 @@ from uav_bt.types.site_map import MapObject
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectConfig:
-    """What makes an object of points."""
+    """Which points form an object."""
 
     apart_m: float = 0.3  # points of one class further apart are two objects
-    min_points: int = 4
-    min_seen_s: float = 0.3  # shorter sights are specks of the mask
-    # A box seen from one side shows a line: what stands behind it is assumed to be as deep as
-    # boxes are.
+    min_points: int = 4  # of an object
+    min_seen_s: float = 0.3  # points seen for a shorter time are mask noise
+    # A box seen from one side shows only a line. Its assumed depth is the usual depth of boxes.
     depth_m: float = 0.4
-    yaws: int = 45  # at which rectangles are tried, in a quarter turn: 2 degrees apart; chosen
+    yaws: int = 45  # number of yaws tried for rectangles in a quarter turn: 2 degrees; chosen
     near_m: float = 0.02  # points this near to a side lie on it; chosen
 
 
@@ -34,8 +33,8 @@ def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple
     """Return the objects that stand in the place, by class and then by position.
 
     Args:
-        points: where obstacles meet the ground.
-        config: what makes an object.
+        points: points where obstacles meet the ground.
+        config: which points form an object.
     """
     config = config or ObjectConfig()
     found: list[MapObject] = []
@@ -53,9 +52,9 @@ def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple
 
 
 def _object(class_id: int, members: Landmarks, config: ObjectConfig) -> MapObject:
-    """Return the object of some points: the rectangle that they are the sides of, made deep enough.
+    """Return the object of some points: the rectangle with the points on its sides.
 
-    The rectangle's thin side grows away from where it was seen.
+    A side shorter than the assumed depth is extended away from the camera.
     """
     yaw_rad = _yaw_of_sides(members.xy_m, config)
     axes = rotation(yaw_rad)  # its columns
@@ -80,9 +79,9 @@ def _object(class_id: int, members: Landmarks, config: ObjectConfig) -> MapObjec
 
 
 def _yaw_of_sides(points_m: Floats, config: ObjectConfig) -> float:
-    """Return how the rectangle lies on whose sides points are, by the closeness to its sides.
+    """Return the yaw of the rectangle with the points on its sides, by the closeness criterion.
 
-    The smallest rectangle around two sides lies along them or across, by chance. (Zhang et al.:
+    The smallest rectangle around two sides would lie along or across them by chance. (Zhang et al.:
     Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners, IV 2017.)
     """
     yaws, axes = _axes(config.yaws)
@@ -95,6 +94,6 @@ def _yaw_of_sides(points_m: Floats, config: ObjectConfig) -> float:
 
 @cache
 def _axes(count: int) -> tuple[Floats, Floats]:
-    """Return a number of yaws in a quarter turn, and the axes there, (count, 2, 2)."""
+    """Return `count` yaws in a quarter turn, and their axes, (count, 2, 2)."""
     yaws = np.linspace(0.0, math.pi / 2, count, endpoint=False)
     return yaws, np.stack([rotation(yaw) for yaw in yaws])

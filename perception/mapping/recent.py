@@ -1,11 +1,11 @@
 """The map's recent layer: obstacles near the drone, also after they have left the view.
 
 A forward-looking camera shows neither obstacles beside the drone nor the ground nearer than about
-1.2 m. An obstacle stands still, and its base was seen from further away. Those points are kept for
+1.2 m. The base of a standing obstacle was seen earlier, from further away. Such points are kept for
 a while in the dead-reckoned frame, and dropped where ground is seen again. An obstacle that reaches
-down to the image's lower edge without such a point has an unknown range: its bearing is kept apart,
-and for a while it is assumed at several ranges, until ground is seen there or right behind it. The
-edge of the ground is kept in the same way.
+down to the image's lower edge without such a point has an unknown range. Its bearing is stored
+separately, and for a while points are assumed at several ranges, until ground is seen there or
+right behind them. The edge of the ground is kept in the same way.
 """
 
 from __future__ import annotations
@@ -33,17 +33,18 @@ class RecentLayerConfig:
     max_age_s: float = 30.0  # of bases. Dead reckoning drifts by about a decimetre in this time.
     edge_age_s: float = 60.0  # of the edge of the ground, where a decimetre matters less. Chosen.
     assumed_age_s: float = 10.0  # of assumed points. Chosen.
-    # Ranges at which an obstacle of unknown range is assumed. Nearer than the first it would touch
-    # the body already. Chosen.
+    # Ranges at which an obstacle of unknown range is assumed. A nearer obstacle would touch the
+    # body. Chosen.
     assumed_ranges_m: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)
     cell_m: float = 0.05  # one point is kept in each cell of this size. Chosen.
-    explain_rad: float = 0.12  # a known point explains an obstacle this near to its bearing, and
-    # At most this much further away than the ground that the obstacle hides. Chosen.
+    # A known point explains an obstacle of unknown range up to this difference in bearing and up
+    # to `explain_m` behind the ground that the obstacle hides. Chosen.
+    explain_rad: float = 0.12
     explain_m: float = 0.3
 
 
 class _Kind(enum.IntEnum):
-    """Kinds of points; of two in one cell the smaller kind stays."""
+    """Kinds of points; in each cell only the smallest kind is kept."""
 
     BASE = 0
     EDGE = 1
@@ -54,13 +55,13 @@ class _Kind(enum.IntEnum):
 class _Points(PointTable):
     """Points in the dead-reckoned frame."""
 
-    until_s: Floats  # (N,) when they are dropped
-    seen_s: Floats  # (N,) when they, or what stands there, were seen last
-    kinds: NDArray[np.int8]
+    until_s: Floats  # (N,) time at which a point is dropped
+    seen_s: Floats  # (N,) last sighting of the point or of the obstacle there
+    kinds: NDArray[np.int8]  # (N,) values of `_Kind`
 
     @classmethod
     def of(cls, xy_m: Floats, *, until_s: float, seen_s: float, kind: _Kind) -> _Points:
-        """Return points that are alike in all else."""
+        """Return points with equal times and kind."""
         count = len(xy_m)
         return cls(
             xy_m=xy_m,
@@ -87,7 +88,7 @@ class RecentLayer:
         self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)  # dead-reckoned frame
 
     def expire(self, now_s: float) -> None:
-        """Drop points that are too old at a time."""
+        """Drop points that have expired at a time."""
         self._points = self._points.take(self._points.until_s >= now_s)
 
     def forget(self) -> None:
@@ -96,11 +97,11 @@ class RecentLayer:
         self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
 
     def forget_trails(self, until_s: float, trails_m: Floats) -> None:
-        """Keep bases on the trails of movers no longer than until a time.
+        """Limit the life of bases on the trails of movers.
 
         Args:
-            until_s: the time.
-            trails_m: (K, 3) places in the dead-reckoned frame, and the reach around each.
+            until_s: time at which these bases are dropped at the latest.
+            trails_m: (K, 3) places in the dead-reckoned frame, and the radius around each, m.
         """
         points = self._points
         if not len(trails_m) or not len(points):
@@ -111,12 +112,12 @@ class RecentLayer:
         self._points = replace(points, until_s=sooner_s)
 
     def pass_over(self, captured_s: float) -> None:
-        """Take in that a frame was seen in which nothing can be placed."""
+        """Record a frame in which nothing can be placed."""
         self._newest_s = captured_s
         self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
 
     def add(self, view: View) -> None:
-        """Take in a view, whose pose is dead-reckoned."""
+        """Add a view, whose pose is dead-reckoned."""
         cfg, found, pose = self._config, view.contacts, view.pose
         self.pass_over(view.captured_s)
         self._drop_where_ground_shows(view)
@@ -138,7 +139,11 @@ class RecentLayer:
         self._add(pose.points_to_world(assumed_m), assumed_s, _Kind.ASSUMED)
 
     def near(self, pose: OdometryPose) -> NearObstacles:
-        """Return the points from a pose of the body, dead-reckoned, not earlier than the views."""
+        """Return the points relative to the body.
+
+        Args:
+            pose: dead-reckoned pose of the body, not earlier than the views.
+        """
         points = self._points.take(self._points.until_s >= pose.time_s)
         local_m, age_s = pose.points_to_body(points.xy_m), pose.time_s - points.seen_s
         is_base, is_edge = points.kinds == _Kind.BASE, points.kinds == _Kind.EDGE
@@ -161,8 +166,7 @@ class RecentLayer:
     def _drop_assumed_before_ground(self, view: View) -> None:
         """Drop assumed points before the nearest ground in view.
 
-        An obstacle there that reached up to the drone would hide the ground with which a bearing
-        begins.
+        An obstacle there that reached up to the drone would hide the nearest ground.
         """
         scan = view.scan
         first = np.arange(len(scan.groups)), (scan.groups != NO_CLASS).argmax(axis=1)
@@ -177,15 +181,15 @@ class RecentLayer:
         self._points = self._points.take(~(hidden & in_view & ground & assumed))
 
     def _unexplained(self, view: View, hidden_m: Floats, kind: _Kind, until_s: float) -> Floats:
-        """Return the bearings of hidden obstacles that no known point explains.
+        """Return the bearings of obstacles of unknown range that no known point explains.
 
-        A point that explains one is still there: it is kept until a time.
+        A point that explains an obstacle is kept until `until_s`.
 
         Args:
-            view: the newest.
+            view: the newest view.
             hidden_m: (N, 2) the nearest ground in view on bearings where an obstacle hides it.
-            kind: of the points that explain them.
-            until_s: the time.
+            kind: kind of the points that may explain them.
+            until_s: new expiry time of explaining points.
 
         Returns:
             (M,) radians from the heading.

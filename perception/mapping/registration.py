@@ -1,10 +1,11 @@
-"""Correct the drone's place by points that are seen again: scan matching against the map's points.
+"""Correction of the drone's pose by scan matching against the map's points.
 
 The transform from the dead-reckoned frame to the map's (REP 105's `odom` to `map`) is the state of
-a Kalman filter. It grows uncertain with the odometry's drift. Each view is matched to the map by
-iterated closest points of the same class (Besl and McKay, 1992), point to line where the neighbours
-in the map form one (Chen and Medioni, 1992), with Cauchy weights, and held to the prediction by its
-covariance, so that an edge seen alone corrects across it only.
+a Kalman filter. Its uncertainty grows with the odometry's drift. Each view is matched to the map by
+iterated closest points of the same class (Besl and McKay, 1992). Where the neighbours in the map
+form a line, the distance is point to line (Chen and Medioni, 1992). Points have Cauchy weights. The
+prediction with its covariance is part of the least squares, so that a single edge corrects the pose
+only across the edge.
 
 The filter is written here: a view's correction is the solution of the matching's least squares,
 with the inverse Hessian as covariance, and filterpy has no such update.
@@ -31,31 +32,33 @@ _CLASSES_APART_M: Final = 1000.0  # wider than any place
 
 @dataclass(frozen=True, kw_only=True)
 class RegistrationConfig:
-    """How fast dead reckoning drifts, and how far views are trusted."""
+    """Drift of dead reckoning, and errors of views."""
 
-    # Of the place, each axis, in a second; it grows with the square root of time. The odometry errs
-    # by a few centimetres in ten seconds while it follows the ground, by more on telemetry alone.
+    # Standard deviation of the position's drift per axis in one second; it grows with the square
+    # root of time. The odometry has an error of a few centimetres in ten seconds while it follows
+    # the ground, and more on telemetry alone (`blind_walk_m`).
     walk_m: float = 0.015
     blind_walk_m: float = 0.04
-    walk_rad: float = 0.008  # of the heading, likewise
-    max_yaw_std_rad: float = 0.06  # telemetry's heading is not wrong by more
-    point_std_m: float = 0.03  # of a point near by
-    range_std_ratio: float = 0.02  # of its range besides: height and pitch are off a little
+    walk_rad: float = 0.008  # standard deviation of the heading's drift in one second
+    max_yaw_std_rad: float = 0.06  # upper limit of the heading's standard deviation
+    point_std_m: float = 0.03  # standard deviation of a point near the camera
+    range_std_ratio: float = 0.02  # in addition, by range: errors of height and pitch
     gate_m: float = 0.35  # a point further from all known points is new; chosen
-    # Neighbouring samples, and views 0.1 s apart, err alike: this number counts as one. Chosen.
+    # Errors of neighbouring samples, and of views 0.1 s apart, are correlated: this number of
+    # points counts as one. Chosen.
     alike: float = 8.0
-    mark_alike: float = 30.0  # of sightings of the landing mark
-    mark_gate_stds: float = 3.0  # beyond these and `gate_m` a mark is another; chosen
-    rounds: int = 3
+    mark_alike: float = 30.0  # likewise for sightings of the landing mark
+    mark_gate_stds: float = 3.0  # a mark beyond these and `gate_m` is another mark; chosen
+    rounds: int = 3  # of matching
     settled_m: float = 1e-4  # a smaller step ends the rounds
-    neighbours: int = 6
-    line_reach_m: float = 0.25  # of the neighbours that show a line's direction
-    line_ratio: float = 8.0  # of their variances along and across
-    min_points: int = 12  # matched; fewer say nothing
+    neighbours: int = 6  # nearest points of the map per point
+    line_reach_m: float = 0.25  # distance of the neighbours that determine a line
+    line_ratio: float = 8.0  # least ratio of their variances along and across a line
+    min_points: int = 12  # matched points; with fewer a view corrects nothing
 
 
 class Registration:
-    """The correction from the dead-reckoned frame to the map's, and how sure it is."""
+    """The correction from the dead-reckoned frame to the map's, and its covariance."""
 
     def __init__(self, config: RegistrationConfig | None = None) -> None:
         self._config = config or RegistrationConfig()
@@ -73,12 +76,12 @@ class Registration:
         return self.correction.pose_to_world(pose)
 
     def predict(self, reckoned: Pose2D, time_s: float, *, tracked: bool) -> None:
-        """Let the uncertainty grow up to a time.
+        """Increase the uncertainty up to a time.
 
         Args:
-            reckoned: the drone's dead-reckoned pose, about which its heading drifts.
-            time_s: of that pose.
-            tracked: whether the odometry follows the ground; otherwise telemetry alone.
+            reckoned: the drone's dead-reckoned pose; the heading drifts about its position.
+            time_s: time of that pose.
+            tracked: whether the odometry follows the ground; otherwise it uses telemetry alone.
         """
         cfg = self._config
         walk_m = cfg.walk_m if tracked else cfg.blind_walk_m
@@ -91,15 +94,15 @@ class Registration:
         self._time_s = time_s
 
     def match(self, view: View, known: Landmarks) -> float | None:
-        """Correct by the points of a view that stand on the map.
+        """Correct by the points of a view that are on the map.
 
         Args:
-            view: its pose is dead-reckoned.
+            view: the view, with its dead-reckoned pose.
             known: points of the map.
 
         Returns:
-            The median distance of the view's points from where they stand on the map, across
-            lines; None when there are too few of them.
+            The median distance of the view's points from the map's, across lines; None with too
+            few matched points.
         """
         cfg, local_m = self._config, np.vstack([view.bases_m, view.edges_m])
         if min(len(local_m), len(known)) < cfg.min_points:
@@ -135,12 +138,12 @@ class Registration:
         """Correct by the landing mark, whose place in the map is known.
 
         Args:
-            seen_m: (2,) where it appears, in the dead-reckoned frame.
-            known_m: (2,) where it is in the map.
-            std_m: of the two together.
+            seen_m: (2,) seen position, in the dead-reckoned frame.
+            known_m: (2,) position in the map.
+            std_m: standard deviation of their difference.
 
         Returns:
-            False when it appears too far from there to be the drone's drift.
+            False if the difference is too large for the drone's drift.
         """
         cfg = self._config
         place = np.array(self.correction.to_world(*map(float, seen_m)))
@@ -162,12 +165,12 @@ def _pose(state: Floats) -> Pose2D:
 
 
 def _turning(normals: Floats, arms: Floats) -> Floats:
-    """Return how far points move along their normals for a radian about the frame's origin."""
+    """Return the movement of points along their normals per radian about the frame's origin."""
     return np.asarray(normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1])
 
 
 def _apart(places_m: Floats, ids: NDArray[np.uint8]) -> Floats:
-    """Return (N, 3) places in which points of different classes are far from each other."""
+    """Return (N, 3) places with the class as third axis, so that classes are far apart."""
     return np.column_stack([places_m, _CLASSES_APART_M * ids])
 
 
@@ -178,9 +181,10 @@ def _equations(
     known_m: Floats,
     cfg: RegistrationConfig,
 ) -> tuple[Floats, Floats, Floats]:
-    """Return for each place how far it is from the map, (N,), along which normal, (N, 2).
+    """Return each place's residual, (N,), its normal, (N, 2), and its distance, (N,).
 
-    And its distance to the nearest known point of its class, (N,).
+    The residual is the distance from the map along the normal. The third value is the distance to
+    the nearest known point of the same class.
     """
     distances, indices = tree.query(_apart(places_m, ids), k=min(cfg.neighbours, len(known_m)))
     around = known_m[indices]

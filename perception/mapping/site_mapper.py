@@ -1,4 +1,4 @@
-"""Keep the map of the place: each view corrects the drone's place on it, then adds to it.
+"""The site mapper: each view first corrects the drone's pose on the map, then extends the map.
 
 A `View` passes through the layers in one direction: recent obstacles, registration, landmarks,
 movers, the grid of the ground.
@@ -42,13 +42,13 @@ class SiteMapperConfig:
 
     # The odometry counts as telemetry alone when it has followed no ground for longer. Chosen.
     tracked_s: float = 0.6
-    displaced_m: float = 0.03  # a view further off the map adds no points. Chosen.
-    lost_m: float = 0.05  # in a view further off the map no movers are looked for. Chosen.
-    # Below this height nothing is judged to move: the error of the height lets standing obstacles
-    # slide. Chosen.
+    displaced_m: float = 0.03  # a view with a larger residual adds no points. Chosen.
+    lost_m: float = 0.05  # in a view with a larger residual no movers are searched. Chosen.
+    # Below this height nothing is judged to move, because the error of the height makes standing
+    # obstacles slide. Chosen.
     low_m: float = 1.2
-    settled_s: float = 1.0  # points known for this long correct the drone's place. Chosen.
-    # Number of views in the mean of how far views are off the map. Chosen.
+    settled_s: float = 1.0  # points known for this long correct the drone's pose. Chosen.
+    # Number of views in the mean of the residual. Chosen.
     residual_views: int = 200
     objects_s: float = 0.5  # interval between two searches for objects. Chosen.
     view: ViewConfig = field(default_factory=ViewConfig)
@@ -71,7 +71,7 @@ class SiteMapper:
 
     def __init__(self, config: SiteMapperConfig | None = None) -> None:
         self.config = config or SiteMapperConfig()
-        self.restarts = 0  # how often the map was begun anew
+        self.restarts = 0  # number of times that the map was restarted
         self._motion: MotionEstimate | None = None
         self._captured_s = -math.inf
         self._recent = RecentLayer(self.config.recent)
@@ -90,7 +90,7 @@ class SiteMapper:
         self._residual_m, self._matched = 0.0, 0
 
     def follow(self, motion: MotionEstimate) -> None:
-        """Follow the drone; called before each view with the motion up to it."""
+        """Update the drone's motion; call it before each view with the motion up to it."""
         tracked = motion.untracked_s <= self.config.tracked_s
         self._registration.predict(motion.pose, motion.pose.time_s, tracked=tracked)
         self._motion = motion
@@ -99,11 +99,11 @@ class SiteMapper:
         self._recent.expire(motion.pose.time_s)
 
     def pass_over(self, captured_s: float) -> None:
-        """Take in that a frame was seen in which nothing can be placed."""
+        """Record a frame in which nothing can be placed."""
         self._recent.pass_over(captured_s)
 
     def add(self, view: View) -> None:
-        """Take in a view, whose pose is dead-reckoned."""
+        """Add a view, whose pose is dead-reckoned."""
         cfg, time_s = self.config, view.captured_s
         self._captured_s = time_s
         self._recent.add(view)
@@ -116,7 +116,7 @@ class SiteMapper:
         if self._contradiction.is_certain(time_s):
             self.restarts += 1
             self._begin(agreed_s=time_s)
-            self._recent.forget()  # it was placed by the map that is given up
+            self._recent.forget()  # its points were placed by the abandoned map
             return
         self._add_points(placed, 0.0 if off_m is None else off_m)
         self._grid.add(placed)
@@ -128,15 +128,15 @@ class SiteMapper:
             self._objects, self._objects_s = find_objects(self._bases), time_s
 
     def see_mark(self, fix: HelipadFix) -> None:
-        """Take in a sighting of the landing mark, given from where the drone is now."""
+        """Add a sighting of the landing mark, relative to the drone's present pose."""
         if self._motion is not None:
             self._mark.add(fix, self._motion.pose, self._registration, self._grid)
 
     def map(self, motion: MotionEstimate) -> SiteMap:
-        """Return the map with the drone where it is now.
+        """Return the map with the drone's present pose.
 
         Args:
-            motion: the newest; not earlier than the newest view.
+            motion: the newest motion, not earlier than the newest view.
         """
         grid, window = self._grid, self._grid.window()
         return SiteMap(
@@ -164,13 +164,13 @@ class SiteMapper:
         )
 
     def _trails_m(self) -> Floats:
-        """Return where movers were lately, in the dead-reckoned frame, and their radius, (K, 3)."""
+        """Return recent positions of movers in the dead-reckoned frame, and radii, (K, 3)."""
         trails_m = self._movers.trails_m()
         trails_m[:, :2] = self._registration.correction.points_to_body(trails_m[:, :2])
         return trails_m
 
     def _settled(self, time_s: float) -> Landmarks:
-        """Return the points that have been known for long enough to correct the drone's place."""
+        """Return the points known for long enough to correct the drone's pose."""
         known = self._bases.with_rows(self._edges)
         return known.take(time_s - known.first_s >= self.config.settled_s)
 
@@ -189,7 +189,7 @@ class SiteMapper:
 
         Args:
             view: placed in the map's frame.
-            off_m: how far the view is off the map.
+            off_m: residual of the view against the map.
         """
         cfg = self.config
         bases, edges = bases_of(view, cfg.landmarks), edges_of(view, cfg.landmarks)
@@ -203,7 +203,7 @@ class SiteMapper:
         self._edges = merge(self._edges, edges, cfg.landmarks, adds=adds)
 
     def _standing_bases(self, view: View, bases: Landmarks) -> Landmarks:
-        """Let the tracker follow the bases that have arrived; return those that stand."""
+        """Pass the bases that have arrived to the mover tracker; return those that stand."""
         cfg, time_s = self.config, view.captured_s
         self._movers.predict(time_s)
         on_ground = self._grid.was_ground(bases.xy_m)

@@ -30,7 +30,7 @@ class PointTable:
             which: (N,) flags, or row numbers.
         """
         if which.dtype == np.bool_ and which.all():
-            return self  # columns of a given table are never written to
+            return self  # callers never write to columns
         return type(self)(**{name: column[which] for name, column in vars(self).items()})
 
     def with_rows(self, other: Self) -> Self:

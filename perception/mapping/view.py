@@ -1,4 +1,4 @@
-"""One frame as the map takes it in: its points on the ground, and when and from where."""
+"""The map's input from one frame: its points on the ground, capture time and pose."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.projection import project
 
-MIN_HEIGHT_M: Final = 0.05  # chosen; a lower camera counts as this high: a division needs it
+MIN_HEIGHT_M: Final = 0.05  # chosen; lower heights are raised to this to avoid division by zero
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewConfig:
-    """Which frames are views, and which of their points are placed on the map."""
+    """Which frames and which of their points are used for the map."""
 
-    # The gimbal's lowest pitch; in steeper views roofs hide bases. Chosen.
+    # Lowest pitch of the gimbal; in steeper views roofs hide bases. Chosen.
     min_pitch_rad: float = -1.0
     # Points further from the camera are not placed. At 1.5 m height and this range one row of the
     # class map is 5 cm of ground.
@@ -34,35 +34,36 @@ class ViewConfig:
     # The same limit as a ratio of the camera's height, for the map's points. The range error of one
     # pixel grows with range squared over height. Chosen.
     max_range_ratio: float = 2.0
-    beside_rad: float = 0.03  # a base counts for the map with another one this near in bearing, and
-    # This near in range. On the bearing of a vertical edge, samples that miss it below and hit it
-    # above look like a base far behind. Both chosen.
+    # A base is used only with another base this near in bearing and range. On the bearing of a
+    # vertical edge, samples that miss the obstacle below and hit it above look like a base far
+    # behind. Both chosen.
+    beside_rad: float = 0.03
     beside_m: float = 0.12
     # Share of the image's width at either end, in which an object may continue beyond the image.
     # Chosen.
     cut_share: float = 0.025
-    # How finely frames are scanned.
+    # Resolution of the scan.
     scan: ContactScanConfig = field(default_factory=ContactScanConfig)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """What one frame shows of the ground.
+    """Bases and edges of the ground in one frame.
 
     Points are forward and right of the point below the camera, in metres.
 
     Attributes:
-        captured_s: when the frame was captured.
-        pose: of the body then; dead-reckoned, or in the map's frame after `at`.
-        camera: intrinsics at the class map's size.
-        pitch_rad: of the gimbal then, negative down.
-        height_m: of the camera above the ground.
-        config: which points are placed.
-        scan: the class map along bearings.
-        contacts: the bases and edges of the scan, at any range.
+        captured_s: Capture time of the frame.
+        pose: Pose of the body at capture; dead-reckoned, or in the map's frame after `at`.
+        camera: Intrinsics at the class map's size.
+        pitch_rad: Pitch of the gimbal at capture, negative down.
+        height_m: Height of the camera above the ground.
+        config: Which points are used.
+        scan: The class map along bearings.
+        contacts: The bases and edges of the scan, at any range.
         bases_m: (N, 2) bases near enough for the map, each with another one beside it.
-        base_ids: (N,) classes of what stands there.
-        edges_m: (M, 2) where the ground ends, near enough for the map.
+        base_ids: (N,) classes of the obstacles there.
+        edges_m: (M, 2) edges of the ground near enough for the map.
     """
 
     captured_s: float
@@ -89,14 +90,14 @@ class View:
         """Return the view of a frame.
 
         Args:
-            class_map: made from `frame`.
+            class_map: class map of `frame`.
             frame: its gimbal pitch and height place its points.
             camera: intrinsics at the class map's size.
-            pose: of the body at the frame's capture, dead-reckoned.
-            config: which points are placed.
+            pose: dead-reckoned pose of the body at the frame's capture.
+            config: which points are used.
 
         Returns:
-            None when the camera looks too far down to place any.
+            The view; None when the camera looks too far down.
         """
         config = config or ViewConfig()
         if frame.gimbal_pitch_rad < config.min_pitch_rad:
@@ -123,17 +124,17 @@ class View:
 
     @property
     def reach_m(self) -> float:
-        """Range up to which the map's points are seen."""
+        """Range up to which points of the map are used, m."""
         return min(self.config.max_range_m, self.config.max_range_ratio * self.height_m)
 
     @property
     def lens(self) -> Pose2D:
-        """The camera's place and heading, in the frame of `pose`."""
+        """Position and heading of the camera, in the frame of `pose`."""
         x_m, y_m = self.pose.to_world(self.camera.forward_offset_m, 0.0)
         return replace(self.pose, x_m=x_m, y_m=y_m)
 
     def at(self, pose: Pose2D) -> Self:
-        """Return the same view from another pose: of the body, in the map's frame."""
+        """Return the same view with another pose of the body, in the map's frame."""
         return replace(self, pose=pose)
 
     def body_m(self, points_m: Floats) -> Floats:
@@ -161,7 +162,7 @@ class View:
         return inside, shows
 
     def is_cut(self) -> Flags:
-        """Return which of `bases_m` lie where the image ends to the left or right, (N,)."""
+        """Return which of `bases_m` lie at the left or right end of the image, (N,)."""
         down_m = np.full((len(self.bases_m), 1), self.height_m)
         columns = project(np.hstack([self.bases_m, down_m]), self.camera, self.pitch_rad)[:, 0]
         margin_px = self.config.cut_share * self.camera.width_px
@@ -169,7 +170,7 @@ class View:
 
 
 def _have_neighbours(points_m: Floats, config: ViewConfig) -> Flags:
-    """Return which points, in the order of their bearings, have another one beside them."""
+    """Return which points, sorted by bearing, have another point beside them."""
     ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
     alike = (np.abs(np.diff(bearings_rad)) <= config.beside_rad) & (
         np.abs(np.diff(ranges_m)) <= config.beside_m

@@ -1,1 +1,1 @@
-"""What all networks share: running ONNX files, writing them, and keeping a training's state."""
+"""Shared code of all networks: ONNX files, weights files and training."""

@@ -1,8 +1,8 @@
-"""Imports the packages that run and quantise networks; none of them reports its use.
+"""Imports of the packages that run and quantise networks, with their usage reports switched off.
 
 OpenVINO and NNCF report through the package `openvino_telemetry`, which also writes an identifier
-into the home folder. Both work without it where it is not installed. ONNX Runtime, which NNCF runs
-for calibration, reads the variable `ORT_DISABLE_TELEMETRY` (`Privacy.md` in its wheel).
+into the home folder. Both work without that package. ONNX Runtime, which NNCF runs for calibration,
+reads the variable `ORT_DISABLE_TELEMETRY` (`Privacy.md` in its wheel).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any, Final
 
 _CPU_INFO: Final = Path("/proc/cpuinfo")
-_CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # oneDNN's, today's and the older name
+_CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # of oneDNN: current and older name
 
 
 @functools.cache
 def import_openvino() -> Any:
-    """Return OpenVINO, imported at the first call: it takes a third of a second."""
+    """Return OpenVINO; the first call imports it, which takes a third of a second."""
     _switch_reports_off()
     _spare_amx(os.environ, _CPU_INFO)
     import openvino  # noqa: PLC0415
@@ -30,7 +30,7 @@ def import_openvino() -> Any:
 
 @functools.cache
 def import_nncf() -> Any:
-    """Return NNCF, imported at the first call: it takes seconds."""
+    """Return NNCF; the first call imports it, which takes seconds."""
     _switch_reports_off()
     import nncf  # noqa: PLC0415
 
@@ -44,16 +44,16 @@ def _switch_reports_off() -> None:
 
 
 def _spare_amx(environment: MutableMapping[str, str], cpu_info: Path) -> None:
-    """Keep OpenVINO away from a processor's tile instructions.
+    """Keep OpenVINO from using a processor's tile instructions (AMX).
 
-    Some virtual machines announce them and then refuse to run them, which ends the process
-    (uxlfoundation/oneDNN issue 5689), and OpenVINO has no setting that leaves them out. Networks
-    of a few million weights do not gain from them. Other processors are not limited: under any cap
-    with AVX-512, oneDNN also leaves out VNNI on processors that have it without AVX-512.
+    Some virtual machines announce AMX and then refuse to run it, which ends the process
+    (uxlfoundation/oneDNN issue 5689). OpenVINO has no setting that disables it. Networks of a few
+    million weights do not gain from it. Processors without AMX are not limited: any cap at AVX-512
+    also disables VNNI on processors that have VNNI without AVX-512.
 
     Args:
-        environment: of this process; a cap that is set already stays.
-        cpu_info: what Linux says about the processor; other systems have no such file.
+        environment: environment variables of this process; an existing cap is kept.
+        cpu_info: Linux' description of the processor; other systems have no such file.
     """
     if any(name in environment for name in _CAPS) or not cpu_info.is_file():
         return

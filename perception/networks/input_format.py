@@ -1,4 +1,4 @@
-"""How a network of another tool wants its image, as mapping files say it."""
+"""Input format of a foreign network's image, as in mapping files."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class InputFormat:
-    """How a network wants its image."""
+    """Format of the image that a network takes."""
 
     mean: _Triple = (0.0, 0.0, 0.0)  # subtracted from the 0..255 colours, red green blue
     # Divides the difference. None: 255 for an input of floats, 1 for one of whole numbers.
     scale: _Triple | None = None
     colours: Literal["rgb", "bgr"] = "rgb"
     layout: Literal["nchw", "nhwc"] = "nchw"
-    size: tuple[int, int] | None = None  # width and height in px, where the file leaves them open
+    size: tuple[int, int] | None = None  # width and height in px, if the ONNX file leaves them open
 
     def __post_init__(self) -> None:
         if len(self.mean) != 3 or (

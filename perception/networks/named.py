@@ -1,4 +1,4 @@
-"""Networks by the names that tree files give them, looked up without an inference runtime."""
+"""Lookup of networks by their names in tree files; imports no inference runtime."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.files import reading
 
 SHIPPED_UNETS: Final = ("unet", "unet-fp32")
-"""The U-Nets that come with the package: in 8-bit integers, and in floats."""
+"""The shipped U-Nets: in 8-bit integers, and in floats."""
 
 SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
-"""The depth networks that come with the package: in 8-bit integers, and in floats."""
+"""The shipped depth networks: in 8-bit integers, and in floats."""
 
 TEACHER: Final = "teacher"
-"""The segmentation that is no network: the teacher of the U-Nets."""
+"""The segmentation without a network: the teacher of the U-Nets."""
 
 CONTACT: Final = "contact"
 """The depth model without a network: masks and ground contact alone."""
 
-_IR_VERSION: Final = b"\x08"  # the key of an ONNX file's first field, which all have
+_IR_VERSION: Final = b"\x08"  # the first byte of every ONNX file: the key of its first field
 
 
 def segmentation_file(model: str) -> Path | None:
-    """Return the file of a segmentation network.
+    """Return the file of a segmentation network; None for the teacher.
 
     Args:
-        model: one of `SHIPPED_UNETS`, an ONNX file, or `TEACHER`, for which there is none.
+        model: one of `SHIPPED_UNETS`, an ONNX file, or `TEACHER`.
 
     Raises:
-        UnknownNameError: it is no such name.
-        WeightsError: there is no such file, or it is no ONNX file.
+        UnknownNameError: the name is unknown.
+        WeightsError: the file is absent or not ONNX.
     """
     if model == TEACHER:
         return None
@@ -41,15 +41,15 @@ def segmentation_file(model: str) -> Path | None:
 
 
 def depth_file(model: str) -> Path | None:
-    """Return the file of a depth network.
+    """Return the file of a depth network; None for `CONTACT`.
 
     Args:
-        model: one of `SHIPPED_DEPTHS`, an ONNX file, or `CONTACT`, for which there is none.
+        model: one of `SHIPPED_DEPTHS`, an ONNX file, or `CONTACT`.
 
     Raises:
-        UnknownNameError: it is no such name.
-        ValueRangeError: it is the earlier name of `CONTACT`.
-        WeightsError: there is no such file, or it is no ONNX file.
+        UnknownNameError: the name is unknown.
+        ValueRangeError: the name is the former name of `CONTACT`.
+        WeightsError: the file is absent or not ONNX.
     """
     if model == CONTACT:
         return None
@@ -59,14 +59,14 @@ def depth_file(model: str) -> Path | None:
 
 
 def check_onnx(path: Path, remedy: str) -> None:
-    """Refuse a file that is no ONNX file by its first bytes, which OpenVINO does at length.
+    """Check a file's first byte for ONNX; OpenVINO's message for other files is long.
 
     Args:
         path: the file.
-        remedy: what makes the shipped one, for the message when there is no such file.
+        remedy: command that makes the shipped file, for the message when the file is absent.
 
     Raises:
-        WeightsError: there is no such file, or it is something else.
+        WeightsError: the file is absent or not ONNX.
     """
     if not path.is_file():
         made_by = f"{remedy} makes the shipped one"

@@ -1,4 +1,4 @@
-"""ONNX files on the CPU, by OpenVINO: the same answer on every machine and beside other work."""
+"""Inference of ONNX files on the CPU by OpenVINO, repeatable across machines and loads."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def read_model(path: Path, remedy: str) -> Any:
 
     Args:
         path: the ONNX file.
-        remedy: command that makes the shipped one, for the message when the file is absent.
+        remedy: command that makes the shipped file, for the message when the file is absent.
 
     Raises:
-        WeightsError: the file is absent or no network.
+        WeightsError: the file is absent or no readable network.
     """
     check_onnx(path, remedy)
     try:
@@ -38,7 +38,7 @@ def compile_model(model: Any, threads: int, path: Path) -> Any:
 
     Args:
         model: the network.
-        threads: of inference.
+        threads: number of inference threads.
         path: its file, for messages.
 
     Raises:
@@ -51,10 +51,10 @@ def compile_model(model: Any, threads: int, path: Path) -> Any:
         "PERFORMANCE_HINT": "LATENCY",
         "NUM_STREAMS": 1,
         "INFERENCE_NUM_THREADS": threads,
-        # Some virtual machines announce bfloat16 units that they do not let one use; and answers
-        # must not depend on the machine's favourite precision.
+        # Some virtual machines announce bfloat16 units and refuse to run them. Also, results must
+        # not depend on the machine's preferred precision.
         "INFERENCE_PRECISION_HINT": "f32",
-        # Pinned, the workers of a campaign would all sit on the same core.
+        # With pinning, all workers of a campaign would share one core.
         "ENABLE_CPU_PINNING": False,
     }
     try:
@@ -73,15 +73,15 @@ def compile_model(model: Any, threads: int, path: Path) -> Any:
 def input_size(
     model: Any, path: Path, *, planar: bool = True, size_px: tuple[int, int] | None = None
 ) -> tuple[int, int]:
-    """Return width and height of the one image that the network takes.
+    """Return width and height of the network's input image, px.
 
-    Its batch becomes one. Where the file leaves width and height open, they become `size_px`.
+    An open batch size is set to 1. Open width and height are set to `size_px`.
 
     Args:
-        model: the network.
+        model: the network; changed in place.
         path: its file, for messages.
-        planar: 1x3xHxW; otherwise 1xHxWx3.
-        size_px: width and height that the user wants; None for those of the file.
+        planar: whether the input is 1x3xHxW; otherwise 1xHxWx3.
+        size_px: width and height from the mapping file; None for those of the ONNX file.
 
     Raises:
         WeightsError: the network takes something else, or the size is unknown.
@@ -128,15 +128,15 @@ def accept_uint8(
     scale: Sequence[float] | None = None,
     colours: Literal["rgb", "bgr"] = "rgb",
 ) -> Any:
-    """Let a network take uint8 images: faster than to convert them first.
+    """Let a network take uint8 images, which is faster than converting them first.
 
     Args:
-        model: the network, of one input.
-        planar: its input is 1x3xHxW; otherwise 1xHxWx3.
+        model: the network; it has one input.
+        planar: whether its input is 1x3xHxW; otherwise 1xHxWx3.
         mean: subtracted from the 0..255 colours, red green blue.
-        scale: divides the difference; by default 255 for an input of floats, and 1 for an input of
-            whole numbers, which scales inside.
-        colours: their order in the network's input.
+        scale: divides the difference. The default is 255 for an input of floats, and 1 for an input
+            of integers, because such a network scales inside.
+        colours: colour order of the network's input.
 
     Returns:
         The network with an input 1xHxWx3, uint8 RGB.
@@ -158,15 +158,15 @@ def accept_uint8(
 
 
 def class_numbers(model: Any, *, planar: bool = True) -> Any:
-    """Add the choice of the best class to a network of class scores: it is faster there.
+    """Add an argmax over the classes to a network; inside the network it is faster.
 
     Args:
-        model: the network.
-        planar: its output is 1xCxHxW; otherwise 1xHxWxC.
+        model: the network, with class scores as output.
+        planar: whether its output is 1xCxHxW; otherwise 1xHxWxC.
 
     Returns:
-        The network with two outputs: the best class's number, 1x1xHxW int32 (the first of equals),
-        and whether all scores are finite numbers, a bool.
+        The network with two outputs: the number of the best class, 1x1xHxW int32 (the lowest number
+        on a tie), and a bool, true if all scores are finite.
     """
     openvino = import_openvino()
     ops = openvino.opset13
@@ -187,9 +187,13 @@ def class_numbers(model: Any, *, planar: bool = True) -> Any:
 def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8]:
     """Return an image resized (never cropped) to the width and height of a network's input.
 
-    Each pixel is the mean of the area that it covers, to less than a grey level: first a mean over
-    a whole number of pixels, then linear interpolation. OpenCV's `INTER_AREA` takes three times as
-    long where the sizes do not divide.
+    Each pixel is the mean of its area in the original, within one grey level: first a box filter
+    over a whole number of pixels, then linear interpolation. OpenCV's `INTER_AREA` takes three
+    times as long if the ratio of the sizes is not an integer.
+
+    Args:
+        rgb: (H, W, 3) uint8.
+        size_px: width and height of the result.
     """
     if rgb.shape[1::-1] == size_px:
         return rgb
@@ -201,5 +205,5 @@ def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8
 
 
 def _odd(ratio: float) -> int:
-    """Return the odd number of pixels nearest to a ratio; up to two, interpolating is the mean."""
+    """Return the odd number nearest to a ratio; 1 up to 2.0, where interpolation is the mean."""
     return 1 if ratio <= 2.0 else 2 * round((ratio - 1.0) / 2.0) + 1

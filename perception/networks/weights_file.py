@@ -1,4 +1,4 @@
-"""Weights files: safetensors with a JSON note, written whole or not at all, never pickle."""
+"""Weights files: safetensors with a JSON note, replaced in one step, without pickle."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from uav_bt.files import write_whole
 from uav_bt.json_text import parse_json
 
 SHIPPED_WEIGHTS: Final = Path(__file__).parents[1] / "weights"
-"""The folder of the weights that come with the package."""
+"""The folder of the shipped weights."""
 
 
 def where_from(path: Path, made_by: str) -> str:
-    """Return what to do when there is no weights file, for the message.
+    """Return the advice for a message about an absent weights file.
 
     Args:
         path: where it was expected.
@@ -45,10 +45,10 @@ def write_weights(
     """Write arrays and a note.
 
     Args:
-        path: the file; replaced in one step, so that a break leaves the old one.
+        path: the file; replaced in one step, so that an interruption leaves the old one.
         tensors: arrays by name.
-        kind: what the weights are for; reading checks it.
-        details: anything JSON can hold.
+        kind: purpose of the weights; reading checks it.
+        details: JSON values.
     """
     content = save(
         {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()},
@@ -65,8 +65,8 @@ def read_weights(
 
     Args:
         path: the file.
-        kind: what the weights must be for.
-        remedy: what to do when there are none, for the message.
+        kind: required purpose of the weights.
+        remedy: advice for the message if the file cannot be used.
 
     Returns:
         Arrays by name, and the details.

@@ -1,1 +1,1 @@
-"""Where the drone is: dead reckoning and visual odometry."""
+"""Odometry: dead reckoning and visual odometry."""

@@ -1,8 +1,8 @@
-"""A flight's footage, and how the camera moved between its frames by the drone's own telemetry.
+"""A flight's footage, and the camera's motion between its frames from telemetry.
 
-The gimbal's pitch and the heading turn the camera; the velocity, integrated, moves it. No truth is
-needed, and unlike a pose network's the movement is in metres. What the images themselves say of
-the carpet makes it exact (`perception.odometry.visual`).
+The gimbal's pitch and the heading give the camera's rotation, the integrated velocity its
+translation. No ground truth is needed, and unlike the output of a pose network the motion is in
+metres. The images of the carpet make it precise (`perception.odometry.visual`).
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ class Footage:
     """One flight's video and telemetry; all times are of the flight's clock."""
 
     frames: NDArray[np.uint8]  # (N, H, W, 3) RGB, resized, never cropped
-    index: NDArray[np.int64]  # (N,), the drone's frame numbers, rising
-    captured_s: Floats  # (N,), rising
+    index: NDArray[np.int64]  # (N,), the drone's frame numbers, increasing
+    captured_s: Floats  # (N,), increasing
     gimbal_pitch_rad: Floats  # (N,), relative to the horizon
     attitude_rad: Floats  # (N, 3): roll, pitch, yaw (clockwise) at capture
     altitude_m: Floats  # (N,), above the take-off point
     height_m: Floats  # (N,), above the surface below
     height_above_carpet_m: Floats  # (N,), of the body's centre
-    # Telemetry of every tick: it arrives sooner than the frames and is matched to them by time.
-    state_s: Floats  # (M,), rising
+    # Telemetry of every tick. It arrives sooner than the frames and is matched to them by time.
+    state_s: Floats  # (M,), increasing
     state_attitude_rad: Floats  # (M, 3)
     velocity_mps: Floats  # (M, 3): forward, right, down in the heading-aligned body frame
     camera: CameraModel  # at the frames' size
@@ -88,10 +88,10 @@ def shrink(
 class TrackConfig:
     """How telemetry is smoothed."""
 
-    # Headings are noisy by about a third of a degree, more than a pixel; a local parabola through
-    # their neighbours within some such time keeps turns and loses most of the noise.
+    # Width of the local parabola over headings. Their noise is about a third of a degree, more than
+    # a pixel. This width removes most of the noise and keeps turns.
     yaw_window_s: float = 0.15
-    height_window_s: float = 0.4  # of the height's parabola; nothing climbs and dives within it
+    height_window_s: float = 0.4  # of the height's parabola; shorter than a climb and a descent
 
     def __post_init__(self) -> None:
         if not min(self.yaw_window_s, self.height_window_s) > 0.0:
@@ -103,10 +103,10 @@ class TrackConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraTrack:
-    """Where the camera was at each frame.
+    """Pose of the camera at each frame.
 
-    The frame of reference is the flight's own: origin where the drone was first, x along heading
-    zero, y to its right, z down.
+    The frame of reference has its origin at the drone's first position, x along heading zero, y to
+    its right, z down.
     """
 
     rotation: Floats  # (N, 3, 3), from the camera frame (x right, y down, z forward)
@@ -115,7 +115,7 @@ class CameraTrack:
     height_m: Floats  # (N,), of the lens above the carpet, smoothed
 
     def motion(self, origin: int, target: int) -> Floats:
-        """Return how points move from one frame's camera to another's, (3, 4), metres."""
+        """Return the transform of points between the cameras of two frames, (3, 4), metres."""
         turn = self.rotation[target].T
         rotation = turn @ self.rotation[origin]
         translation = turn @ (self.position_m[origin] - self.position_m[target])
@@ -123,7 +123,7 @@ class CameraTrack:
 
 
 def camera_track(footage: Footage, config: TrackConfig | None = None) -> CameraTrack:
-    """Follow the camera through a flight.
+    """Return the camera's track through a flight, from telemetry.
 
     Args:
         footage: one flight.
@@ -171,17 +171,17 @@ def measured_motion(
     target: int,
     config: OdometryConfig | None = None,
 ) -> Floats | None:
-    """Return how points move from one frame's camera to another's, measured on the carpet.
+    """Return the transform of points between the cameras of two frames, measured on the carpet.
 
     Args:
         footage: one flight.
-        track: its camera's, as telemetry tells it.
-        origin: a frame's place in the footage.
-        target: another's.
-        config: how points are followed.
+        track: its camera track from telemetry.
+        origin: index of the first frame in the footage.
+        target: index of the second frame.
+        config: how points are tracked.
 
     Returns:
-        (3, 4), metres; None where the images do not show enough carpet.
+        (3, 4), metres; None if the images do not show enough carpet.
     """
     apart = _about_down(-track.yaw_rad[origin]).apply(
         track.position_m[target] - track.position_m[origin]
@@ -191,7 +191,7 @@ def measured_motion(
         y_m=float(apart[1]),
         yaw_rad=float(track.yaw_rad[target] - track.yaw_rad[origin]),
     )
-    # One height for both, and telemetry's climb between them: the heights' noise would pull.
+    # The mean height and telemetry's climb, because the noise of two heights would bias the result.
     middle_m = 0.5 * float(track.height_m[origin] + track.height_m[target])
     climb_m = -float(apart[2])
     first, second = (
@@ -236,7 +236,7 @@ def _local_parabola(times: Floats, values: Floats, at: Floats, window_s: float) 
         near = slice(first[place], last[place])
         since = (times[near] - moment) / window_s
         weight = np.exp(-0.5 * since**2)
-        # A trace of damping: a flight's ends have few neighbours.
+        # A little damping, because a flight's ends have few neighbours.
         basis = np.stack([np.ones_like(since), since, since**2], axis=1)
         normal = basis.T @ (weight[:, None] * basis) + 1e-6 * np.eye(3)
         result[place] = np.linalg.solve(normal, basis.T @ (weight * values[near]))[0]

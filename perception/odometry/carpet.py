@@ -1,4 +1,4 @@
-"""Dead reckoning in flight, corrected by every frame that shows enough carpet."""
+"""Dead reckoning in flight, corrected by every frame with enough carpet."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose
 class CarpetOdometryConfig:
     """Which frames are compared, and how. Numbers without another origin are chosen."""
 
-    width_px: int = 320  # width of the images in which points are followed
-    border_px: int = 2  # carpet this near to something else is left out, with the other's corners
-    max_gap_s: float = 0.5  # s between two frames; after a longer gap telemetry counts alone
-    min_height_m: float = 0.5  # m of the camera; below, points move too far from frame to frame
+    width_px: int = 320  # width of the images in which points are tracked
+    border_px: int = 2  # carpet this near to other classes is left out, to avoid their corners
+    max_gap_s: float = 0.5  # s between two frames; after a longer gap only telemetry is used
+    min_height_m: float = 0.5  # m of the camera; lower, points move too far between frames
     following: OdometryConfig = field(default_factory=OdometryConfig)
     heading: HeadingConfig = field(default_factory=HeadingConfig)
     error: VelocityErrorConfig = field(default_factory=VelocityErrorConfig)
@@ -47,7 +47,7 @@ class CarpetOdometryConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Sight:
-    """A frame that the next is compared with."""
+    """The last frame, for comparison with the next."""
 
     view: GroundView
     carpet: NDArray[np.uint8]
@@ -55,20 +55,20 @@ class _Sight:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Step:
-    """A way that the ground showed and that telemetry's velocity has yet to be compared with."""
+    """A measured displacement that awaits comparison with telemetry's velocity."""
 
     begin_s: float
     end_s: float
-    way_m: NDArray[np.float64]  # (2,), in the odometry's frame
-    spread_m: float  # of the points that show it
+    way_m: NDArray[np.float64]  # (2,), displacement in the odometry's frame
+    spread_m: float  # of the tracked points
 
 
 class CarpetOdometry:
-    """Integrates telemetry, and corrects it by every frame that shows enough carpet.
+    """Integrates telemetry, and corrects it by every frame with enough carpet.
 
-    Telemetry comes later and more rarely than frames. A frame's place is first carried on from the
-    velocity before it, and found anew when a later velocity is known. Only then is the way that
-    the ground showed compared with telemetry's.
+    Telemetry is later and less frequent than frames. The pose at a frame is first extrapolated from
+    the last velocity, and recomputed when a later velocity is known. Only then is the measured
+    displacement compared with telemetry's.
     """
 
     def __init__(self, config: CarpetOdometryConfig | None = None) -> None:
@@ -77,26 +77,26 @@ class CarpetOdometry:
         self._heading = Heading(self._config.heading)
         self._error = VelocityError(self._config.error)
         self._last: _Sight | None = None
-        # At the capture of the last frame, by telemetry alone and corrected.
+        # Poses at the capture of the last frame: by telemetry alone, and corrected.
         self._seen: tuple[OdometryPose, OdometryPose] | None = None
-        self._tracked_s = -math.inf  # capture of the last frame whose ground was followed
-        self._turn_radps = 0.0  # as the ground showed it last
+        self._tracked_s = -math.inf  # capture time of the last frame with tracked ground
+        self._turn_radps = 0.0  # last measured on the ground
         self._steps: deque[_Step] = deque()  # oldest first
 
     @property
     def now(self) -> OdometryPose | None:
-        """The newest pose, None before the first telemetry."""
+        """The newest pose; None before the first telemetry."""
         return self._corrected(self._odometry.now)
 
     def at(self, time_s: float) -> OdometryPose | None:
-        """Return the pose of a moment of the last seconds, None before the first telemetry."""
+        """Return the pose at a time in the last seconds; None before the first telemetry."""
         if self._seen is not None and time_s == self._seen[1].time_s:
             return self._seen[1]
         return self._corrected(self._odometry.at(time_s))
 
     @property
     def estimate(self) -> MotionEstimate | None:
-        """How the drone moves over the ground; None before the first frame and telemetry."""
+        """Motion of the drone over the ground; None before the first frame and telemetry."""
         pose = self.now
         if pose is None or self._seen is None:
             return None
@@ -117,12 +117,12 @@ class CarpetOdometry:
         )
 
     def predict(self, state: DroneState, now_s: float | None = None) -> OdometryPose | None:
-        """Take in telemetry and return the newest pose.
+        """Integrate telemetry and return the newest pose.
 
         Args:
             state: the telemetry.
-            now_s: until when the pose is carried on, s; None for the newest of velocity and
-                heading.
+            now_s: time to which the pose is extrapolated, s; None for the newest time of velocity
+                and heading.
         """
         known_s = self._odometry.velocity_s
         self._odometry.update(state, now_s)
@@ -135,9 +135,9 @@ class CarpetOdometry:
         """Correct the pose by the carpet in a frame.
 
         Args:
-            class_map: made from `frame`.
-            frame: the newest; its telemetry says how the camera looked.
-            camera: intrinsics at any size of the same shape.
+            class_map: class map of `frame`.
+            frame: the newest frame; its telemetry gives pitch and height of the camera.
+            camera: intrinsics at any size of the same aspect ratio.
         """
         if self._odometry.now is None:
             return
@@ -151,7 +151,7 @@ class CarpetOdometry:
         then, seen = self._seen
         way, passed_s = _between(then, raw), max(0.0, frame.captured_s - seen.time_s)
         self._error.predict(passed_s)
-        missed_m = self._error.mps * passed_s  # by telemetry, in the odometry's frame
+        missed_m = self._error.mps * passed_s  # telemetry's error, in the odometry's frame
         x_m, y_m = np.array([way.x_m, way.y_m]) + rotate_points(missed_m, -seen.yaw_rad)
         expected = replace(way, x_m=float(x_m), y_m=float(y_m))
         shown = self._shown(before, expected, passed_s, camera.forward_offset_m)
@@ -175,15 +175,15 @@ class CarpetOdometry:
         self._compare()
 
     def _raw(self, time_s: float) -> OdometryPose:
-        """Return telemetry's pose of a moment; the origin before the first telemetry."""
+        """Return telemetry's pose at a time; the origin before the first telemetry."""
         pose = self._odometry.at(time_s)
         origin = OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)
         return origin if pose is None else replace(pose, time_s=time_s)
 
     def _place_anew(self) -> None:
-        """Find telemetry's pose at the last frame again, now that a later velocity is known.
+        """Recompute telemetry's pose at the last frame with a later velocity.
 
-        Where the frame's place came from telemetry it is as wrong as the pose of then: both stay.
+        If the frame's corrected pose came from telemetry, both poses have the same error and stay.
         """
         if self._seen is not None and self._seen[1].time_s == self._tracked_s:
             then_s = self._tracked_s
@@ -191,7 +191,7 @@ class CarpetOdometry:
                 self._seen = self._raw(then_s), self._seen[1]
 
     def _compare(self) -> None:
-        """Correct telemetry's velocity by the ways that it covers by now."""
+        """Correct telemetry's velocity by the displacements that it now covers in time."""
         while self._steps and self._steps[0].end_s <= self._odometry.velocity_s:
             step = self._steps.popleft()
             begin, end = self._raw(step.begin_s), self._raw(step.end_s)
@@ -202,13 +202,13 @@ class CarpetOdometry:
     def _shown(
         self, before: _Sight | None, expected: Pose2D, passed_s: float, offset_m: float
     ) -> GroundMotion | None:
-        """Return the body's motion since the frame before as the ground shows it.
+        """Return the body's motion since the previous frame, measured on the ground.
 
         Args:
-            before: that frame.
-            expected: the motion, by telemetry.
-            passed_s: since then.
-            offset_m: of the lens ahead of the body's centre.
+            before: the previous frame.
+            expected: the motion by telemetry.
+            passed_s: time since the previous frame.
+            offset_m: distance of the lens ahead of the body's centre.
         """
         cfg = self._config
         if before is None or self._last is None or not 0.0 < passed_s <= cfg.max_gap_s:
@@ -230,7 +230,7 @@ class CarpetOdometry:
         height_px, width_px = frame.image.shape[:2]
         small_px = min(width_px, self._config.width_px)
         size = (small_px, round(height_px * small_px / width_px))
-        # Grey after shrinking: a quarter of the pixels to convert.
+        # Converting to grey after shrinking is faster.
         small = cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA)
         carpet = cv2.resize(
             (class_map.ids == CARPET).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT
@@ -262,13 +262,13 @@ class CarpetOdometry:
 
 
 def _of_lens(motion: Pose2D, offset_m: float) -> Pose2D:
-    """Return the motion of a point `offset_m` ahead of the one whose motion is given."""
+    """Return the motion of the point `offset_m` ahead, from the motion of a point."""
     x_m, y_m = motion.to_world(offset_m, 0.0)
     return Pose2D(x_m=x_m - offset_m, y_m=y_m, yaw_rad=motion.yaw_rad)
 
 
 def _between(first: Pose2D, second: Pose2D) -> Pose2D:
-    """Return the second pose as seen from the first."""
+    """Return the second pose relative to the first."""
     forward_m, right_m = first.to_body(second.x_m, second.y_m)
     turn_rad = math.remainder(second.yaw_rad - first.yaw_rad, 2.0 * math.pi)
     return Pose2D(x_m=forward_m, y_m=right_m, yaw_rad=turn_rad)

@@ -1,8 +1,9 @@
-"""The heading, from the turn of the ground in the image and from telemetry.
+"""Kalman filter of the heading, from turns of the ground in the image and from telemetry.
 
-Two images of the ground show a turn to less than a milliradian. Their sum wanders less than
-telemetry does in half a minute. A Kalman filter estimates the heading and telemetry's error of it.
-Telemetry leads where no ground is seen; a leap of telemetry leaves the heading unchanged.
+Two images of the ground give a turn with an error below a milliradian. Over half a minute the sum
+of such turns drifts less than telemetry. The filter's states are the heading and telemetry's error.
+Without ground in view the heading follows telemetry. A jump of telemetry does not change the
+heading.
 
 The filter is written here: it has two states and one measurement, so that a correction is four
 lines; filterpy would need the same matrices, and it loads scipy.stats.
@@ -24,11 +25,12 @@ class HeadingConfig:
     """Standard deviations of the two sources. All are chosen for the profiles `lab` and `harsh`.
 
     Attributes:
-        seen_rad: of the turns that the ground shows, added up for a second.
-        blind_rad: of the turn between two frames that show none.
-        reported_rad: white noise of telemetry's heading.
-        wander_rad: of telemetry's slow error, in a second.
-        leap_rad: an innovation of more is a leap of telemetry, where the ground shows the turn.
+        seen_rad: Of the sum of turns measured on the ground in one second.
+        blind_rad: Of the turn between two frames without ground.
+        reported_rad: Of the white noise of telemetry's heading.
+        wander_rad: Of the change of telemetry's slow error in one second.
+        leap_rad: Threshold, not a deviation: a larger innovation is a jump of telemetry, if the
+            turn was measured on the ground.
     """
 
     seen_rad: float = 0.003
@@ -42,32 +44,32 @@ class Heading:
     """Estimates the heading frame by frame.
 
     Args:
-        config: how the sensors err.
+        config: standard deviations of the two sources.
     """
 
     def __init__(self, config: HeadingConfig | None = None) -> None:
         self._config = config or HeadingConfig()
         self._mean_rad = np.zeros(2)  # the heading, and telemetry's error
         self._covariance = np.zeros((2, 2))
-        self._reported_rad: float | None = None  # at the last frame
+        self._reported_rad: float | None = None  # telemetry's heading at the last frame
 
     @property
     def yaw_rad(self) -> float:
-        """The heading at the last frame, clockwise; at the first it is telemetry's."""
+        """The heading at the last frame, clockwise; at the first frame telemetry's."""
         return float(self._mean_rad[0])
 
     @property
     def correction_rad(self) -> float:
-        """To add to telemetry's heading."""
+        """Correction to add to telemetry's heading."""
         return -float(self._mean_rad[1])
 
     def see(self, reported_rad: float, turned_rad: float | None, passed_s: float) -> None:
-        """Take in a frame.
+        """Update the filter with a frame.
 
         Args:
             reported_rad: telemetry's heading at its capture.
-            turned_rad: since the frame before, as the ground shows it; None where it does not.
-            passed_s: since the frame before.
+            turned_rad: turn since the previous frame, measured on the ground; None without ground.
+            passed_s: time since the previous frame.
         """
         cfg, before_rad = self._config, self._reported_rad
         self._reported_rad = reported_rad

@@ -1,7 +1,7 @@
-"""The error of telemetry's velocity against the motion over the ground.
+"""Kalman filter of the error of telemetry's velocity, measured over the ground.
 
-The Kalman filter is written here: one variance serves both axes, so each step is scalar and three
-lines long; filterpy would need matrices, and it loads scipy.stats.
+The filter is written here: both axes share one variance, so each step is scalar and three lines
+long; filterpy would need matrices, and it loads scipy.stats.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityErrorConfig:
-    """How the error varies, and how well two frames show it. All numbers are chosen.
+    """Noise model of the filter. All numbers are chosen.
 
     Attributes:
-        wander_mps: standard deviation of the error's change in one second, m/s.
-        first_mps: standard deviation of the error at first, m/s.
-        forget_s: time constant with which an unseen error decays, s.
-        doubt_mps: an error up to this size counts as none, m/s.
-        seen_m: standard deviation of the way between two frames, m, when the points of the ground
-            spread by `wide_m`. It grows with the inverse square of the spread.
-        wide_m: that spread, root mean square around the points' middle, m.
+        wander_mps: Standard deviation of the error's change in one second, m/s.
+        first_mps: Standard deviation of the initial error, m/s.
+        forget_s: Time constant of the decay of the error without measurements, s.
+        doubt_mps: An error up to this size counts as zero, m/s.
+        seen_m: Standard deviation of the displacement between two frames, m, for points with a
+            spread of `wide_m`. It grows with the inverse square of the spread.
+        wide_m: Spread of the points for `seen_m`, root mean square around their middle, m.
     """
 
     wander_mps: float = 0.015
@@ -36,10 +36,10 @@ class VelocityErrorConfig:
 
 
 class VelocityError:
-    """Estimates a slowly wandering error of the velocity: a Kalman filter, the same in both axes.
+    """Kalman filter of a slowly varying velocity error, with the same variance in both axes.
 
     Args:
-        config: how the error varies.
+        config: noise model.
     """
 
     def __init__(self, config: VelocityErrorConfig | None = None) -> None:
@@ -64,7 +64,7 @@ class VelocityError:
         Args:
             seen_mps: velocity beyond telemetry's, (2,), in the odometry's frame.
             passed_s: time between the two frames.
-            spread_m: of the points that show it, root mean square around their middle.
+            spread_m: spread of the tracked points, root mean square around their middle.
         """
         cfg = self._config
         closer = max(1.0, cfg.wide_m / spread_m) ** 2

@@ -1,11 +1,11 @@
-"""Ground-plane visual odometry: dead reckoning, corrected by the carpet in view.
+"""Ground-plane visual odometry: motion between two frames from the carpet in view.
 
-The drone's own velocity is off by a centimetre a second for seconds on end, which adds up to a
-quarter of a metre in half a minute. The carpet stands still, and its points lie in a known plane:
-two frames of them, followed by optical flow (Lucas and Kanade), give the horizontal movement, and
-the heading to a fraction of the half degree by which telemetry's is wrong (which moves an image by
-more than two pixels, more than depth does at some metres). `CarpetOdometry`
-(`perception.odometry.carpet`) uses both in flight.
+The drone's velocity has errors of a centimetre per second for several seconds, which add up to a
+quarter of a metre in half a minute. The points of the carpet are fixed and lie in a known plane.
+Tracked between two frames by optical flow (Lucas and Kanade), they give the horizontal motion and
+the turn. Telemetry's heading has an error of half a degree, which moves an image by more than two
+pixels; the turn from the carpet has a fraction of that error. `CarpetOdometry`
+(`perception.odometry.carpet`) combines this with dead reckoning in flight.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from uav_bt.types.projection import ground_points, project
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryConfig:
-    """How points are found, followed and trusted."""
+    """How points are found, tracked and weighted."""
 
-    points: int = 150  # followed at most; more only cost time
-    quality: float = 0.02  # of the strongest corner's; the carpet's texture is faint
-    spacing_px: int = 5
+    points: int = 150  # tracked at most; more only cost time
+    quality: float = 0.02  # relative to the strongest corner; the carpet has low contrast
+    spacing_px: int = 5  # least distance between points
     window_px: int = 15  # of the optical flow
-    max_range_m: float = 4.0  # further carpet is seen too flatly to say much
-    inlier_m: float = 0.03  # on the ground; boxes' points move by more
-    min_points: int = 20  # with fewer, telemetry stays,
-    min_spread_m: float = 0.3  # and with points closer together: they tell no turn from a shift
-    rounds: int = 6  # of fitting and weighing
-    # By which the second height may be wrong against the first, where all points are on the carpet;
-    # among others, a scale would take up their movement.
+    max_range_m: float = 4.0  # points on carpet further away are too inaccurate
+    inlier_m: float = 0.03  # largest residual on the ground; points on boxes have larger ones
+    min_points: int = 20  # fewer inliers give no motion
+    min_spread_m: float = 0.3  # points closer together give no motion: turn and shift look alike
+    rounds: int = 6  # of fitting and reweighting
+    # Largest relative error between the two heights, corrected if a carpet mask is given. With
+    # points on boxes, a scale would absorb their motion.
     max_scale: float = 0.02
-    # What differs more from telemetry than it can be wrong was measured on something else.
+    # A motion that differs from telemetry by more than these was not measured on the carpet.
     max_yaw_rad: float = 0.1
     max_shift_m: float = 0.12
 
     def believes(self, measured: Pose2D, expected: Pose2D) -> bool:
-        """Return whether a measurement is near enough to telemetry."""
+        """Return whether a measurement agrees with telemetry."""
         shift_m = math.hypot(measured.x_m - expected.x_m, measured.y_m - expected.y_m)
         return abs(measured.yaw_rad - expected.yaw_rad) <= self.max_yaw_rad and (
             shift_m <= self.max_shift_m
@@ -57,7 +57,7 @@ class OdometryConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundView:
-    """One frame as odometry sees it."""
+    """Odometry's input from one frame."""
 
     grey: Image  # (H, W)
     camera: CameraModel  # at that size
@@ -66,10 +66,10 @@ class GroundView:
 
 
 class GroundMotion(NamedTuple):
-    """How a camera moved over the ground between two frames."""
+    """Motion of a camera over the ground between two frames."""
 
-    motion: Pose2D  # of the second camera in the level frame of the first
-    spread_m: float  # of the points around their middle, root mean square: the wider, the surer
+    motion: Pose2D  # pose of the second camera in the level frame of the first
+    spread_m: float  # root mean square of the points around their middle; wider is more accurate
 
 
 def ground_motion(
@@ -79,18 +79,18 @@ def ground_motion(
     carpet: Image | None = None,
     config: OdometryConfig | None = None,
 ) -> GroundMotion | None:
-    """Measure where the second camera is in the level frame of the first.
+    """Measure the pose of the second camera in the level frame of the first.
 
     Args:
-        first: where points are picked.
-        second: where they are found again.
-        guess: the movement by telemetry, where the search begins; x forward, y right, yaw
-            clockwise.
-        carpet: (H, W), not zero where the first frame shows carpet; None to let the fit find out.
+        first: the frame in which points are selected.
+        second: the frame in which they are tracked.
+        guess: the motion by telemetry, the start of the search; x forward, y right, yaw clockwise.
+        carpet: (H, W) uint8, not zero where the first frame shows carpet; None without a mask, so
+            that only the robust fit rejects other points.
         config: how points are found.
 
     Returns:
-        The movement; None with too few points on the carpet.
+        The motion; None with too few points on the carpet.
     """
     config = config or OdometryConfig()
     corners = cv2.goodFeaturesToTrack(
@@ -131,13 +131,13 @@ def _moved(points: Floats, motion: Pose2D) -> Floats:
 def _fitted(
     here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig, max_scale: float
 ) -> GroundMotion | None:
-    """Fit a movement of the plane, reweighted so that other points lose their weight."""
+    """Fit a motion of the plane by iterative reweighting, which rejects points off the plane."""
     if len(here) < config.min_points:
         return None
-    # Far points are measured worse: an error of a pixel grows with the square of the distance.
+    # The error of one pixel on the ground grows with the square of the distance.
     trust = 1.0 / (1.0 + (there**2).sum(axis=1)) ** 2
     scale_m = 4.0 * config.inlier_m
-    # The guess may be off as a whole: take the common shift away before points are judged.
+    # The guess may have a common error: remove the median shift before weighting points.
     residual = there - _moved(here, guess)
     centre = np.median(residual, axis=0)
     weight = trust / (1.0 + (((residual - centre) / scale_m) ** 2).sum(axis=1)) ** 2
@@ -156,14 +156,14 @@ def _similarity(
 ) -> tuple[GroundMotion, float]:
     """Return the weighted least-squares motion, and the scale (Umeyama, in the plane).
 
-    The scale takes up what the second height is wrong against the first, which would pass for a way
-    ahead. OpenCV's `estimateAffinePartial2D` has no weights, and SciPy's `Rotation.align_vectors`
-    works in three dimensions without the translation.
+    The scale absorbs the error of the second height relative to the first, which would otherwise
+    appear as forward motion. OpenCV's `estimateAffinePartial2D` has no weights, and SciPy's
+    `Rotation.align_vectors` works in three dimensions without the translation.
     """
     share = weight / weight.sum()
     from_, to = share @ here, share @ there
     a, b = here - from_, there - to
-    # Points turn counter to the camera, and y is to the right: the signs of a clockwise heading.
+    # Points turn opposite to the camera, and y is to the right: signs of a clockwise heading.
     across = float(share @ (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1]))
     along = float(share @ (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]))
     yaw_rad, spread_m2 = math.atan2(across, along), float(share @ (b**2).sum(axis=1))

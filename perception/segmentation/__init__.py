@@ -1,1 +1,1 @@
-"""Class maps from images: the SVM teacher, the U-Net it teaches, and any foreign network."""
+"""Class maps from images: the SVM teacher, the U-Net trained by it, and foreign networks."""

@@ -1,13 +1,13 @@
-"""From the teacher's windows to a clean class map: the paper's procedure, and sharper borders.
+"""Clean class maps from the teacher's windows: the paper's procedure, and sharper borders.
 
 Mocanu et al. (arXiv 2510.16624, experiments on the first level) classify every fifth pixel, dilate
 the dots until they join, and keep the largest connected component of each class but carpet and
 background.
 
-A 40-pixel window puts a class's border up to 20 pixels off, and the student would learn it so.
-`sharpened` is ours, not the paper's: for every pixel it multiplies, as Bayes' rule does, the share
-of the neighbourhood that the windows gave to a class (the prior) by how well the class's palette
-explains the pixel's colour (the likelihood). The result is a better prior for the next round.
+A 40-pixel window displaces the border of a class by up to 20 pixels, and the student would learn
+this error. `sharpened` is not from the paper. By Bayes' rule it multiplies, for every pixel, the
+share of a class in the neighbourhood (the prior) by the probability of the pixel's colour in the
+class's palette (the likelihood). The result is a better prior for the next round.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from uav_bt.classes import BACKGROUND, CARPET, CLASS_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
 
 _WITHOUT_COMPONENTS: Final = (BACKGROUND, CARPET)  # many separate pieces of these are normal
-_MIN_SHARE: Final = 1e-4  # of the neighbourhood; keeps the prior's logarithm finite
+_MIN_SHARE: Final = 1e-4  # added to the prior to keep its logarithm finite
 
 
 def dilated_grid(
     ids: NDArray[np.uint8], *, step_px: int = 5, dilation_px: int = 7
 ) -> NDArray[np.uint8]:
-    """Return the class map that a grid of dots and a dilation make of it.
+    """Return the class map after sampling a grid of dots and dilating them.
 
-    Classes are painted in the order of their ids, so that an object wins the margin over background
-    and carpet; the paper accepts those additional pixels.
+    Classes are painted in the order of their ids, so that objects cover the margin of background
+    and carpet; the paper accepts these additional pixels.
 
     Args:
         ids: (H, W) uint8, the class of each window.
-        step_px: distance of the dots.
-        dilation_px: side of the square each dot becomes; at least the step, so that no gap stays.
+        step_px: distance between dots.
+        dilation_px: side of the square around each dot; at least the step, to leave no gap.
 
     Raises:
         ShapeError: the ids are not (H, W).
@@ -61,7 +61,7 @@ def dilated_grid(
 
 
 def keep_largest_components(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the map with one component a class; the rest takes the class of what is around it.
+    """Return the map with one component per class; other pieces take the surrounding class.
 
     Background and carpet keep all their pieces.
 
@@ -84,12 +84,12 @@ def keep_largest_components(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def drop_small_components(ids: NDArray[np.uint8], *, area_px: int) -> NDArray[np.uint8]:
     """Return the map without pieces of any class smaller than an area.
 
-    Unlike `keep_largest_components` it lets a class have several pieces: a box behind another box,
+    Unlike `keep_largest_components` it allows several pieces of a class: a box behind another box,
     or two boxes under the same roof pattern.
 
     Args:
         ids: (H, W) uint8 class ids.
-        area_px: smallest piece that stays.
+        area_px: area of the smallest piece that is kept.
     """
     stray = np.zeros(ids.shape, dtype=bool)
     for class_id in np.unique(ids).tolist():
@@ -110,13 +110,13 @@ def filled_holes(
     area_px: int,
     surround: float = 0.95,
 ) -> NDArray[np.uint8]:
-    """Return the map without holes: small pieces that one class surrounds.
+    """Return the map without holes, which are small pieces surrounded by one class.
 
     Args:
         ids: (H, W) uint8 class ids.
         inside: the classes whose holes are filled.
         but: classes whose pieces are never holes.
-        area_px: largest piece that counts as a hole.
+        area_px: area of the largest piece that counts as a hole.
         surround: share of a piece's rim that must be the surrounding class.
     """
     filled = ids.copy()
@@ -141,13 +141,13 @@ def filled_holes(
 
 
 def _absorbed(ids: NDArray[np.uint8], stray: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Give stray pixels the class of the nearest pixel that is none."""
+    """Give stray pixels the class of the nearest other pixel."""
     if not stray.any() or stray.all():
         return ids.copy()
     _, nearest = cv2.distanceTransformWithLabels(
         stray.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    # The label of every pixel is that of its nearest zero; the zeros say what class it stands for.
+    # Each pixel has the label of its nearest zero, and each label has the class of its zero.
     class_of_label = np.zeros(int(nearest.max()) + 1, dtype=np.uint8)
     class_of_label[nearest[~stray]] = ids[~stray]
     return np.asarray(class_of_label[nearest], dtype=np.uint8)
@@ -160,10 +160,10 @@ class RefineConfig:
     The numbers were chosen on the validation scenes.
     """
 
-    rounds: int = 3  # 0 leaves the windows' vote as it is
-    neighbourhood_px: int = 41  # side of the square the prior is counted in; about a patch
+    rounds: int = 3  # 0 leaves the windows' classes unchanged
+    neighbourhood_px: int = 41  # side of the square for the prior; about a patch
     prior_weight: float = 3.0  # of the prior's logarithm; neighbouring pixels are not independent
-    blur_px: float = 1.0  # standard deviation of the likelihood's smoothing; evens out image noise
+    blur_px: float = 1.0  # standard deviation of the likelihood's smoothing, against image noise
     smallest_px: int = 100  # area; smaller pieces are noise
     hole_px: int = 4000  # area; smaller holes in a box's side are its pattern
 
@@ -183,7 +183,7 @@ def sharpened(
     """Return the map after the rounds of prior and likelihood.
 
     Args:
-        ids: (H, W) uint8, the windows' vote.
+        ids: (H, W) uint8, the class of each window.
         rgb: (H, W, 3) uint8 of the same size.
         palette: (17, 32768) log-likelihoods.
         config: how to sharpen.

@@ -1,4 +1,4 @@
-"""How good class maps are: confusion matrix and intersection over union, by class and by group."""
+"""Scores of class maps: confusion matrix and intersection over union, by class and by group."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ def _iou(counts: NDArray[np.int64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SegmentationScore:
-    """The counts of a whole set of images and what follows from them.
+    """Pixel counts of a set of images, and scores from them.
 
-    The intersection over union is taken over all pixels of the set, not averaged over images. A
-    class that appears in no exact map has none (nan) and does not enter the mean: pixels wrongly
-    given to it count against the classes they were taken from.
+    The intersection over union is computed over all pixels of the set, not averaged over images. It
+    is NaN for a class that is absent from all exact maps, and the mean leaves such a class out.
+    Pixels wrongly given to it count against their exact classes.
     """
 
     counts: NDArray[np.int64]  # (17, 17), exact class by predicted class
@@ -84,7 +84,7 @@ class SegmentationScore:
 
     @property
     def accuracy(self) -> float:
-        """Pixel accuracy: share of the pixels that have the right class."""
+        """Pixel accuracy: share of the pixels with the right class."""
         return float(np.diag(self.counts).sum() / self.counts.sum())
 
 
@@ -94,11 +94,11 @@ def score_segmentation(
     """Score predicted maps against exact ones.
 
     Args:
-        pairs: predicted and exact (H, W) ids; an exact map of another size is resized to the
-            predicted one's (nearest pixel), so each network is judged at its own resolution.
+        pairs: predicted and exact (H, W) ids. An exact map of another size is resized to the
+            predicted one's (nearest pixel), so each network is scored at its resolution.
 
     Raises:
-        ValueRangeError: not one pair came, or an id is not one of the seventeen.
+        ValueRangeError: `pairs` is empty, or an id is not one of the seventeen.
     """
     counts = np.zeros((CLASS_COUNT, CLASS_COUNT), dtype=np.int64)
     images = 0

@@ -1,13 +1,14 @@
-"""The teacher's view of an image: hue, saturation and value histograms of square patches.
+"""The teacher's features: hue, saturation and value histograms of square patches.
 
 Mocanu et al. (arXiv 2510.16624, first level): a 40x40 patch in HSV becomes 90 hue, 64 saturation
 and 36 value bins, concatenated to 190 numbers. They do not give the bin edges; ours, for OpenCV's
 8-bit HSV, are: hue (0 to 179) in bins of two, saturation in bins of four, value ``v * 36 // 256``
 (bins of seven or eight levels). Counts are divided by the patch's pixels, so each of the three
-histograms sums to one whatever the patch's size.
+histograms sums to one for any patch size.
 
-A patch is sure of the class and vague about the border; the colour of a single pixel is the other
-way round. `palette_of_counts` gives how likely each colour is in each class, for `clean.sharpened`.
+A patch determines the class well and the border badly; the colour of a single pixel does the
+opposite. `palette_of_counts` gives the likelihood of each colour in each class, for
+`clean.sharpened`.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ VALUE_BINS: Final = 36
 FEATURE_COUNT: Final = HUE_BINS + SATURATION_BINS + VALUE_BINS
 
 _LEVELS: Final = np.arange(256)
-# Feature index of every 8-bit level of each channel. OpenCV never gives a hue above 179; the clip
-# keeps the table total.
+# Feature index of every 8-bit level of each channel. OpenCV never gives a hue above 179; the limit
+# fills the rest of the table.
 _BIN_OF_LEVEL: Final = np.stack(
     [
         np.minimum(_LEVELS // 2, HUE_BINS - 1),
@@ -81,9 +82,8 @@ def patch_slices(
 ) -> tuple[slice, slice]:
     """Return rows and columns of the patch of a pixel.
 
-    An even window has no middle pixel: it starts ``patch_px // 2`` before its pixel. Near the
-    image's border the window is shifted inwards, so that it is always whole and never holds
-    invented pixels.
+    A patch of even size has no middle pixel: it starts ``patch_px // 2`` before its pixel. Near the
+    image's border the patch is shifted inwards, so that it is always whole.
 
     Raises:
         ValueRangeError: the pixel lies outside the image, or the image is smaller than a patch.
@@ -100,9 +100,9 @@ def patch_slices(
 
 
 class WindowMeans:
-    """Means over all whole windows of planes of one size; its memory is used again and again.
+    """Means over all whole windows of planes of one size, with reused memory.
 
-    Fresh arrays of this size cost more time in page faults than the sums themselves.
+    New arrays of this size cost more time in page faults than the sums.
 
     Raises:
         ValueRangeError: the plane is smaller than a window.
@@ -121,10 +121,10 @@ class WindowMeans:
         """Return the means, (H - side + 1, W - side + 1); valid until the next call.
 
         Args:
-            plane: (H, W) float64; left with its mean subtracted.
+            plane: (H, W) float64; its mean is subtracted in place.
         """
         side, total, inner = self._side, self._total, self._inner
-        # Sums of what exceeds the mean stay small over the whole image, as do rounding errors.
+        # Without the mean, sums over the image and rounding errors stay small.
         mean = float(plane.mean())
         np.subtract(plane, mean, out=plane)
         cv2.integral(plane, total, sdepth=cv2.CV_64F)
@@ -137,7 +137,7 @@ class WindowMeans:
 
 
 def spread_to_border(inner: NDArray[Any], side_px: int) -> NDArray[Any]:
-    """Return values of whole windows as a map of all pixels, windows placed as `patch_slices` says.
+    """Return values of whole windows as a map of all pixels, placed as by `patch_slices`.
 
     Args:
         inner: (H - side + 1, W - side + 1).
@@ -156,7 +156,7 @@ def patch_features(
     """Return the normalised histograms of the patches around points.
 
     Args:
-        hsv: (H, W, 3) uint8 as `hsv_of` gives it.
+        hsv: (H, W, 3) uint8, from `hsv_of`.
         points: (N, 2) pixel coordinates, x then y.
         patch_px: side of the patches, pixels.
 
@@ -185,7 +185,7 @@ _BITS: Final = 5  # of each of red, green, blue; measured a little better than f
 _SIDE: Final = 1 << _BITS
 COLOUR_COUNT: Final = _SIDE**3
 
-_UNSEEN_SHARE: Final = 0.1  # of a pixel's chance goes to colours no pick showed, evenly
+_UNSEEN_SHARE: Final = 0.1  # probability spread evenly over all colours, for unseen ones
 
 
 def colour_codes(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
@@ -200,21 +200,21 @@ def colour_codes(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
 
 
 def count_colours(rgb: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return how often each coarse colour occurs, (32768,)."""
+    """Return the number of pixels of each coarse colour, (32768,)."""
     return np.bincount(colour_codes(rgb).ravel(), minlength=COLOUR_COUNT)
 
 
 def palette_of_counts(counts: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return the log-likelihood of each coarse colour in each class.
 
-    Counts are spread to neighbouring colours, because light and noise differ from image to
-    image more than a few thousand picks can show.
+    Counts are spread to neighbouring colours, because a few thousand picks do not cover the
+    variation of light and noise between images.
 
     Args:
         counts: (17, 32768) pixels by class and colour.
 
     Returns:
-        (17, 32768) float32, natural logarithms; a class without pixels likes all colours alike.
+        (17, 32768) float32, natural logarithms; uniform for a class without pixels.
     """
     if counts.shape != (CLASS_COUNT, COLOUR_COUNT):
         raise ShapeError("counts", expected=f"17x{COLOUR_COUNT}", actual=counts.shape)

@@ -1,4 +1,4 @@
-"""What the classes of other networks mean here, and what its input wants.
+"""Mapping file of a foreign segmentation network: meaning of its classes, format of its input.
 
 A mapping is a YAML (or JSON) file beside the network:
 
@@ -46,9 +46,9 @@ GROUP_ALIASES: Final[Mapping[str, int]] = MappingProxyType(
         "obstacle": BOXES[0],
     }
 )
-"""The class that stands for a group when a network does not tell its classes apart."""
+"""The class used for a group when a network does not distinguish the group's classes."""
 
-_MAX_CLASSES: Final = 65536  # a class number beyond this is a mistake, not a network
+_MAX_CLASSES: Final = 65536  # larger class numbers are mistakes
 
 
 def _class_of(name: object) -> int:
@@ -61,13 +61,13 @@ _OurClass = Annotated[int, PlainValidator(_class_of)]  # files have names
 
 @dataclass(frozen=True, kw_only=True)
 class ClassMapping:
-    """A network's class numbers in our class ids."""
+    """Mapping of a network's class numbers to our class ids."""
 
-    classes: Mapping[int, _OurClass]  # theirs to ours
-    default: _OurClass = BACKGROUND  # ours, for theirs that are not listed
+    classes: Mapping[int, _OurClass]  # the network's class number -> our class id
+    default: _OurClass = BACKGROUND  # our class id for unlisted class numbers
     input: InputFormat = field(default_factory=InputFormat)
-    output: Literal["nchw", "nhwc"] | None = None  # of class scores; None: as the sizes show
-    # Of the answer of a network of one class. None: 0.5, and the answer must be a probability.
+    output: Literal["nchw", "nhwc"] | None = None  # layout of scores; None: found from the sizes
+    # Of the output of a network of one class. None: 0.5, and the output must be a probability.
     threshold: float | None = None
 
     def __post_init__(self) -> None:
@@ -79,7 +79,7 @@ class ClassMapping:
 
     @staticmethod
     def identity() -> ClassMapping:
-        """Return the mapping of a network that speaks our seventeen classes."""
+        """Return the mapping of a network with our seventeen classes."""
         return ClassMapping(classes={number: number for number in range(len(CLASS_NAMES))})
 
     def table(self, count: int) -> NDArray[np.uint8]:
@@ -103,20 +103,20 @@ def read_mapping(path: Path) -> ClassMapping:
     """Read a mapping file.
 
     Raises:
-        FileError: the file is absent or malformed; the message says what was expected.
+        FileError: the file is absent or malformed.
     """
     return read_yaml(path, ClassMapping, "class mapping").value
 
 
 class CountedAsCarpet:
-    """A segmenter whose classes of ground all become carpet, by which missions fly.
+    """A segmenter that replaces all classes of ground with carpet, the ground of missions.
 
     Args:
-        segmenter: tells the classes apart.
-        ground: names of the classes that a drone may fly over and scale its depth by.
+        segmenter: gives the classes.
+        ground: names of the classes over which a drone may fly and by which depth is scaled.
 
     Raises:
-        UnknownNameError: there is no class of a name.
+        UnknownNameError: a name is not that of a class.
     """
 
     def __init__(self, segmenter: Segmenter, ground: Iterable[str]) -> None:
@@ -125,6 +125,6 @@ class CountedAsCarpet:
         self._table[[class_id(name) for name in ground]] = CARPET
 
     def segment(self, frame: Frame) -> ClassMap:
-        """Return the class map, ground as carpet."""
+        """Return the class map with ground as carpet."""
         class_map = self._segmenter.segment(frame)
         return replace(class_map, ids=self._table[class_map.ids])

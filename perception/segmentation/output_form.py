@@ -10,12 +10,12 @@ from uav_bt.errors import ValueRangeError
 
 
 class OutputForm(Enum):
-    """The answer of a network for each pixel."""
+    """Kind and layout of a network's output."""
 
     SCORES_FIRST = auto()  # 1xCxHxW: a score for each class
-    SCORES_LAST = auto()  # 1xHxWxC
+    SCORES_LAST = auto()  # 1xHxWxC: a score for each class
     NUMBERS = auto()  # 1xHxW or one channel: the number of the class
-    ONE_CLASS = auto()  # 1xHxW or one channel: how likely the pixel belongs to class 0
+    ONE_CLASS = auto()  # 1xHxW or one channel: probability or score of class 0
 
 
 def output_form(
@@ -23,15 +23,15 @@ def output_form(
 ) -> OutputForm:
     """Return the form of an output of this shape.
 
-    Scores come before or after rows and columns. Rows and columns have the aspect of the input,
-    which shows where they are. Where both places fit, the class list decides: the mapping must not
-    name a class that the network does not have.
+    Scores come before or after rows and columns. Rows and columns are recognised by the aspect
+    ratio of the input. If both layouts fit, the class list decides: the mapping must not name a
+    class that the network does not have.
 
     Args:
-        shape: of the output; the first number is the batch, 1.
+        shape: shape of the output; the first number is the batch, 1.
         size_px: width and height of the network's input.
-        mapping: of the network's classes.
-        whole_numbers: the output's elements are integers.
+        mapping: mapping of the network's classes.
+        whole_numbers: whether the output's elements are integers.
 
     Raises:
         ValueRangeError: the shape fits no form, or the place of the scores is unclear.
@@ -49,7 +49,7 @@ def output_form(
         form: abs(shape[rows] * width_px - shape[columns] * height_px)
         for form, (_, rows, columns) in places.items()
     }
-    # An exact fit is better than one where both sizes are rounded, each by less than a pixel.
+    # An exact fit is preferred to one with both sizes rounded, each by less than a pixel.
     fitting = [form for form in places if off[form] == 0] or [
         form for form in places if off[form] < width_px + height_px
     ]

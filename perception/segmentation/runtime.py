@@ -28,24 +28,24 @@ from uav_bt.types import ClassMap, Frame
 
 _SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 _SHARP: Final = RefineConfig()
-_PROBABLE: Final = 0.5  # chosen: more likely the class than not
+_PROBABLE: Final = 0.5  # default threshold of a probability; chosen
 
 
 class OnnxSegmenter:
     """A segmentation network in an ONNX file, run by OpenVINO.
 
     The network has one image as input and one output, see `OutputForm`. The same frame always gives
-    the same class map, also with other work beside it.
+    the same class map, also under load.
 
     Args:
         path: the ONNX file.
-        mapping: what its classes mean, or the file that says so; None for a network that gives
-            our seventeen.
-        threads: of inference.
+        mapping: meaning of its classes, or a mapping file; None for a network of our seventeen
+            classes.
+        threads: number of inference threads.
 
     Raises:
-        WeightsError: the file is absent or damaged, or the network is no segmentation network.
-        FileError: the mapping's file is absent or malformed.
+        WeightsError: the file is absent or damaged, or the network is not for segmentation.
+        FileError: the mapping file is absent or malformed.
         ValueRangeError: the mapping names a class that the network does not have.
     """
 
@@ -73,7 +73,7 @@ class OnnxSegmenter:
                 "must have one channel of floats, and the mapping must list class 0 only",
             )
         planar_output = self._form is OutputForm.SCORES_FIRST
-        # Class numbers do not show how many classes there can be: the table covers the listed ones.
+        # Class numbers do not show the number of classes, so the table covers the listed ones.
         count = (
             shape[1 if planar_output else 3].get_length()
             if self._scores
@@ -83,18 +83,18 @@ class OnnxSegmenter:
         if self._scores:
             model = class_numbers(model, planar=planar_output)
         self._request = compile_model(model, threads, path).create_infer_request()
-        self._run(np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8))  # the slow first
+        self._run(np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8))  # warm-up
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height that frames are resized to."""
+        """Width and height of the network's input, px; frames are resized to them."""
         return self._size
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame, at the size of the network's output.
 
         Raises:
-            WeightsError: the network answered with something that is not a number.
+            WeightsError: the network's output is not usable, for example NaN.
         """
         return ClassMap(ids=self.ids(frame.image), captured_s=frame.captured_s)
 
@@ -118,7 +118,7 @@ class OnnxSegmenter:
             raise WeightsError(self._path, str(error)) from error
 
     def _run(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[Any], bool]:
-        """Return class numbers, (h, w), and whether the network's answer is all finite."""
+        """Return class numbers, (h, w), and whether the network's output is finite."""
         self._request.infer([np.ascontiguousarray(rgb[None])])
         output = np.asarray(self._request.get_output_tensor(0).data)
         if self._scores:
@@ -140,7 +140,7 @@ class OnnxSegmenter:
         return answer.astype(np.int64), True
 
     def _beyond_threshold(self, answer: NDArray[Any]) -> NDArray[np.int64]:
-        """Return class 0 where the answer is above the threshold, and 1, which is not listed."""
+        """Return class 0 where the output is above the threshold, else 1, an unlisted class."""
         threshold = self._mapping.threshold
         if threshold is None:
             threshold = _PROBABLE
@@ -155,12 +155,12 @@ class OnnxSegmenter:
 
 
 class TeacherSegmenter:
-    """The teacher in flight: slow, but nothing stands between the picks and the class map.
+    """The teacher in flight: slower than the U-Net, without a trained network in between.
 
     Args:
         teacher: the trained teacher.
-        refine: how to sharpen its borders; None leaves the map as the paper makes it.
-        size_px: width and height of the class maps; that of the U-Net's by default.
+        refine: how to sharpen its borders; None for the paper's procedure.
+        size_px: width and height of the class maps; by default those of the U-Net.
     """
 
     def __init__(
@@ -186,14 +186,14 @@ class TeacherSegmenter:
 
 
 def shipped_unet(name: str = "unet", *, threads: int = 1) -> OnnxSegmenter:
-    """Return a segmentation U-Net that comes with the package.
+    """Return a shipped segmentation U-Net.
 
     Args:
         name: one of `SHIPPED_UNETS`.
-        threads: of inference.
+        threads: number of inference threads.
 
     Raises:
-        UnknownNameError: there is none of that name.
+        UnknownNameError: the name is unknown.
     """
     if name not in SHIPPED_UNETS:
         raise UnknownNameError("shipped U-Net", name, SHIPPED_UNETS)
@@ -201,7 +201,7 @@ def shipped_unet(name: str = "unet", *, threads: int = 1) -> OnnxSegmenter:
 
 
 def shipped_teacher(*, refine: RefineConfig | None = _SHARP) -> TeacherSegmenter:
-    """Return the teacher that comes with the package; without `refine`, the paper's plain one."""
+    """Return the shipped teacher; with `refine` None, by the paper's procedure."""
     return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER), refine)
 
 

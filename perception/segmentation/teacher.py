@@ -1,9 +1,9 @@
-"""The teacher: a one-vs-rest linear SVM on colour histograms, exact for every window of an image.
+"""The teacher: a one-vs-rest linear SVM on colour histograms of image windows.
 
-Mocanu et al. (arXiv 2510.16624) walk a grid of 40x40 patches and classify each. A linear model on
-the histograms of a patch is a sum over the patch's pixels, and a pixel contributes the weights of
-its three bins. So one table look-up and one box sum give a class's score for *every* window, equal
-to scikit-learn's ``decision_function`` on that patch.
+Mocanu et al. (arXiv 2510.16624) classify a grid of 40x40-pixel patches. A linear model on the
+histograms of a patch is a sum over the patch's pixels, and each pixel contributes the weights of
+its three bins. So one table look-up and one box sum give the score of a class for *every* window,
+equal to scikit-learn's ``decision_function`` on that patch.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ _KIND: Final = "hsv-histogram-svm"
 
 @dataclass(frozen=True, kw_only=True)
 class TeacherConfig:
-    """The teacher's numbers; the defaults are the paper's where it gives them."""
+    """Settings of the teacher; the defaults are the paper's where it gives them."""
 
-    width_px: int = 1152  # 30 % of 4K (3840x2160), the size the images are shrunk to
+    width_px: int = 1152  # size of the shrunk images: 30 % of 4K (3840x2160)
     height_px: int = 648
     patch_px: int = 40  # side of a patch at that size
-    cost: float = 0.1  # the SVM's C; the paper is silent, chosen on the validation scenes
-    max_iterations: int = 20000  # of liblinear, far above what it needs
+    cost: float = 0.1  # the SVM's C; not in the paper, chosen on the validation scenes
+    max_iterations: int = 20000  # of liblinear, far more than needed
 
     def __post_init__(self) -> None:
         if not 1 <= self.patch_px <= min(self.width_px, self.height_px):
@@ -68,9 +68,10 @@ class Teacher:
     """The trained linear model: a score for each class is ``weights @ features + bias``."""
 
     weights: NDArray[np.float64]  # (17, 190)
-    bias: NDArray[np.float64]  # (17,); -inf for a class without picks, which so never wins
+    bias: NDArray[np.float64]  # (17,); -inf for a class without picks, so that it never wins
     config: TeacherConfig = field(default_factory=TeacherConfig)
-    palette: NDArray[np.float32] | None = None  # (17, 32768), `palette`; for sharp borders only
+    # (17, 32768), `features.palette_of_counts`; needed only for sharp borders.
+    palette: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         if self.weights.shape != (CLASS_COUNT, FEATURE_COUNT):
@@ -83,7 +84,7 @@ class Teacher:
 
     @property
     def known(self) -> tuple[int, ...]:
-        """The classes that had picks."""
+        """Ids of the classes with picks."""
         return tuple(np.flatnonzero(np.isfinite(self.bias)).tolist())
 
     def resized(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -104,7 +105,7 @@ class Teacher:
             hsv: (H, W, 3) uint8.
 
         Yields:
-            Class id and its (H, W) float64 scores, for the classes that had picks.
+            Class id and its (H, W) float64 scores, for the classes with picks.
         """
         for class_id, inner in self._window_scores(hsv):
             yield class_id, spread_to_border(inner, self.config.patch_px)
@@ -128,11 +129,11 @@ class Teacher:
         return spread_to_border(ids, self.config.patch_px)
 
     def paper_ids(self, rgb: NDArray[np.uint8], *, step_px: int = 5) -> NDArray[np.uint8]:
-        """Return the class map as the paper makes it: dots, dilation, largest components.
+        """Return the class map by the paper's procedure: dots, dilation, largest components.
 
         Args:
             rgb: (H, W, 3) uint8, at the teacher's size.
-            step_px: distance of the dots.
+            step_px: distance between dots, px.
 
         Returns:
             (H, W) uint8 class ids.
@@ -160,17 +161,17 @@ class Teacher:
             raise ValueRangeError("this teacher has no palette to sharpen with; train it anew")
         ids = sharpened(ids, rgb, self.palette, config)
         ids = drop_small_components(ids, area_px=config.smallest_px)
-        # An H lies inside the striped frame, and a thing before the carpet or the wall is no hole.
+        # The H inside the striped frame is not a hole, nor are objects before carpet or wall.
         return filled_holes(ids, inside=OBSTACLES, but=(HELIPAD_H,), area_px=config.hole_px)
 
     def _window_scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
-        """Yield the scores of the whole windows; each array is valid until the next."""
+        """Yield the scores of all whole windows; each array is valid until the next one."""
         height_px, width_px = hsv.shape[:2]
         means = WindowMeans(width_px=width_px, height_px=height_px, side_px=self.config.patch_px)
         planes = cv2.split(hsv)
         pixel, part = np.empty((height_px, width_px)), np.empty((height_px, width_px))
         for class_id in self.known:
-            # The columns are views into the table; OpenCV wants each on its own.
+            # The columns are views into the table; OpenCV needs contiguous copies.
             hue, saturation, value = channel_tables(self.weights[class_id]).T.copy()
             cv2.LUT(planes[0], hue, pixel)
             cv2.add(pixel, cv2.LUT(planes[1], saturation, part), pixel)
@@ -187,9 +188,9 @@ def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0)
     """Train the one-vs-rest linear SVM and count the palette.
 
     Args:
-        patches: what the picks show; at least two classes.
-        config: the teacher's numbers.
-        seed: of liblinear's coordinate order.
+        patches: patches around the picks, of at least two classes.
+        config: settings of the teacher.
+        seed: seed of liblinear's coordinate order.
 
     Returns:
         The teacher; classes without a pick never win.
@@ -197,7 +198,7 @@ def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0)
     Raises:
         ValueRangeError: fewer than two classes.
     """
-    # Imported here: flying needs the teacher's arithmetic, not scikit-learn's start-up time.
+    # Imported here because scikit-learn is slow to import and only training needs it.
     from sklearn.multiclass import OneVsRestClassifier  # noqa: PLC0415
     from sklearn.svm import LinearSVC  # noqa: PLC0415
 
@@ -221,10 +222,10 @@ def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0)
 
 
 def save_teacher(path: Path, teacher: Teacher) -> None:
-    """Write the teacher as safetensors, whole or not at all."""
+    """Write the teacher as safetensors; the file is replaced in one step."""
     tensors: dict[str, NDArray[Any]] = {"weights": teacher.weights, "bias": teacher.bias}
     if teacher.palette is not None:
-        tensors["palette"] = teacher.palette.astype(np.float16)  # to 0.4 % of a pixel's likelihood
+        tensors["palette"] = teacher.palette.astype(np.float16)  # error of a likelihood: 0.4 %
     write_weights(
         path,
         tensors,
@@ -237,7 +238,7 @@ def load_teacher(path: Path) -> Teacher:
     """Read a teacher.
 
     Raises:
-        WeightsError: the file is absent, damaged or something else.
+        WeightsError: the file is absent, damaged or of another kind.
     """
     tensors, details = read_weights(path, kind=_KIND, remedy="`uav-bt net train teacher` makes one")
     try:

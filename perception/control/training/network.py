@@ -1,7 +1,7 @@
-"""The control student: a U-Net's encoder, and dense layers in the place of its decoder.
+"""The control student: a U-Net's encoder with dense layers instead of the decoder.
 
-Each view goes through the same encoder; its embedding is joined with the movements between the
-views. Importing this module imports torch.
+Each view goes through the same encoder; its embedding is joined with the motion between the views.
+Importing this module imports torch.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class ControlNet(nn.Module):
     """Views and ego state in, the next movement out.
 
     Args:
-        config: its shape.
-        dropout: share of each view's embedding left out while training.
+        config: the network's shape.
+        dropout: share of each view's embedding that is dropped in training.
     """
 
     def __init__(self, config: ControlNetConfig, *, dropout: float = 0.0) -> None:
@@ -45,7 +45,7 @@ class ControlNet(nn.Module):
         self.head = nn.Linear(config.hidden, len(OUTPUTS))
 
     def forward(self, frames: Tensor, state: Tensor) -> Tensor:
-        """Return what `config.OUTPUTS` names.
+        """Return the values of `ego_state.OUTPUTS`.
 
         Args:
             frames: (N, V, 3, H, W) float RGB in [0, 1], the present view first.
@@ -55,7 +55,7 @@ class ControlNet(nn.Module):
             (N, 5) float.
         """
         count, views = frames.shape[:2]
-        # Zero is what the convolutions pad with: make it mid-grey, not black.
+        # So that the convolutions' zero padding is mid-grey, not black.
         features = frames.flatten(0, 1) - 0.5
         features = features.contiguous(memory_format=torch.channels_last)
         for level, block in enumerate(self.down):

@@ -1,4 +1,4 @@
-"""Train the control student on windows of flights: their changes, the loss, the run.
+"""Training of the control student on windows of flights: augmentation, loss and run.
 
 Importing this module imports torch.
 """
@@ -29,21 +29,22 @@ from perception.networks.training.loop import (
 )
 from uav_bt.errors import ValueRangeError
 
-# A free way taken for blocked costs a turn; the other way round it costs the drone.
+# Weight of blocked paths. A free path taken for blocked costs a turn; a blocked path taken for free
+# may cost the drone.
 _CAUTION: Final = 1.5
-# Of metres, the quantile that is learnt: a step too short costs a stop, one too long more.
+# Learnt quantile of lengths. Too short a step costs a stop; too long a step costs more.
 _QUANTILE: Final = 0.35
 _SIDE, _METRES, _ENDS = 0.5, 2.0, 0.5
 
 
 def choice_loss(prediction: Tensor, labels: Tensor, turning: Tensor) -> Tensor:
-    """Return the loss of a choice, to advance or to turn, and of its particulars.
+    """Return the loss of the choice between advance and turn, and of side, lengths and edge.
 
-    The mean of an advance and a turn is neither, and that is what a squared error asks for where
-    both are likely.
+    A squared error of the movement would give the mean of an advance and a turn where both are
+    likely, which is neither.
 
     Args:
-        prediction: (N, 5) float, `config.OUTPUTS`.
+        prediction: (N, 5) float, `ego_state.OUTPUTS`.
         labels: (N, 4) float, the rule's decision: `samples.LABELS`.
         turning: (N,) float, the turn under way.
     """
@@ -52,7 +53,7 @@ def choice_loss(prediction: Tensor, labels: Tensor, turning: Tensor) -> Tensor:
     choice = F.binary_cross_entropy_with_logits(
         prediction[:, 0], advances, weight=torch.where(advances > 0.0, 1.0, _CAUTION)
     )
-    # A turn under way keeps its side: there is nothing to learn from it.
+    # A turn under way keeps its side, so it does not train the choice of the side.
     begins = (forward_m <= 0.0) & (turning == 0.0)
     side = F.binary_cross_entropy_with_logits(
         prediction[:, 1], (yaw_rad > 0.0).float(), weight=begins.float()
@@ -71,22 +72,22 @@ def _pinball(prediction: Tensor, truth: Tensor, counts: Tensor) -> Tensor:
 
 @dataclass(frozen=True, kw_only=True)
 class ControlAugmentConfig:
-    """How much windows are changed."""
+    """Limits of the augmentation of windows."""
 
-    mirror: float = 0.5  # share of windows: the lab and its rules have no handedness
-    gain: float = 0.3  # of brightness, relative, either way: lamps differ
-    tint: float = 0.06  # of each colour, relative: white balances differ
-    exposure: float = 0.05  # of each view, relative: the automatic exposure hunts
-    noise: float = 3.0  # standard deviation in grey levels, at most
+    mirror: float = 0.5  # share of mirrored windows; lab and rules are symmetric
+    gain: float = 0.3  # relative brightness in both directions: lamps differ
+    tint: float = 0.06  # relative gain of each colour: white balances differ
+    exposure: float = 0.05  # relative brightness of each view: automatic exposure varies
+    noise: float = 3.0  # largest standard deviation, grey levels
 
 
 def augmented(batch: Batch, rng: np.random.Generator, config: ControlAugmentConfig) -> Batch:
-    """Return windows changed at random; those given are left alone.
+    """Return randomly augmented copies of windows.
 
     Args:
         batch: the windows.
-        rng: draws the changes.
-        config: how much they are changed.
+        rng: random generator of the changes.
+        config: limits of the changes.
     """
     count, views = batch.frames.shape[:2]
     flipped: NDArray[np.bool_] = np.asarray(rng.random(count) < config.mirror)
@@ -123,11 +124,11 @@ class ControlTrainingConfig(LoopConfig):
     """How the control student is trained."""
 
     steps: int = 6000
-    batch: int = 24  # windows a step
+    batch: int = 24  # windows per step
     learning_rate: float = 2e-3  # peak; AdamW
     weight_decay: float = 1e-3
     warm_up_steps: int = 200
-    dropout: float = 0.2  # of each view's embedding: no single value may decide
+    dropout: float = 0.2  # of each view's embedding, against reliance on single values
     average: float = 0.995
     samples: SampleConfig = field(default_factory=SampleConfig)
     augment: ControlAugmentConfig = field(default_factory=ControlAugmentConfig)
@@ -147,15 +148,14 @@ def train_control(
     checkpoint: Path | None = None,
     progress: Callable[[Progress, ControlNet], None] = ignore_progress,
 ) -> ControlNet:
-    """Train, or go on from the checkpoint if there is one.
+    """Train the network, or continue from the checkpoint if there is one.
 
     Args:
-        samples: what to learn from, of the network's size.
+        samples: training data at the network's size.
         config: how to train.
         net_config: the network's shape.
-        start: weights by name to begin with; layers that it lacks, or has in another shape, begin
-            at random.
-        checkpoint: where to keep the state; read first when it exists.
+        start: initial weights by name; layers that are missing or of another shape start at random.
+        checkpoint: file of the run's state; read first if it exists.
         progress: called after every step with the averaged network.
 
     Returns:
@@ -163,7 +163,7 @@ def train_control(
 
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run.
-        ValueRangeError: the loss is no longer finite.
+        ValueRangeError: the loss has become NaN or infinite.
     """
     torch.manual_seed(config.seed)
     net = channels_last(ControlNet(net_config, dropout=config.dropout))

@@ -1,4 +1,4 @@
-"""Labelled views of flights, kept small: what the control student learns from."""
+"""Training data of the control student: labelled views of flights, compressed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from uav_bt.types.dead_reckoning import OdometryPose
 LABELS: Final = ("forward_m", "yaw_rad", "ground_ends", "free_m")
 """The columns of a label: the rule's answer."""
 
-# At a network's size noise is gone already; these bytes are a sixth of a PNG's.
+# Shrinking has already removed noise; a JPEG has a sixth of a PNG's bytes.
 _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 95]
 
 
@@ -31,11 +31,11 @@ class ControlFlight:
     """One flight: N labelled views in the order of time."""
 
     size_px: NDArray[np.int64]  # (2,) width and height of the images
-    images: NDArray[np.uint8]  # (B,) JPEG files, one behind the other
-    ends: NDArray[np.int64]  # (N,) where each ends
+    images: NDArray[np.uint8]  # (B,) concatenated JPEG files
+    ends: NDArray[np.int64]  # (N,) end of each file in `images`
     poses: NDArray[np.float64]  # (N, 4) time, x, y, yaw: `OdometryPose`
     ego: NDArray[np.float64]  # (N, 4) `EgoState`'s fields
-    # (N, 2, 4) `LABELS`: with the turn under way, and as if there were none; free_m NaN if unknown.
+    # (N, 2, 4) `LABELS`: answers with the turn under way, and without it; free_m NaN if unknown.
     labels: NDArray[np.float32]
 
     def __len__(self) -> int:
@@ -51,7 +51,7 @@ class ControlFlight:
         return np.asarray(bgr[..., ::-1], dtype=np.uint8)
 
     def pose(self, place: int) -> OdometryPose:
-        """Return where the body was when a view was captured."""
+        """Return the body's pose at the capture of a view."""
         time_s, x_m, y_m, yaw_rad = (float(number) for number in self.poses[place])
         return OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
@@ -60,7 +60,7 @@ class FlightBuilder:
     """Collects a flight's labelled views.
 
     Args:
-        size_px: width and height that images are kept at.
+        size_px: width and height of stored images.
     """
 
     def __init__(self, size_px: tuple[int, int]) -> None:
@@ -105,7 +105,7 @@ class FlightBuilder:
         """Return the flight.
 
         Raises:
-            ValueRangeError: there is no view.
+            ValueRangeError: the flight has no views.
         """
         if not self._images:
             raise ValueRangeError("a flight without a labelled view is none to learn from")
@@ -160,17 +160,17 @@ def read_flight(path: Path) -> ControlFlight:
 
 @dataclass(frozen=True, kw_only=True)
 class SampleConfig:
-    """Which views are learnt from, and how often."""
+    """Which views are used for training, and how often."""
 
     # Views of the mission's middle: in flight, looking ahead.
     heights_m: tuple[float, float] = (1.0, 2.2)
     pitches_rad: tuple[float, float] = (-0.75, -0.25)
-    # Views with less free way than this are near an obstacle, and are drawn so much more often: the
-    # paper has them twice.
+    # Views with a free path shorter than near_m are near an obstacle. They are sampled near_weight
+    # times as often; the paper uses them twice.
     near_m: float = 0.7
     near_weight: float = 2.0
-    # Share of views with a turn under way that are shown as if there were none, with the rule's
-    # answer then: few views show the beginning of a turn, where its side is chosen.
+    # Share of views with a turn under way that are used without it, with the rule's answer for that
+    # case. Few views show the beginning of a turn, where its side is chosen.
     fresh: float = 0.5
 
     def __post_init__(self) -> None:
@@ -183,7 +183,7 @@ class SampleConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
-    """Windows to learn from."""
+    """Windows of views for training."""
 
     frames: NDArray[np.uint8]  # (N, V, H, W, 3) RGB, the present view first
     state: NDArray[np.float32]  # (N, S) `state_vector`
@@ -236,17 +236,17 @@ class ControlSamples:
         self.near_share = float(near.mean())
 
     def __len__(self) -> int:
-        """How many views can be learnt from."""
+        """Return the number of windows."""
         return len(self._flight)
 
     def draw(self, rng: np.random.Generator, count: int) -> Batch:
-        """Return windows at random, those near obstacles more often."""
+        """Return random windows, those near obstacles more often."""
         chosen = np.searchsorted(self._upto, rng.random(count), side="right")
         fresh = rng.random(count) < self.config.fresh
         return self._batch(np.minimum(chosen, len(self) - 1), fresh)
 
     def window(self, places: Sequence[int]) -> Batch:
-        """Return windows by number, as they were flown."""
+        """Return windows by number, without changes."""
         return self._batch(np.asarray(places), np.zeros(len(places), dtype=bool))
 
     def _batch(self, chosen: NDArray[np.int64], fresh: NDArray[np.bool_]) -> Batch:

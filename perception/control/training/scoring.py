@@ -1,4 +1,4 @@
-"""How well a control student agrees with the rule, window by window. It imports without torch."""
+"""Scores of a control student against the rule, by window. This module does not import torch."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from perception.control.training.samples import Batch, ControlSamples
 _AT_ONCE: Final = 32  # windows
 
 Predict = Callable[[Batch], Sequence[ControlEstimate]]
-"""Windows to the network's estimate for each."""
+"""Returns the network's estimate for each window."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,29 +23,29 @@ class ControlScore:
     """Agreement with the rule; shares are of the windows that they apply to."""
 
     windows: int
-    missed: float  # share of ways the rule finds blocked that the student would take
-    stopped: float  # share of ways the rule finds free that it would not take
-    wrong_side: float  # share of turns to begin that go the other way
-    step_error_m: float  # mean absolute, where both advance
-    step_excess_m: float  # mean of what is too long, where both advance
-    wrong_end: float  # share of views where it errs on whether the ground ends
-    free_error_m: float  # mean absolute, of the way free of obstacles
-    movement_mse: float  # the paper's: of forward metres and yaw radians
+    missed: float  # share of paths blocked for the rule where the student advances
+    stopped: float  # share of paths free for the rule where the student turns
+    wrong_side: float  # share of beginning turns to the wrong side
+    step_error_m: float  # mean absolute error of the step, where both advance
+    step_excess_m: float  # mean excess of the step, where both advance
+    wrong_end: float  # share of views with a wrong end of the ground
+    free_error_m: float  # mean absolute error of the free path
+    movement_mse: float  # the paper's mean squared error of forward metres and yaw radians
 
     def to_json(self) -> dict[str, float | None]:
-        """Return the score as plain JSON values: None for what no window could show."""
+        """Return the score as plain JSON values; None for measures without windows."""
         return {name: value if np.isfinite(value) else None for name, value in asdict(self).items()}
 
 
 def score_control(
     predict: Predict, samples: ControlSamples, *, max_windows: int = 2000
 ) -> ControlScore:
-    """Score a network on windows, evenly spread over all, as they were flown.
+    """Score a network on windows without augmentation, evenly spread over all.
 
     Args:
         predict: the network.
         samples: the windows.
-        max_windows: how many are scored.
+        max_windows: largest number of scored windows.
     """
     rows = [row for batch in _batches(samples, max_windows) for row in _rows(predict, batch)]
     values = {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -90,6 +90,6 @@ def _rows(predict: Predict, batch: Batch) -> Iterator[dict[str, float]]:
 
 
 def _mean(values: NDArray[Any], counts: NDArray[np.bool_] | None = None) -> float:
-    """Return the mean of those that count, NaN without any."""
+    """Return the mean of the counted values; NaN without any."""
     chosen = values if counts is None else values[counts]
     return float(np.mean(chosen)) if len(chosen) else float("nan")

@@ -1,1 +1,1 @@
-"""Depth of faces that stand on the carpet, from where they touch it."""
+"""Depth of upright faces from their contact with the carpet."""

@@ -1,4 +1,4 @@
-"""Where a standing thing meets the carpet, azimuth by azimuth, in a panorama of the class map."""
+"""Bases: the contact of obstacles with the carpet by azimuth, from a panorama of the class map."""
 
 from __future__ import annotations
 
@@ -16,49 +16,50 @@ from uav_bt.types.arrays import Floats, Indices
 
 @dataclass(frozen=True, kw_only=True)
 class BaseConfig:
-    """What counts as standing on the carpet."""
+    """Which pixels form a base on the carpet."""
 
-    min_run_px: float = 2.0  # of side above a base; less is a speck of the mask
+    min_run_px: float = 2.0  # height of the side above a base; less is mask noise
     gap_px: float = 2.0  # between carpet and side; networks blur the border into other classes
-    max_rms_px: float = 1.5  # of a fitted base; what is more crooked is taken as it was seen
-    # A fitted base is followed by this many times the azimuth it was seen over: behind other boxes
-    # and below the image's lower edge, not for ever.
+    max_rms_px: float = 1.5  # of a fitted base; with a larger error the seen base is used unfitted
+    # A fitted base is extended by this multiple of its visible azimuth range, behind other boxes
+    # and below the image's lower edge.
     reach: float = 1.0
-    # Something whose base is cut off shows a ragged upright edge with carpet beside it: fewer
-    # columns that seem to stand on carpet are no base.
+    # A box with its base cut off has a ragged upright edge with carpet beside it. A cut box needs
+    # at least this number of columns on carpet for a base.
     min_beside_cut: int = 10
-    specks: float = 0.25  # of a base's columns; so many may be at odds with it before it is wrong
-    slack_px: float = 2.0  # by which a side may reach below its fitted base
-    max_range_m: float = 7.0  # the lab's diagonal; a pixel of the base weighs 0.2 m there
-    # Remembered bases drift by decimetres and a few degrees: this far from the azimuths they are
-    # remembered at they are believed, and this far beyond what hides them.
+    specks: float = 0.25  # a base is rejected if more than this share of its columns contradict it
+    slack_px: float = 2.0  # a side may reach below its fitted base by this
+    max_range_m: float = 7.0  # the lab's diagonal; there one pixel of the base is 0.2 m
+    # Remembered bases drift by decimetres and a few degrees. They are used up to this distance in
+    # azimuth,
     recall_rad: float = 0.09
+    # and up to this distance behind the carpet in view.
     recall_m: float = 0.1
-    min_recalled: int = 3  # points; fewer may be specks of an old mask
+    min_recalled: int = 3  # points; fewer may be noise of an old mask
     line: LineConfig = field(default_factory=LineConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Base:
-    """Where one thing stands, by column of the panorama."""
+    """The base of one class, by column of the panorama."""
 
-    slope: Floats  # (A,) camera height over range of its base; NaN where unknown
-    line: BaseLine | None  # what the slope was fitted with
-    fitted: NDArray[np.bool_]  # (A,) where it is the line's
-    visible: Floats  # (A,) slope of its lowest pixel seen, at least which its base has; or NaN
-    top_row: Indices  # (A,) uppermost row of it; -1 where it does not show
+    slope: Floats  # (A,) camera height over range of the base; NaN where unknown
+    line: BaseLine | None  # the fitted line; None without a fit
+    fitted: NDArray[np.bool_]  # (A,) columns whose slope comes from the line
+    visible: Floats  # (A,) slope of the lowest visible pixel, a lower bound of `slope`; or NaN
+    top_row: Indices  # (A,) uppermost row of the class; -1 where it is not visible
 
 
 @dataclass(frozen=True, kw_only=True)
 class Remembered:
-    """Bases seen earlier, from the lens now; for things whose base has left the view."""
+    """Bases seen earlier, relative to the present lens; for bases that have left the view."""
 
-    azimuth_rad: Floats  # (N,) growing, clockwise from the heading
-    range_m: Floats  # (N,) on the ground
+    azimuth_rad: Floats  # (N,) in increasing order, clockwise from the heading
+    range_m: Floats  # (N,) horizontal range
 
     @classmethod
     def at(cls, points_m: Floats) -> Remembered:
-        """Return points (N, 2), metres forward and right of the lens, in order."""
+        """Return points (N, 2), metres forward and right of the lens, sorted by azimuth."""
         azimuth = np.arctan2(points_m[:, 1], points_m[:, 0])
         order = np.argsort(azimuth)
         return cls(
@@ -68,15 +69,15 @@ class Remembered:
 
 @dataclass(frozen=True, kw_only=True)
 class _Sight:
-    """The columns that show a thing."""
+    """The panorama's columns that show a class."""
 
     columns: Indices  # (N,)
-    first: Indices  # (N,) its lowest row in each
-    last: Indices  # (N,) its uppermost
-    visible: Floats  # (N,) slope there
-    base: Floats  # (N,) slope of its border with the carpet; NaN where there is no carpet below
-    outside: NDArray[np.bool_]  # (N,) the image's edge hides its lower end
-    cut: bool  # it does so in much of it
+    first: Indices  # (N,) lowest row of the class in each column
+    last: Indices  # (N,) uppermost row of the class in each column
+    visible: Floats  # (N,) slope at the lowest row
+    base: Floats  # (N,) slope of the border with the carpet; NaN without carpet below
+    outside: NDArray[np.bool_]  # (N,) whether the image's edge cuts off the lower end
+    cut: bool  # whether `outside` holds for many columns
 
 
 def find_base(
@@ -86,14 +87,14 @@ def find_base(
     config: BaseConfig,
     remembered: Remembered | None = None,
 ) -> Base:
-    """Find where the pixels of one class stand.
+    """Find the base of the pixels of one class.
 
     Args:
-        panorama: of the class map.
-        thing: the class.
-        height_m: of the lens above the carpet.
-        config: what counts.
-        remembered: for what stands on carpet that is out of view.
+        panorama: panorama of the class map.
+        thing: the class id.
+        height_m: height of the lens above the carpet.
+        config: which pixels form a base.
+        remembered: bases seen earlier, used where the base is out of view.
     """
     sight = _look(panorama, thing, config)
     line, found, on_line = _believe(panorama, sight, config)
@@ -146,18 +147,18 @@ def rows_above(
     *,
     step: int = 1,
 ) -> Indices:
-    """Return the row of a class right above (step 1) or below (-1) given cells.
+    """Return the row of a class right above (step 1) or below (step -1) given cells.
 
     Args:
-        panorama: of the class map.
-        rows: (N,) of the cells.
-        columns: (N,) of the cells.
-        wanted: the class.
-        gap_px: pixels of other classes that may lie between.
+        panorama: panorama of the class map.
+        rows: (N,) rows of the cells.
+        columns: (N,) columns of the cells.
+        wanted: the class id.
+        gap_px: maximum number of pixels of other classes in between.
         step: 1 up, -1 down.
 
     Returns:
-        (N,) rows, -1 where the class does not follow.
+        (N,) rows; -1 where the class does not follow.
     """
     distances = np.arange(1, 2 + round(gap_px * panorama.rows_per_px))
     candidates = rows[:, None] + step * distances
@@ -171,9 +172,9 @@ def rows_above(
 def _believe(
     panorama: Panorama, sight: _Sight, config: BaseConfig
 ) -> tuple[BaseLine | None, Floats, NDArray[np.bool_]]:
-    """Return the fitted line, the base's slope by column of sight, and where it is the line's.
+    """Return the fitted line, the slope of the base by column of `sight`, and where it is fitted.
 
-    The slope is NaN where the base is not known.
+    The slope is NaN where the base is unknown.
     """
     azimuth = panorama.azimuth_rad[sight.columns]
     stands = np.isfinite(sight.base)
@@ -186,13 +187,13 @@ def _believe(
         return None, sight.base if count >= 0.5 * azimuth.size else nothing, nowhere
     fitted = line.slope(azimuth)
     slack = config.slack_px * panorama.pixel_rad * (1.0 + sight.visible**2)
-    # The base of a convex thing never lies below the line of one of its faces: what belongs to it
-    # and lies there shows that its ragged upright edge was taken for a base.
+    # The base of a convex box never lies below the line of one of its faces. Pixels of the box
+    # below the line show that its ragged upright edge was taken for a base.
     odd = sight.visible > fitted + slack
     if np.count_nonzero(odd) > config.specks * count:
         return None, nothing, nowhere
     on_line = (_distance(azimuth, azimuth[stands]) <= config.reach * line.spread_rad) & ~odd
-    # Near a corner the fit may miss what is plainly seen.
+    # Near a corner the fit may miss a visible base.
     return line, np.where(on_line, fitted, np.where(odd, sight.base, np.nan)), on_line
 
 
@@ -203,17 +204,17 @@ def _recall(
     height_m: float,
     config: BaseConfig,
 ) -> Floats:
-    """Return the slope of a remembered base at the columns of sight, NaN where none is.
+    """Return the slope of the remembered base at the columns of `sight`; NaN without one.
 
-    Only where the image's edge hides the base: what another thing hides stands behind that one, and
-    what is remembered there may be either's.
+    Only columns whose base is cut off by the image's edge are filled. If another obstacle hides the
+    base, the remembered points may belong to either of the two.
     """
     nothing = np.full(sight.columns.size, np.nan)
     if not sight.outside.any() or not remembered.azimuth_rad.size:
         return nothing
     azimuth = panorama.azimuth_rad[sight.columns[sight.outside]]
     visible = sight.visible[sight.outside]
-    # What is remembered beyond the carpet in view stands behind.
+    # Remembered points beyond the carpet in view belong to obstacles behind.
     behind_m = np.interp(remembered.azimuth_rad, azimuth, height_m / visible)
     mine = remembered.range_m <= behind_m + config.recall_m
     mine &= _distance(remembered.azimuth_rad, azimuth) <= config.recall_rad
@@ -222,7 +223,7 @@ def _recall(
     places, ranges = remembered.azimuth_rad[mine], remembered.range_m[mine]
     within = _distance(azimuth, places) <= config.recall_rad
     near_m = _near_side(places, ranges, np.clip(azimuth, places[0], places[-1]))
-    # It stands no further away than the lowest pixel seen says.
+    # The lowest visible pixel limits the range.
     slope = np.maximum(height_m / np.maximum(near_m, 0.05), visible)
     nothing[sight.outside] = np.where(within, slope, np.nan)
     return nothing
@@ -231,7 +232,7 @@ def _recall(
 def _near_side(places: Floats, ranges: Floats, azimuth: Floats) -> Floats:
     """Return the range at which azimuths meet the near side of the points' convex hull.
 
-    What is remembered of a box are also the sides that have turned away since.
+    The remembered points of a box include sides that no longer face the camera.
     """
     points = np.stack([ranges * np.cos(places), ranges * np.sin(places)], axis=-1)
     hull = cv2.convexHull(points.astype(np.float32))[:, 0].astype(np.float64)
@@ -243,13 +244,13 @@ def _near_side(places: Floats, ranges: Floats, azimuth: Floats) -> Floats:
         range_m = (start[:, 0] * edge[:, 1] - start[:, 1] * edge[:, 0]) / across
         met = (share >= -1e-6) & (share <= 1.0 + 1e-6) & (range_m > 0.0)
     met_m = np.where(met, range_m, np.inf).min(axis=1)
-    # Between rounding and the hull's ends an azimuth may miss every edge.
+    # Because of rounding an azimuth at the hull's ends may miss every edge.
     nearest = np.interp(azimuth, places, ranges)
     return np.where(np.isfinite(met_m), met_m, nearest)
 
 
 def _distance(places: Floats, seen: Floats) -> Floats:
-    """Return the distance of each place to the nearest of `seen`; both grow."""
+    """Return the distance of each place to the nearest of `seen`; both are sorted."""
     after = np.searchsorted(seen, places)
     before = np.maximum(after - 1, 0)
     after = np.minimum(after, seen.size - 1)

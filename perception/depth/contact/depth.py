@@ -1,19 +1,19 @@
-"""Metric depth without a network: from a class map and from what things stand on.
+"""Metric depth without a network, from a class map and the contact of obstacles with the carpet.
 
-The carpet lies in the ground plane. The side of a box is a vertical face that stands on the carpet
-where its lowest pixels meet it, and a vertical line keeps its azimuth: the base gives one
-horizontal range for each azimuth, and with it a depth to every side pixel above. The sides of one
-box meet the carpet in one or two straight lines, which are fitted, so that a base is better than a
-pixel and reaches on where another box hides it. A roof is a level face at the height of the side's
-upper edge; the helipad's is known.
+The carpet lies in the ground plane. The side of a box is a vertical face, and its lowest pixels
+meet the carpet at its base. A vertical line keeps its azimuth, so the base gives one horizontal
+range for each azimuth, and with it the depth of every side pixel above. The sides of one box meet
+the carpet in one or two straight lines. These are fitted, which makes a base more accurate than one
+pixel and extends it behind other boxes. A roof is a level face at the height of the side's upper
+edge; the height of the helipad is known.
 
 The class map is first remapped to a panorama of azimuth by depression, where vertical edges are
-columns. What cannot be known stays NaN: background, boxes whose base is hidden or below the image's
-lower edge, roofs of boxes that are higher than the camera. For those an upper bound is given:
-nothing is further away than the ground behind it, or than the carpet its base must stand before.
+columns. Unknown depth stays NaN: background, boxes with a base that is hidden or below the image's
+lower edge, roofs of boxes higher than the camera. For these an upper bound is given: the depth of
+the ground behind the pixel, or of the nearest visible ground below the box.
 
-Of a box that shows its roof but not its base, one number is missing: how high it is. A network that
-errs at every pixel tells it well enough, and the shape of the box is as certain as that of others.
+For a box with a visible roof but without a visible base, only the height is missing. The median of
+a network's depth over the roof gives it; the geometry gives the rest.
 """
 
 from __future__ import annotations
@@ -36,22 +36,23 @@ from uav_bt.types.arrays import Floats, Indices
 
 @dataclass(frozen=True, kw_only=True)
 class ContactDepthConfig:
-    """What is known of the lab, and what is believed of a class map."""
+    """Dimensions of the lab, and limits for noise in the class map."""
 
     pad_height_m: float = LandingMark.height_m  # top of the helipad above the carpet
-    max_depth_m: float = 8.0  # across the carpet and its corners; beyond is a speck of the mask
-    max_roof_m: float = 1.0  # no roof reaches further back from its front edge
-    min_edge: int = 3  # columns in which a roof must meet its side before its height is believed
-    # By which the network puts roofs too far below the lens where their box's base is out of sight:
-    # median 1.14 on the training scenes, 1.06 to 1.17 on the validation scenes, half of all within
-    # 1.01 and 1.45 (commit 71858fd, U-Net masks).
+    max_depth_m: float = 8.0  # the lab's diagonal; larger depths are mask noise
+    max_roof_m: float = 1.0  # largest extent of a roof behind its front edge
+    min_edge: int = 3  # least number of columns in which a roof must meet its side
+    # Ratio by which the network overestimates the distance of roofs below the lens if the base of
+    # the box is out of sight: median 1.14 on the training scenes, 1.06 to 1.17 on the validation
+    # scenes, half of all within 1.01 and 1.45 (commit 71858fd,
+    # U-Net masks).
     roof_too_far: float = 1.1
     base: BaseConfig = field(default_factory=BaseConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContactDepth:
-    """What masks and geometry know."""
+    """Depth from masks and geometry."""
 
     depth: NDArray[np.float32]  # (H, W) metres along the optical axis; NaN where unknown
     at_most: NDArray[np.float32]  # (H, W) metres; upper bound of the depth, inf without one
@@ -72,13 +73,13 @@ def contact_depth(
     Args:
         ids: (H, W) class ids of `uav_bt.classes`.
         view: the camera, at the map's size.
-        config: what is known of the lab.
-        ground: `GroundPlane.of(view)` where it is at hand.
-        remembered: bases seen earlier, for boxes whose base is out of view now.
-        network_m: (H, W) a network's metric depth, for roofs above such boxes.
+        config: dimensions of the lab.
+        ground: `GroundPlane.of(view)`, if already computed.
+        remembered: bases seen earlier, for boxes whose base is now out of view.
+        network_m: (H, W) a network's metric depth, for the roofs of such boxes.
 
     Raises:
-        ShapeError: a map's size is not the view's.
+        ShapeError: a map has another size than the view.
         ValueRangeError: the lens is not above the carpet.
     """
     size = (view.camera.height_px, view.camera.width_px)
@@ -92,7 +93,7 @@ def contact_depth(
 
 
 class _Estimation:
-    """The work on one map; its steps share the rays, the panorama and the result."""
+    """The estimation on one map; its steps share the rays, the panorama and the result."""
 
     def __init__(
         self,
@@ -158,14 +159,14 @@ class _Estimation:
         return np.asarray(self._height_m / (slope * level))
 
     def _bound(self, pixels: Indices, azimuth: Floats, level: Floats, base: Base) -> None:
-        """A base that is not seen is at least as near as the carpet behind its lowest pixel."""
+        """Limit the depth of sides: the base is no further than the ground at the lowest pixel."""
         visible = base.visible[self._panorama.columns(azimuth)]
         self._at_most[pixels] = np.fmin(self._at_most[pixels], self._height_m / (visible * level))
 
     # --- level faces ------------------------------------------------------------------------------
 
     def _fill_roof(self, roof: int, carriers: Iterable[Base]) -> None:
-        """Lay each roof pixel level with the edge of the box below it in its column."""
+        """Set each roof pixel to the height of the upper edge of the box below it."""
         pixels, azimuth, level = self._pixels(roof)
         down = self._rays[2, pixels]
         columns = self._panorama.columns(azimuth)
@@ -180,17 +181,18 @@ class _Estimation:
             if above_m <= 0.0:
                 continue
             front = self._height_m / (base.slope[columns[mine]] * level[mine])
-            depth = np.fmax(above_m / down[mine], front)  # not before its own front edge
+            depth = np.fmax(above_m / down[mine], front)  # not nearer than the front edge
             plausible = depth <= front + self._config.max_roof_m / level[mine]
             self._depth[pixels[mine][plausible]] = depth[plausible]
 
     def _fill_below_roof(
         self, roof: int, carriers: Mapping[int, Base], network_m: NDArray[np.float32]
     ) -> None:
-        """Fill in roofs, and the sides below their edges, of boxes whose base is out of sight.
+        """Fill roofs, and the sides below their edges, of boxes whose base is out of sight.
 
-        The network says only how high the roof is: each of its pixels does, because it is level,
-        and their median is better than any. Where the sides stand follows from the roof's edge.
+        The network is used only for the height of the roof. A roof is level, so each of its pixels
+        gives its height, and the median is taken. The range of the sides follows from the roof's
+        edge.
         """
         pixels = np.flatnonzero((self._ids == roof) & (self._rays[2] > 0.0))
         pixels = pixels[np.isnan(self._depth[pixels])]
@@ -199,7 +201,7 @@ class _Estimation:
             down = self._rays[2, pixels]
             seen_m = float(np.median(network_m[pixels] * down)) / self._config.roof_too_far
             above_m = {box: known_m or seen_m for box, known_m in above_m.items()}
-            # What does not border on its side is level with what does.
+            # Roof pixels without a side below are level with those that have one.
             only_m = next(iter(above_m.values())) if len(above_m) == 1 else seen_m
             self._depth[pixels] = only_m / down
         for box, base in carriers.items():
@@ -207,7 +209,7 @@ class _Estimation:
                 self._fill_sides(box, self._below_edge(base, roof, above_m[box]))
 
     def _below_edge(self, base: Base, roof: int, above_m: float) -> Base:
-        """Return a base known also where it is out of sight, by the edge of the roof above."""
+        """Return the base completed where it is out of sight, from the edge of the roof above."""
         hidden = np.isnan(base.slope)
         columns, edge = self._roof_edge(base, roof)
         azimuth = self._panorama.azimuth_rad
@@ -218,7 +220,7 @@ class _Estimation:
         return replace(base, slope=np.where(hidden, slope, base.slope))
 
     def _above_roof(self, base: Base, roof: int) -> float:
-        """Return the lens's height above the edge where a roof begins; 0 where none is found."""
+        """Return the lens's height above the roof's edge; 0 if the edge is not found."""
         columns, edge = self._roof_edge(base, roof)
         share = edge / base.slope[columns]
         share = share[np.isfinite(share)]
@@ -243,7 +245,7 @@ class _Estimation:
         pixels, azimuth, level = self._pixels(HELIPAD_BOX)
         depth = self._side_depth(azimuth, level, base)
         if above_m > 0.0:
-            # A ray meets the side first unless it passes above its upper edge.
+            # A ray that passes above the upper edge of the side meets the top.
             down = np.maximum(self._rays[2], np.float32(1e-6))
             depth = np.maximum(depth, above_m / down[pixels])
             panel = np.flatnonzero((self._ids == HELIPAD_H) & (self._rays[2] > 0.0))

@@ -1,9 +1,8 @@
-"""The line in which an upright box meets the carpet, fitted from the bearings that show it.
+"""Fit of the line in which an upright box meets the carpet.
 
-A vertical plane seen from the camera has an inverse horizontal range that is linear in the cosine
-and the sine of the azimuth. So has ``slope = height / range``, the tangent of the depression
-under which the base is seen. One box shows one or two faces: one such line, or two that meet at the
-corner that is nearest.
+The inverse horizontal range of a vertical plane is linear in the cosine and the sine of the
+azimuth. So is ``slope = height / range``, the tangent of the depression of the base. A box shows
+one or two faces: one such line, or two that meet at the nearest corner.
 """
 
 from __future__ import annotations
@@ -21,23 +20,23 @@ from uav_bt.types.arrays import Floats
 class LineConfig:
     """How faces are fitted."""
 
-    min_bearings: int = 4  # that a face needs; fewer say nothing about its slope
-    split_gain: float = 0.6  # two faces must bring the squared residuals below this share of one's
-    one_face_px: float = 0.4  # one line this good is not split: rounding to pixels makes 0.29
-    outlier_px: float = 1.5  # from the first fit; specks of the mask, feet of neighbours
+    min_bearings: int = 4  # per face; fewer do not determine its slope
+    split_gain: float = 0.6  # two faces must reduce the squared residuals below this share
+    one_face_px: float = 0.4  # a line with a smaller error is not split; rounding gives 0.29
+    outlier_px: float = 1.5  # residual in the first fit: mask noise, or bases of other boxes
 
 
 @dataclass(frozen=True, kw_only=True)
 class BaseLine:
     """Slope over azimuth: one face, or two that meet at an azimuth."""
 
-    faces: Floats  # (1 or 2, 2): factors of the azimuth's cosine and sine, by growing azimuth
-    corner_rad: float  # azimuth from which the second face holds; inf for one face
-    rms_px: float  # of the fit, in pixels of the image
-    spread_rad: float  # azimuth between the outermost bearings that went in
+    faces: Floats  # (1 or 2, 2): factors of the azimuth's cosine and sine, by increasing azimuth
+    corner_rad: float  # azimuth where the second face begins; inf for one face
+    rms_px: float  # root mean square residual, in pixels of the image
+    spread_rad: float  # azimuth between the outermost fitted bearings
 
     def slope(self, azimuth_rad: Floats) -> Floats:
-        """Return height over range at azimuths, same shape; not positive where there is none."""
+        """Return height over range at azimuths, same shape; 0 or less where the line is not met."""
         factors = self.faces[(azimuth_rad >= self.corner_rad).astype(np.intp)]
         return np.asarray(
             factors[..., 0] * np.cos(azimuth_rad) + factors[..., 1] * np.sin(azimuth_rad)
@@ -50,13 +49,13 @@ def fit_base(
     """Fit one or two faces.
 
     Args:
-        azimuth_rad: (N,) growing azimuths.
-        slope: (N,) tangent of the depression of the base seen there.
-        pixel_rad: depression that one pixel spans; residuals are weighed in pixels.
+        azimuth_rad: (N,) azimuths in increasing order.
+        slope: (N,) tangent of the depression of the base at these azimuths.
+        pixel_rad: depression of one pixel; residuals are weighted in pixels.
         config: how faces are fitted.
 
     Returns:
-        The line, or None for too few bearings.
+        The line; None for too few bearings.
     """
     config = config or LineConfig()
     fitted = _fit(azimuth_rad, slope, pixel_rad, config)
@@ -80,7 +79,7 @@ def _fit(
     count = azimuth_rad.size
     if count < config.min_bearings:
         return None
-    # About the middle azimuth the cosine is near one and the sine near zero: well conditioned.
+    # Azimuths relative to the middle one make the normal equations well conditioned.
     middle = 0.5 * float(azimuth_rad[0] + azimuth_rad[-1])
     weight = _weight(slope, pixel_rad)
     c = np.cos(azimuth_rad - middle) * weight
@@ -93,7 +92,7 @@ def _fit(
         before = sums[:, config.min_bearings - 1 : count - config.min_bearings]
         left, left_sse = _solve(before)
         right, right_sse = _solve(sums[:, -1:] - before)
-        # A convex box bends one way only: its nearest corner is where the line is steepest.
+        # A convex box bends only one way: the line is steepest at its nearest corner.
         both = np.where(left[:, 1] > right[:, 1], left_sse + right_sse, np.inf)
         best = int(both.argmin())
         if both[best] < config.split_gain * sse:
@@ -117,7 +116,7 @@ def _solve(sums: Floats) -> tuple[Floats, Floats]:
 
 
 def _meeting(faces: Floats, middle: float, split_rad: float) -> float:
-    """Return the azimuth at which two faces are of equal slope, near where the data were split."""
+    """Return the azimuth at which two faces have equal slope, near the split of the data."""
     difference = faces[0] - faces[1]
     meeting = middle + math.atan2(-difference[0], difference[1])
     turns = round((split_rad - meeting) / math.pi)  # the lines cross once every half turn

@@ -17,17 +17,17 @@ from uav_bt.types.projection import camera_axes, pixel_rays, project
 OUTSIDE = 255  # in the panorama: not in the image
 _ROWS_PER_PX = 2.0  # finer than the image, so that the borders between its pixels are found
 _NO_FRACTIONS = np.empty(0, dtype=np.uint16)  # cells lie on whole pixels
-_MIN_DEPRESSION_RAD = 0.02  # flatter than this the ground is beyond every lab
+_MIN_DEPRESSION_RAD = 0.02  # below this depression the ground is beyond every lab
 
 
 @dataclass(frozen=True, kw_only=True)
 class Panorama:
     """The remapped class map; row 0 looks down most steeply."""
 
-    ids: NDArray[np.uint8]  # (R, A) class ids, OUTSIDE where the image does not reach
-    azimuth_rad: NDArray[np.float64]  # (A,) of each column, growing, clockwise from the heading
-    depression_rad: NDArray[np.float64]  # (R,) of each row, falling
-    pixel_rad: float  # depression that one pixel of the image spans at its centre
+    ids: NDArray[np.uint8]  # (R, A) class ids; OUTSIDE for cells outside the image
+    azimuth_rad: NDArray[np.float64]  # (A,) of each column, increasing, clockwise from the heading
+    depression_rad: NDArray[np.float64]  # (R,) of each row, decreasing
+    pixel_rad: float  # depression of one pixel at the image's centre
 
     @classmethod
     def of(cls, ids: NDArray[np.uint8], view: CameraView) -> Panorama:
@@ -37,7 +37,7 @@ class Panorama:
             ids: (H, W) class ids.
             view: the camera, at the map's size.
         """
-        layout = _layout(replace(view, height_m=0.0))  # on which the layout does not depend
+        layout = _layout(replace(view, height_m=0.0))  # the layout does not depend on the height
         remapped = cv2.remap(
             ids,
             layout.places,
@@ -55,7 +55,7 @@ class Panorama:
 
     @property
     def rows_per_px(self) -> float:
-        """Rows that one pixel of the image spans at its centre."""
+        """Rows per pixel at the image's centre."""
         return _ROWS_PER_PX
 
     def columns(self, azimuth_rad: NDArray[np.floating]) -> NDArray[np.intp]:
@@ -73,14 +73,14 @@ class Panorama:
 
 @dataclass(frozen=True, kw_only=True)
 class _Layout:
-    """Where each cell of a panorama is in the image; depends on camera and attitude only."""
+    """Image position of each cell of a panorama; depends on camera and attitude only."""
 
     azimuth_rad: NDArray[np.float64]
     depression_rad: NDArray[np.float64]
     places: Any  # (R, A, 2) int16, column and row
 
 
-@functools.lru_cache(maxsize=8)  # a gimbal mostly stands still
+@functools.lru_cache(maxsize=8)  # the gimbal's pitch seldom changes
 def _layout(view: CameraView) -> _Layout:
     camera = view.camera
     pixel_rad = 1.0 / camera.fy_px
@@ -97,12 +97,12 @@ def _layout(view: CameraView) -> _Layout:
 def _places(
     view: CameraView, azimuths: NDArray[np.float64], depressions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the image's column and row of every cell, far outside for those behind the camera."""
+    """Return the image's column and row of every cell; column -9 for cells behind the camera."""
     axes = camera_axes(view.pitch_rad, view.roll_rad).astype(np.float32)
     level = np.stack([np.cos(azimuths), np.sin(azimuths)]).astype(np.float32)
     flat = np.cos(depressions).astype(np.float32)[:, None]
     down = np.sin(depressions).astype(np.float32)[:, None]
-    # Each camera component of a direction: its level part by azimuth, its downward part added.
+    # Each camera component of a direction is the sum of a level part by azimuth and a vertical one.
     x, y, z = (flat * (axes[:2, k] @ level) + axes[2, k] * down for k in range(3))
     ahead = z > 1e-3
     scale = np.divide(np.float32(1.0), z, out=np.full_like(z, np.float32(1e6)), where=ahead)
@@ -113,7 +113,7 @@ def _places(
 
 
 def _extent(view: CameraView) -> tuple[float, float, float]:
-    """Return the azimuths left and right and the steepest depression that the image shows."""
+    """Return the image's leftmost and rightmost azimuth and its steepest depression."""
     camera = view.camera
     width, height = camera.width_px - 0.5, camera.height_px - 0.5
     across, along = np.linspace(-0.5, width, 17), np.linspace(-0.5, height, 9)

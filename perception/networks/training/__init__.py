@@ -1,1 +1,1 @@
-"""What all networks share before they fly: files, export, and the training loop. Imports torch."""
+"""Shared training code of all networks: training loop, files and export. It imports torch."""

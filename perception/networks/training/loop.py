@@ -1,4 +1,4 @@
-"""The training loop of all networks; a run can be broken off and resumed to the same result."""
+"""Training loop of all networks; an interrupted run resumes from its checkpoint."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ _REMEDY: Final = "delete the file to start the run anew"
 Net = TypeVar("Net", bound=nn.Module)
 
 Objective = Callable[[np.random.Generator], tuple[Tensor, Mapping[str, Tensor]]]
-"""Draws a batch; returns the loss and the unweighted terms that it is made of, by name."""
+"""Samples a batch; returns the loss and its unweighted terms by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoopConfig:
-    """How a network is trained: the part that is the same for all."""
+    """Settings of a training run that all networks share."""
 
     steps: int = 4000
-    batch: int = 12  # examples a step
+    batch: int = 12  # examples per step
     learning_rate: float = 3e-3  # peak; AdamW
     weight_decay: float = 1e-4
-    warm_up_steps: int = 100  # linear rise, then half a cosine down to zero
-    max_norm: float = 5.0  # of the gradient; a longer one is clipped
-    average: float = 0.99  # decay of the running mean of the weights, which is what is kept
-    seed: int = 0  # of the first weights, the order of the examples and their changes
+    warm_up_steps: int = 100  # linear rise; half a cosine then falls to zero
+    max_norm: float = 5.0  # the gradient is clipped to this norm
+    average: float = 0.99  # decay of the running mean of the weights; the run returns that mean
+    seed: int = 0  # of the initial weights, the order of the examples and their augmentation
     checkpoint_every: int = 200  # steps
-    device: str = "cpu"  # of PyTorch: `cpu`, or `cuda`, where runs repeat but for rounding errors
+    device: str = "cpu"  # of PyTorch: `cpu`, or `cuda`, where runs repeat up to rounding errors
 
     def __post_init__(self) -> None:
         if min(self.steps, self.batch, self.checkpoint_every) < 1 or self.learning_rate <= 0.0:
@@ -77,7 +77,7 @@ def ignore_progress(_progress: Progress, _net: nn.Module) -> None:
 
 
 def channels_last(net: Net) -> Net:
-    """Lay a network's weights out for the CPU's convolutions: a third faster."""
+    """Store a network's weights channels-last, which makes CPU convolutions a third faster."""
     net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # not in torch's stubs
     return net
 
@@ -93,16 +93,16 @@ def train(
     checkpoint: Path | None = None,
     progress: Callable[[Progress, Net], None] = ignore_progress,
 ) -> Net:
-    """Train a network, or go on from the checkpoint if there is one.
+    """Train a network, or continue from the checkpoint if there is one.
 
     Args:
-        net: learns, in place.
-        objective: draws a batch and computes its loss with `net`, on the device of the config.
+        net: the network, trained in place.
+        objective: samples a batch and computes its loss with `net`, on the device of the config.
         config: how to train.
-        kind: of checkpoint; one of another kind is refused.
-        about: the run's settings and data, as JSON values; a checkpoint of others is refused.
-        beside: another network that the objective uses and that learns, too.
-        checkpoint: where to keep the state; read first when it exists.
+        kind: kind of checkpoint; another kind is refused.
+        about: settings and data of the run, JSON values; a checkpoint with others is refused.
+        beside: another network of the objective that is trained, too.
+        checkpoint: file of the run's state; read first if it exists.
         progress: called after every step with the averaged network, in evaluation mode.
 
     Returns:
@@ -110,13 +110,13 @@ def train(
 
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run.
-        ValueRangeError: the loss is no longer finite.
+        ValueRangeError: the loss has become NaN or infinite.
     """
     run = _Run(net, beside, config, kind, json.dumps(about, sort_keys=True))
     step = run.load(checkpoint) if checkpoint is not None and checkpoint.is_file() else 0
     schedule = LambdaLR(run.optimizer, config.learning_rate_factor, last_epoch=step - 1)
     while step < config.steps:
-        # Drawn from seed and step alone: a resumed run sees what an unbroken one would have seen.
+        # The samples depend on seed and step alone, so a resumed run gets the same batches.
         run.learners.train()
         loss, terms = objective(np.random.default_rng((config.seed, step)))
         run.optimizer.zero_grad(set_to_none=True)
@@ -163,7 +163,7 @@ class _Run(Generic[Net]):
         return cast("Net", self.mean.module.eval())
 
     def save(self, path: Path, step: int) -> None:
-        """Write the whole state after so many steps."""
+        """Write the whole state after `step` steps."""
         tensors = _named_arrays("learners", self.learners.state_dict())
         tensors |= _named_arrays("mean", self.mean.state_dict())
         for index, state in self.optimizer.state_dict()["state"].items():
@@ -171,7 +171,7 @@ class _Run(Generic[Net]):
         write_weights(path, tensors, kind=self._kind, details={"step": step, "about": self._about})
 
     def load(self, path: Path) -> int:
-        """Take a state over and return how many steps were done."""
+        """Load a state and return the number of steps done."""
         tensors, details = read_weights(path, kind=self._kind, remedy=_REMEDY)
         if details.get("about") != self._about:
             raise WeightsError(path, f"belongs to a run with other settings or data; {_REMEDY}")
@@ -188,7 +188,7 @@ class _Run(Generic[Net]):
 
 
 def _running_mean(max_decay: float) -> Callable[[Any, Any, Any], None]:
-    """Return an update of the mean that forgets the first, nearly random weights faster."""
+    """Return an update of the mean with a faster decay for the first, nearly random weights."""
 
     def update(mean: Any, current: Any, count: Any) -> None:
         done = int(count) + 1

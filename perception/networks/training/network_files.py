@@ -1,6 +1,6 @@
-"""A network's files: safetensors is the source of truth, ONNX is generated from it.
+"""A network's files: safetensors holds the weights, and ONNX is generated from it.
 
-torch traces the graph; NNCF (the Neural Network Compression Framework) turns it into 8-bit
+torch traces the graph. NNCF (the Neural Network Compression Framework) quantises it to 8-bit
 integers, which take half the time on a CPU and a quarter of the space.
 """
 
@@ -30,9 +30,9 @@ from uav_bt.errors import ShapeError, WeightsError
 from uav_bt.files import write_whole
 
 _OPSET: Final = 18
-# All but convolutions computes in floats: integers cost accuracy there and save next to no time.
+# Only convolutions are quantised: other operators lose accuracy in integers and save little time.
 _FLOAT_OPS: Final = ("Add", "Gemm", "Mul", "Reciprocal", "Resize", "Sub")
-_BATCH_COUNTS: Final = "num_batches_tracked"  # of batch norms: nothing needs it, no file holds it
+_BATCH_COUNTS: Final = "num_batches_tracked"  # of batch norms; unused, so files leave it out
 
 
 Net = TypeVar("Net", bound=nn.Module)
@@ -40,12 +40,13 @@ Net = TypeVar("Net", bound=nn.Module)
 
 @dataclass(frozen=True, kw_only=True)
 class OnnxPorts:
-    """What goes in and out of an ONNX file. All shapes are fixed."""
+    """Inputs and output of an ONNX file. All shapes are fixed."""
 
-    # By name, in the order of `forward`. The first takes images, (..., 3, H, W) RGB in [0, 1].
+    # Shapes by name, in the order of `forward`. The first takes images, (..., 3, H, W) RGB in
+    # [0, 1].
     inputs: Mapping[str, tuple[int, ...]]
     output: str
-    metadata: Mapping[str, str] = field(default_factory=dict)  # what the runtime checks
+    metadata: Mapping[str, str] = field(default_factory=dict)  # checked by the runtime
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,19 +54,19 @@ class NetworkFiles(Generic[Net]):
     """How the files of one network are written and read."""
 
     kind: str  # of the safetensors file; reading checks it
-    remedy: str  # how such a file is made, for messages
-    build: Callable[[dict[str, Any]], Net]  # the network of its config's JSON values
+    remedy: str  # how to make such a file, for messages
+    build: Callable[[dict[str, Any]], Net]  # makes the network from its config's JSON values
     ports: Callable[[Net], OnnxPorts]
-    version: int = 1  # of layers' names, inputs and outputs; files of another one are refused
-    details: Mapping[str, Any] = field(default_factory=dict)  # what else the file says
+    version: int = 1  # of layer names, inputs and outputs; files of another version are refused
+    details: Mapping[str, Any] = field(default_factory=dict)  # further JSON values in the file
 
     def save(self, path: Path, net: Net, *, notes: Mapping[str, Any]) -> None:
-        """Write a network's weights and shape.
+        """Write a network's weights and config.
 
         Args:
             path: the safetensors file; replaced in one step.
             net: the network; its `config` is a dataclass.
-            notes: how it was trained, anything JSON can hold.
+            notes: how it was trained, JSON values.
         """
         tensors = {
             name: tensor.detach().numpy()
@@ -77,7 +78,7 @@ class NetworkFiles(Generic[Net]):
         write_weights(path, tensors, kind=self.kind, details={**self.details, **details})
 
     def load(self, path: Path) -> tuple[Net, dict[str, Any]]:
-        """Return the network of a file, in evaluation mode, and the notes kept with it.
+        """Return the network of a file, in evaluation mode, and its notes.
 
         Raises:
             WeightsError: the file is absent, damaged, of another kind or version, holds NaN or
@@ -109,19 +110,20 @@ class NetworkFiles(Generic[Net]):
         *,
         calibration: Iterable[NDArray[np.uint8]] | None = None,
     ) -> None:
-        """Generate the ONNX file of the weights; the same weights and images give the same bytes.
+        """Generate the ONNX file of the weights.
 
-        Its metadata holds the SHA-256 of the weights and the precision, `fp32` or `int8`.
+        The same weights and images give the same bytes. The metadata holds the SHA-256 of the
+        weights and the precision, `fp32` or `int8`.
 
         Args:
             weights: the safetensors file.
             onnx_path: the file to write; replaced in one step.
-            calibration: images, (h, w, 3) uint8 RGB of any size, that show which values the
-                network meets: it then computes in 8-bit integers. None for floats.
+            calibration: images, (h, w, 3) uint8 RGB of any size, for the ranges of 8-bit
+                quantisation. None for a network in floats.
 
         Raises:
             WeightsError: the weights cannot be used.
-            ShapeError: there is no image to calibrate on.
+            ShapeError: `calibration` holds no image.
         """
         net, _ = self.load(weights)
         ports = self.ports(net)
@@ -141,7 +143,7 @@ class NetworkFiles(Generic[Net]):
 
 
 def parameter_count(net: nn.Module) -> int:
-    """Return how many numbers a network learns."""
+    """Return the number of trained parameters of a network."""
     return sum(parameter.numel() for parameter in net.parameters())
 
 
@@ -151,7 +153,7 @@ def _traced(net: nn.Module, ports: OnnxPorts) -> onnx.ModelProto:
     with warnings.catch_warnings():
         # torch recommends its newer exporter, which needs onnxscript and gives the same graph.
         warnings.simplefilter("ignore", DeprecationWarning)
-        # It leaves the sizes of mirrored borders for the runtime to work out.
+        # The exporter leaves the sizes of mirrored borders to the runtime.
         warnings.filterwarnings("ignore", "Constant folding", UserWarning)
         torch.onnx.export(
             net,
@@ -170,16 +172,16 @@ def _in_integers(
 ) -> onnx.ModelProto:
     """Return a network whose convolutions compute in 8-bit integers.
 
-    Ranges are the extremes over all images: NNCF's default, which cuts off the rarest values, cuts
-    off what is nearest to the drone. Weights have seven bits: processors without VNNI add two
-    products of eight bits in 16, which would overflow.
+    Ranges are the extremes over all images. NNCF's default cuts off the rarest values, which are
+    the obstacles nearest to the drone. Weights have seven bits: processors without VNNI add two
+    8-bit products in 16 bits, which would overflow.
     """
     samples = list(_samples(ports, images))
     nncf = import_nncf()
-    logging.getLogger("nncf").setLevel(logging.ERROR)  # of the logger, not of others' handlers
+    logging.getLogger("nncf").setLevel(logging.ERROR)
     extremes = nncf.quantization.range_estimator.RangeEstimatorParametersSet.MINMAX
     advanced = nncf.quantization.advanced_parameters
-    with redirect_stdout(io.StringIO()):  # its progress bars
+    with redirect_stdout(io.StringIO()):  # hides NNCF's progress bars
         quantized: onnx.ModelProto = nncf.quantize(
             model,
             nncf.Dataset(samples),
@@ -198,9 +200,9 @@ def _in_integers(
 
 
 def _make_unsigned(model: onnx.ModelProto) -> None:
-    """Write signed levels of activations as unsigned ones, which stand for the same values.
+    """Rewrite signed activation levels as unsigned ones with the same values.
 
-    OpenVINO 2026.4 computes wrong borders where the levels are signed and zero is not the middle.
+    OpenVINO 2026.4 computes wrong borders for signed levels with a zero point other than 0.
     """
     del model.graph.value_info[:]  # the old types
     constants = {constant.name: constant for constant in model.graph.initializer}
@@ -217,10 +219,10 @@ def _make_unsigned(model: onnx.ModelProto) -> None:
 def _samples(
     ports: OnnxPorts, images: Iterable[NDArray[np.uint8]]
 ) -> Iterator[dict[str, NDArray[np.float32]]]:
-    """Yield inputs made of consecutive images; what is no image is zero.
+    """Yield inputs of consecutive images; all other inputs are zero.
 
     Raises:
-        ShapeError: there is no image.
+        ShapeError: `images` is empty.
     """
     (name, shape), *others = ports.inputs.items()
     height, width = shape[-2:]

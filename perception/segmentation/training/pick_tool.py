@@ -1,7 +1,7 @@
-"""Click picks on photographs: a small page in the browser, served to this machine only.
+"""Tool for picks on photographs: a browser page, served to this machine only.
 
-OpenCV's headless build has no windows, so the browser is the window. Each click is on disk before
-the page shows it; `undo` takes back the last one.
+A browser is used because OpenCV's headless build has no windows. Each click is written to disk
+before the page shows it; `undo` removes the last one.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from uav_bt.json_text import parse_json
 
 _MEDIA: Final = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 _LONGEST_REQUEST: Final = 4096  # bytes; a click takes a hundred
-_IDLE_S: Final = 10.0  # a connection that says nothing is closed then
+_IDLE_S: Final = 10.0  # an idle connection is closed after this time
 
 
 class PickSession:
-    """The photographs of a folder and the picks made on them so far."""
+    """The photographs of a folder and the picks on them."""
 
     def __init__(self, folder: Path, picks_path: Path) -> None:
-        """List the photographs and read the picks that are there already.
+        """List the photographs and read existing picks.
 
         Raises:
             FileError: the folder holds no photographs, or the picks file is malformed.
@@ -51,19 +51,19 @@ class PickSession:
         """Return the file of a listed photograph.
 
         Raises:
-            ValueRangeError: the name is not on the list; so nothing outside the folder is served.
+            ValueRangeError: the name is not on the list. Files outside the folder are not served.
         """
         if name not in self.names:
             raise ValueRangeError(f"there is no photograph '{name}'")
         return self._folder / name
 
     def add(self, name: str, x: int, y: int, class_name: str) -> None:
-        """Keep a click.
+        """Add and write a click.
 
         Raises:
-            ValueRangeError: the photograph is not on the list, or has no such pixel.
-            UnknownNameError: there is no such class.
-            FileError: the photograph cannot be read, or the picks not be written.
+            ValueRangeError: the photograph is not on the list, or the pixel lies outside it.
+            UnknownNameError: the class is unknown.
+            FileError: the photograph cannot be read, or the picks cannot be written.
         """
         self.picture(name)
         pick = Pick(image=name, x=x, y=y, class_id=class_id(class_name))
@@ -77,14 +77,14 @@ class PickSession:
     def _size_px(self, name: str) -> tuple[int, int]:
         path = self.picture(name)
         if name not in self._sizes_px:
-            image = cv2.imread(str(path))  # as training reads it, turned as the camera was held
+            image = cv2.imread(str(path))  # with the EXIF orientation, as in training
             if image is None:
                 raise FileError(path, "is no image that can be read")
             self._sizes_px[name] = (image.shape[1], image.shape[0])
         return self._sizes_px[name]
 
     def undo(self) -> None:
-        """Take the last click back; nothing happens when there is none."""
+        """Remove the last click; without clicks nothing happens."""
         with self._lock:
             if self.picks:
                 write_picks(self._path, self.picks[:-1])
@@ -95,8 +95,8 @@ def make_pick_server(session: PickSession, *, port: int = 0) -> HTTPServer:
     """Return a server for the page, bound to the loopback address.
 
     Args:
-        session: what is picked on.
-        port: 0 takes a free one; `server.server_port` tells which.
+        session: photographs and picks.
+        port: 0 takes a free port; `server.server_port` gives its number.
     """
 
     class Handler(_Handler):
@@ -145,8 +145,8 @@ class _Handler(BaseHTTPRequestHandler):
         self._send_state()
 
     def _is_ours(self) -> bool:
-        # A foreign page whose name resolves to this machine would send its own name as the host; a
-        # browser names one that only posts here as the origin.
+        # A foreign page whose name resolves to this machine would send that name as the host. For a
+        # foreign page that only posts here, the browser sends that page as the origin.
         port = self.connection.getsockname()[1]
         hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost")}
         origins = {None, *(f"http://{host}" for host in hosts)}
@@ -176,14 +176,14 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, *_: Any) -> None:
-        """Say nothing: the page shows what happened."""
+        """Log nothing, because the page shows the result."""
 
 
 def _click_of(body: bytes) -> tuple[str, int, int, str]:
     """Return photograph, column, row and class of a click.
 
     Raises:
-        InputError: it is none.
+        InputError: the body is not a click.
     """
     click = parse_json(body)
     kinds = {"image": str, "x": int, "y": int, "class": str}

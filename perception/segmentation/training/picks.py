@@ -1,7 +1,7 @@
-"""Picks: points on images of which a person (or the twin, in a person's place) says the class.
+"""Picks: points on images with a class, labelled by a person or simulated from the twin.
 
 The file is CSV with the columns ``image,x,y,class,origin``: the image's file name, the pixel's
-column and row in that image, a class name, and who picked it (``hand`` or ``simulated``).
+column and row in that image, a class name, and the origin (``hand`` or ``simulated``).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
 from uav_bt.files import read_bounded, reading, write_whole
 
 Origin = Literal["hand", "simulated"]
-_MAX_BYTES: Final = 50_000_000  # a click takes some fifty
+_MAX_BYTES: Final = 50_000_000  # a pick takes about 50
 _COLUMNS: Final = ("image", "x", "y", "class", "origin")
 
 
@@ -42,7 +42,7 @@ class Pick:
     x: int  # column, pixels of that image
     y: int  # row
     class_id: int
-    origin: Origin = "hand"  # simulated picks must never pass for a person's
+    origin: Origin = "hand"  # marks simulated picks
 
     def __post_init__(self) -> None:
         if self.x < 0 or self.y < 0:
@@ -57,7 +57,7 @@ class Pick:
 
 
 def write_picks(path: Path, picks: Iterable[Pick]) -> None:
-    """Write picks as CSV, whole or not at all."""
+    """Write picks as CSV; the file is replaced in one step."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
@@ -125,7 +125,7 @@ def _parse(row: Sequence[str]) -> Pick:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PickedPatches:
-    """What the patches around picks show: all that a teacher learns from."""
+    """Features and colours of the patches around picks: the teacher's training data."""
 
     features: NDArray[np.float64]  # (N, 190) histograms, `features`
     labels: NDArray[np.int64]  # (N,) class ids
@@ -137,18 +137,18 @@ def gather_patches(
     images: Iterable[tuple[str, NDArray[np.uint8]]],
     patch_px: int,
 ) -> PickedPatches:
-    """Look at the patches around all picks.
+    """Return features and colours of the patches around all picks.
 
     Args:
-        picks: of those images.
-        images: file name and (H, W, 3) RGB uint8; one at a time is held.
+        picks: picks on these images.
+        images: file name and (H, W, 3) RGB uint8; only one image is in memory at a time.
         patch_px: side of the patches, pixels.
 
     Returns:
         Features, labels and colours, in the images' order.
 
     Raises:
-        ValueRangeError: a pick lies outside its image, or its image did not come.
+        ValueRangeError: a pick lies outside its image, or its image is missing.
     """
     by_image: dict[str, list[Pick]] = {}
     for pick in picks:
@@ -181,16 +181,16 @@ def gather_patches(
     )
 
 
-# --- picks drawn in a person's place --------------------------------------------------------------
+# --- simulated picks ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Site:
-    """Where one image shows one class best."""
+    """Points of one image with the purest patches of one class."""
 
     image: str
-    share: float  # largest part of a patch that is the class
-    points: NDArray[np.int64]  # (N, 2) x, y of patches about as pure as that
+    share: float  # largest share of the class in a patch
+    points: NDArray[np.int64]  # (N, 2) x, y of patches with about this share
 
 
 def draw_picks(
@@ -202,26 +202,26 @@ def draw_picks(
     images_per_class: tuple[int, int] = (7, 9),
     purity: float = 0.9,
 ) -> list[Pick]:
-    """Draw picks from exact class ids, as a person would click them: well inside each class.
+    """Sample picks from exact class ids well inside each class, like a person's clicks.
 
     For each class, images are chosen among those that show it well, and points among the pixels
-    whose patch is mostly that class. A class too small for pure patches (the far H) gets the purest
-    there are. The paper took 7 to 9 images a class in each scene and 6,484 points in all.
+    with a patch mostly of that class. For a class too small for pure patches (the far H) the purest
+    ones are used. The paper took 7 to 9 images per class in each scene and 6,484 points in total.
 
     Args:
-        samples: image name and its (H, W) exact ids; one scene's images.
-        rng: draws images and points.
+        samples: image name and its (H, W) exact ids; the images of one scene.
+        rng: random generator for images and points.
         patch_px: side of the teacher's patches, pixels.
-        total: points over all classes of this scene.
-        images_per_class: fewest and most images a class.
-        purity: share of the patch that should be the class.
+        total: number of points over all classes of this scene.
+        images_per_class: least and largest number of images per class.
+        purity: required share of the class in a patch.
 
     Returns:
         Picks labelled ``simulated``, by class.
 
     Raises:
         ShapeError: ids are not (H, W).
-        ValueRangeError: not one sample came.
+        ValueRangeError: `samples` is empty.
     """
     sites: dict[int, list[_Site]] = {}
     for name, ids in samples:
@@ -255,8 +255,8 @@ def _site(
 ) -> _Site:
     means = WindowMeans(width_px=mask.shape[1], height_px=mask.shape[0], side_px=patch_px)
     share = spread_to_border(means.of(mask.astype(np.float64)), patch_px)
-    share[~mask] = 0.0  # a person clicks on the thing itself
+    share[~mask] = 0.0  # a person clicks on the object
     best = float(share.max())
     points = np.argwhere(share >= min(purity, 0.95 * best))[:, ::-1].astype(np.int64)
-    # A few hundred are plenty to draw from; whole masks of every image would fill the memory.
+    # A few hundred points are enough; whole masks of every image would fill the memory.
     return _Site(image=name, share=best, points=rng.permutation(points)[:500])

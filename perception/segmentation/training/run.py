@@ -1,9 +1,9 @@
-"""Train the U-Net on labelled images, with the changes to images and the losses of the paper.
+"""Training of the U-Net on labelled images, with the augmentation and the losses of the paper.
 
 Mocanu et al. (arXiv 2510.16624, experiments on the first level) change hue by up to 5 degrees,
-saturation by 2 %, value by 6 %, translate and rotate at random; stronger colour changes hurt,
-because colour tells the patterns apart. No mirroring: a pattern keeps its handedness in the lab.
-Of categorical cross-entropy and binary cross-entropy with Dice they found the former better.
+saturation by 2 %, value by 6 %, and translate and rotate at random. Stronger colour changes are
+worse, because the patterns differ by colour. Images are not mirrored, because the patterns are not
+symmetric. The paper found categorical cross-entropy better than binary cross-entropy with Dice.
 
 Importing this module imports torch.
 """
@@ -34,7 +34,7 @@ from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt.classes import CLASS_COUNT
 from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
 
-_SMOOTHING: Final = 1.0  # pixels; keeps an absent class from giving 0 / 0 in the Dice term
+_SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent class
 
 
 def cross_entropy(logits: Tensor, ids: Tensor, ignored: int) -> Tensor:
@@ -49,7 +49,7 @@ def cross_entropy(logits: Tensor, ids: Tensor, ignored: int) -> Tensor:
 
 
 def bce_dice(logits: Tensor, ids: Tensor, ignored: int) -> Tensor:
-    """Return binary cross-entropy over one mask a class, plus the classes' mean Dice loss.
+    """Return binary cross-entropy over one mask per class, plus the classes' mean Dice loss.
 
     Args:
         logits: (N, C, H, W) float.
@@ -74,12 +74,12 @@ LOSSES: Final[Mapping[str, Callable[[Tensor, Tensor, int], Tensor]]] = MappingPr
 )
 
 
-_HUE_LEVEL_DEG: Final = 2.0  # OpenCV's 8-bit hue counts in steps of two degrees
+_HUE_LEVEL_DEG: Final = 2.0  # step of OpenCV's 8-bit hue
 
 
 @dataclass(frozen=True, kw_only=True)
 class AugmentConfig:
-    """How far a training image may be changed; each draw is uniform within plus and minus."""
+    """Limits of the augmentation; each sample is uniform within plus and minus a limit."""
 
     hue_deg: float = 5.0  # the paper's
     saturation: float = 0.02  # relative, the paper's
@@ -98,15 +98,15 @@ def augmented(
     rng: np.random.Generator,
     config: AugmentConfig,
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return a changed image and its equally moved class ids.
+    """Return an augmented image and its class ids, moved in the same way.
 
-    What comes in from outside the image is its mirror image, in both alike.
+    Outside the original, image and class ids are mirrored.
 
     Args:
         rgb: (H, W, 3) uint8.
         ids: (H, W) uint8.
-        rng: draws the changes.
-        config: their limits.
+        rng: random generator of the changes.
+        config: limits of the changes.
 
     Raises:
         ShapeError: image and ids differ in size.
@@ -135,7 +135,7 @@ def augmented(
     return np.asarray(moved, dtype=np.uint8), np.asarray(moved_ids, dtype=np.uint8)
 
 
-IGNORED: Final = 255  # the label of an unknown pixel, which does not enter the loss
+IGNORED: Final = 255  # label of an unknown pixel, which the loss leaves out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,13 +177,13 @@ def train_unet(
     checkpoint: Path | None = None,
     progress: Callable[[Progress, UNet], None] = ignore_progress,
 ) -> UNet:
-    """Train, or go on from the checkpoint if there is one.
+    """Train the network, or continue from the checkpoint if there is one.
 
     Args:
-        images: at the network's size.
+        images: the training set, at the network's size.
         config: how to train.
         net_config: the network's shape.
-        checkpoint: where to keep the state; read first when it exists.
+        checkpoint: file of the run's state; read first if it exists.
         progress: called after every step with the averaged network.
 
     Returns:
@@ -191,7 +191,7 @@ def train_unet(
 
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run.
-        ValueRangeError: the loss is no longer finite.
+        ValueRangeError: the loss has become NaN or infinite.
     """
     torch.manual_seed(config.seed)
     net = channels_last(UNet(net_config))

@@ -1,10 +1,10 @@
 """The segmentation network: a small U-Net (Ronneberger et al., arXiv 1505.04597), 224x112 pixels.
 
-Its first convolution halves the image and its head gives every half-size pixel the scores of its
-four pixels (Shi et al., arXiv 1609.05158). Full-size convolutions cost most of a small U-Net's time
-on a CPU: without them it is twice as fast with as many parameters.
+Its first convolution halves the image, and its head gives every half-size pixel the scores of its
+four pixels (Shi et al., arXiv 1609.05158). Full-size convolutions take most of a small U-Net's time
+on a CPU. Without them it is twice as fast at the same number of parameters.
 
-Importing this module imports torch: only training and export do so.
+This module imports torch; only training and export need it.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class UNet(nn.Module):
             (N, 17, H, W) float.
         """
         skips: list[Tensor] = []
-        features = rgb - 0.5  # zero is what the convolutions pad with: make it mid-grey, not black
+        features = rgb - 0.5  # so that the convolutions' zero padding is mid-grey, not black
         for level, block in enumerate(self.down):
             features = block(features if level == 0 else self.pool(features))
             skips.append(features)
