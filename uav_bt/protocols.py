@@ -18,6 +18,7 @@ from uav_bt.types import (
     Corridor,
     DepthMap,
     Frame,
+    LandingMark,
     Observation,
     RecentViews,
     Truth,
@@ -46,6 +47,11 @@ class Scene(Protocol):
     @property
     def name(self) -> str:
         """Name in reports."""
+        ...
+
+    @property
+    def mark(self) -> LandingMark:
+        """Size of the landing mark."""
         ...
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -21,7 +20,6 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import FileError
 from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import LandingMark
 
 
 def _mapping_file(classes: str) -> None:
@@ -90,16 +88,6 @@ class Segment(Leaf):
 class FindHelipad(Leaf):
     """Find the helipad in each new class map and track it through misses; SUCCESS always."""
 
-    ports = (
-        Port(
-            "pad_height_m",
-            float,
-            default=LandingMark.height_m,
-            least=0,
-            most=2,
-            doc="top of the helipad above the carpet, m",
-        ),
-    )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
     writes = (HELIPAD,)
 
@@ -107,17 +95,14 @@ class FindHelipad(Leaf):
         """Make the finder."""
         from perception.landing.tracker import HelipadFinder  # noqa: PLC0415  (OpenCV is heavy)
 
-        self._finder = HelipadFinder(
-            replace(mission.mark, height_m=self.port_value("pad_height_m"))
-        )
+        self._finder = HelipadFinder(mission.mark)
         self._timer = StageTimer(mission, "helipad")
         self._last_s, self._map_restarts = -1.0, 0
 
     def on_inherit(self, former: Self) -> None:
-        """Keep the helipad's track, unless the height of the pad has changed."""
-        if self.port_value("pad_height_m") == former.port_value("pad_height_m"):
-            self._finder, self._last_s = former._finder, former._last_s
-            self._map_restarts = former._map_restarts
+        """Keep the helipad's track."""
+        self._finder, self._last_s = former._finder, former._last_s
+        self._map_restarts = former._map_restarts
 
     def update(self) -> Status:
         """Move the track with the drone, and search a new class map for the helipad."""

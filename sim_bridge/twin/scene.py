@@ -226,6 +226,12 @@ class Scene:
     lighting: Lighting = field(default_factory=Lighting)
     take_off: TakeOffSpec = field(default_factory=TakeOffSpec)
 
+    @property
+    def mark(self) -> LandingMark:
+        """The size of the landing box."""
+        length_m, width_m, height_m = self.helipad.size_m
+        return LandingMark(length_m=length_m, width_m=width_m, height_m=height_m)
+
     def __post_init__(self) -> None:
         problem = layout_problem(self.helipad, self.boxes, self.ground)
         if problem is not None:

@@ -78,6 +78,9 @@ class Flight(Generic[DroneT]):
         judge: Decides when the flight has ended. Default: from the options.
         segmenter: Source of class maps in place of a network. Default: from the options.
         make_runner: Makes the runner, with the parameters of `MissionRunner`.
+
+    Raises:
+        InputError: Site and scene state different landing marks.
     """
 
     def __init__(
@@ -97,6 +100,7 @@ class Flight(Generic[DroneT]):
         self._segmenter = segmenter
         self._make_runner = make_runner
         self._clock = TickClock(drone.clock)
+        self.mark = mark_of(options, drone)
 
     def __repr__(self) -> str:
         flown = "" if self.scene_name is None else f" in {self.scene_name}"
@@ -119,7 +123,7 @@ class Flight(Generic[DroneT]):
             segmenter=self._segmenter or self._exact_segmenter(),
             ground=() if site is None else site.ground,
             airframe=self.drone.airframe,
-            mark=mark_of(self.options),
+            mark=self.mark,
             clearances=(site or Site()).clearances,
         )
 

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeGuard
 
 from uav_bt.app.options import FlightOptions, limits_of, site_of
 from uav_bt.app.site import Site
-from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, HELIPAD, Key
+from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
 from uav_bt.errors import InputError
 from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
@@ -129,9 +129,7 @@ def _site_values(site: Site | None) -> _ByKey:
         return {}
     height_m = None if site.flight_height_m is None else f"{site.flight_height_m:g}"
     classes = None if site.classes is None else str(site.classes)
-    mark_m = None if site.mark is None else f"{site.mark.height_m:g}"
     wanted: dict[Key[Any], dict[str, str | None]] = {
-        HELIPAD: {"pad_height_m": mark_m},
         CLASS_MAP: {"model": site.model, "classes": classes},
         FLIGHT_HEIGHT: {_HEIGHT_PORT: height_m},
     }
@@ -152,8 +150,6 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey) -> None:
         writers = [leaf for leaf in mission.leaves() if key in leaf.writes]
         for name, value in attributes.items():
             if not writers:
-                if key is HELIPAD:
-                    continue  # other leaves take the mark from the mission's context
                 _log.warning(
                     "Warning: the site's %s='%s' has no effect: no leaf of tree '%s' writes '%s'",
                     name,

@@ -302,7 +302,24 @@ def limits_of(options: FlightOptions) -> Limits:
     return options.limits if site is None else site.limits
 
 
-def mark_of(options: FlightOptions) -> LandingMark:
-    """Return the size of the landing mark, from the site if it has one."""
+def mark_of(options: FlightOptions, drone: Drone) -> LandingMark:
+    """Return the size of the landing mark, from the site or the scene of a simulated drone.
+
+    Args:
+        options: options of the flight.
+        drone: drone that flies.
+
+    Raises:
+        InputError: site and scene state different sizes.
+    """
     site = site_of(options)
-    return LandingMark() if site is None or site.mark is None else site.mark
+    stated = None if site is None else site.mark
+    if drone.scene is None:
+        return stated or LandingMark()
+    mark: LandingMark = drone.scene.mark
+    if stated not in {None, mark}:
+        raise InputError(
+            f"the site's mark ({stated}) is not that of scene '{drone.scene.name}' ({mark}): "
+            "remove 'mark' from the site file, or change 'helipad.size_m' of the scene"
+        )
+    return mark

@@ -15,7 +15,6 @@ from rich.console import Console
 
 from uav_bt import app
 from uav_bt.app import film
-from uav_bt.app.options import mark_of
 from uav_bt.app.view.live import ViewListeners, live_view
 from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_options
@@ -150,7 +149,7 @@ def fly(
             )
         )
         watchers.append(lambda flown: follow(flown.mission, flown.context))
-        begun: list[object] = []
+        begun: list[app.Flight[Drone]] = []
 
         def begin(flown: app.Flight[Drone]) -> tuple[()]:
             begun.append(flown)
@@ -171,7 +170,7 @@ def fly(
         except KeyboardInterrupt as stop:
             when = "again while it landed" if begun else "before take-off: nothing flew"
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
-        Console().print(summary(flown, mark_of(flight)))
+        Console().print(summary(flown, begun[0].mark))
         lost = {**flown.lost_outputs, **_closed(stack)}
     _name_files(files, lost)
     if viewed is not None and view == "web":

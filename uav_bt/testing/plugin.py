@@ -17,7 +17,7 @@ from uav_bt import testing
 from uav_bt.testing.tree_files import is_tree_file
 
 _COLLECTED: Final = pytest.StashKey[list[Path]]()
-_TOGETHER: Final = pytest.StashKey["FilesTogether"]()
+_TOGETHER: Final = pytest.StashKey[Any]()  # a FilesTogether, imported where it is used
 
 
 _LOOKUP_OPTIONS: Final = {

@@ -15,7 +15,7 @@ from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, ODOMETRY, SITE_MAP, 
 from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame
+from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame, LandingMark
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 
@@ -97,7 +97,7 @@ def pad_map(column: int = 112, row: int = 40) -> np.ndarray:
 
 
 def finding() -> LeafBench:
-    bench = LeafBench(FindHelipad, pad_height_m=0.4)
+    bench = LeafBench(FindHelipad)
     bench.camera = pinhole(640, 360)
     return bench
 
@@ -131,7 +131,8 @@ def test_a_pad_in_view_gets_a_fix() -> None:
 
 def test_a_mat_is_found_at_its_own_height() -> None:
     """The same pixels lie further away on a mat of 0.05 m than on a box of 0.4 m: 1.45 to 1.1."""
-    bench = LeafBench(FindHelipad, pad_height_m=0.05)
+    bench = LeafBench(FindHelipad)
+    bench.mark = LandingMark(height_m=0.05)
     bench.camera = pinhole(640, 360)
     live(bench, ids=pad_map())
     mat, box_bench = bench.board[HELIPAD], finding()
@@ -237,14 +238,13 @@ def test_a_pad_out_of_view_stays_where_the_ground_says_it_is() -> None:
     assert places == [pytest.approx(-0.225, abs=0.03), pytest.approx(0.0, abs=0.03)]
 
 
-@pytest.mark.parametrize(("pad_height_m", "kept"), [(0.4, True), (0.3, False)])
-def test_a_pads_track_is_kept_unless_the_pad_is_another(pad_height_m: float, *, kept: bool) -> None:
+def test_a_pads_track_is_kept_by_the_next_tree() -> None:
     bench = finding()
     live(bench, ids=pad_map())
-    replace_tree(bench, FindHelipad(pad_height_m=pad_height_m))
+    replace_tree(bench, FindHelipad())
     del bench.board[HELIPAD]
     live(bench)
-    assert (HELIPAD in bench.board) == kept
+    assert HELIPAD in bench.board
 
 
 def test_perception_commands_nothing() -> None:

@@ -294,12 +294,6 @@ def test_half_a_mark_keeps_the_other_half(tmp_path: Path) -> None:
     assert large.mark == LandingMark(length_m=1.0, width_m=1.5)
 
 
-def test_the_leaf_that_finds_the_mark_gets_the_sites_height(tmp_path: Path) -> None:
-    body, mat = '<FindHelipad pad_height_m="0.3"/>', Site(mark=LandingMark(height_m=0.05))
-    assert loaded(tmp_path, body, mat) == {"FindHelipad.pad_height_m": 0.05}
-    assert loaded(tmp_path, body, Site()) == {"FindHelipad.pad_height_m": 0.3}
-
-
 def test_a_mark_that_no_leaf_looks_for_is_no_mistake(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -314,16 +308,18 @@ take_off: {from: helipad, yaw_deg: -125}
 """
 
 
-def test_it_lands_on_a_mat_that_the_site_describes(tmp_path: Path) -> None:
+def test_it_lands_on_the_mat_of_a_scene(tmp_path: Path) -> None:
     scene = tmp_path / "mat.yaml"
     scene.write_text(MAT_SCENE, encoding="utf-8")
-    site = site_file(tmp_path, "mark: {size_m: [0.6, 0.6], height_m: 0.05}")
-    report = app.fly(
-        "land_only",
-        app.FlightOptions(
-            scene=scene, site=site, exact_masks=True, image_size_px=(320, 180), seed=1
-        ),
-    )
+    report = app.fly("land_only", scene=scene, exact_masks=True, image_size_px=(320, 180), seed=1)
     assert report.outcome == "success"
     assert report.landing_error_m is not None
     assert report.landing_error_m < 0.15
+
+
+def test_a_site_whose_mark_is_not_the_scenes_is_refused(tmp_path: Path) -> None:
+    scene = tmp_path / "mat.yaml"
+    scene.write_text(MAT_SCENE, encoding="utf-8")
+    site = site_file(tmp_path, "mark: {size_m: [0.6, 0.6], height_m: 0.3}")
+    with pytest.raises(InputError, match=r"the site's mark .*0\.3.* is not that of scene .*0\.05"):
+        app.assemble("land_only", scene=scene, site=site)
