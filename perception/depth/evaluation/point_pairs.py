@@ -151,7 +151,7 @@ def _polygon(face: Mask, config: PairConfig) -> Indices:
 def _picked(
     corner: Indices, face: Mask, ids: NDArray[np.uint8], depth_m: Floats32, config: PairConfig
 ) -> bool:
-    """Return whether a corner is the obstacle's own."""
+    """Return whether a corner belongs to the obstacle and not to an occluder."""
     column, row = int(corner[0]), int(corner[1])
     reach = config.inset_px + 1
     height, width = ids.shape
@@ -161,7 +161,7 @@ def _picked(
     window = np.s_[
         max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1
     ]
-    # The carpet before a base is nearer, and hides nothing.
+    # The carpet before a base is nearer, but does not hide it.
     others = is_above_ground(ids[window]) & (ids[window] != ids[row, column]) & (face[window] == 0)
     return not bool(np.any(others & (depth_m[window] < depth_m[row, column] - config.occluder_m)))
 

@@ -154,7 +154,7 @@ class ClipSource:
         """Return a clip.
 
         Raises:
-            ValueRangeError: nothing moves in these flights.
+            ValueRangeError: the camera does not move in these flights.
         """
         number, target, (first, second) = self._draw_places(rng)
         motions = np.stack(

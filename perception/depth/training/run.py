@@ -89,7 +89,7 @@ def train_depth(
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run, or the initial weights
             belong to another network.
-        ValueRangeError: the loss has become NaN or infinite, there is no training data, or the
+        ValueRangeError: the loss has become NaN or infinite, the training data are empty, or the
             flights' frames do not have the network's size.
     """
     _check(clips, config, net_config)
