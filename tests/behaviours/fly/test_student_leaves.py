@@ -368,7 +368,7 @@ def test_a_step_that_the_policy_would_take_is_room() -> None:
 
 
 def test_a_detour_goes_to_the_side_of_the_last_one() -> None:
-    """Whichever side the policy would choose after the failed detour."""
+    """Whichever side the policy would choose from the end of that detour."""
     policy = Says(NO_WAY)
     bench = approaching(policy)
     yaw_rad = 0.0
