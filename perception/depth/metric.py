@@ -63,8 +63,8 @@ class MetricDepthMaker:
     Args:
         source: ``network`` (relative depth times scale), ``contact`` (masks and geometry, NaN where
             these give no depth) or ``fused``: ``contact`` where it is known, otherwise the network,
-            limited by the upper bound of ``contact``. There the network also gives the height of a
-            roof if the base of its box is out of sight.
+            limited by the upper bound of ``contact``. In ``contact`` depth, the network then gives
+            the height of a roof if the base of its box is out of sight.
         scale: estimator of the scale of the network's depth; None for `AdaptiveScale`.
         generator: samples the carpet's pixels.
         config: which frames are refused.

@@ -41,7 +41,7 @@ class MoverConfig:
     max_mps: float = 1.5  # largest speed of a mover
     sure: float = 2.0  # a cluster is fast above this many standard deviations of its velocity
     stays_m: float = 0.2  # a cluster within this distance of one place for `stays_s` stands
-    stays_s: float = 3.0  # the time for that
+    stays_s: float = 3.0  # time within `stays_m` after which a cluster stands
     # A cluster that has not moved is forgotten when it is unseen for this long.
     doubt_s: float = 0.6
     life_s: float = 2.5  # the same for a mover

@@ -163,7 +163,7 @@ class RefineConfig:
     rounds: int = 3  # 0 leaves the windows' classes unchanged
     neighbourhood_px: int = 41  # side of the square for the prior; about a patch
     prior_weight: float = 3.0  # of the prior's logarithm; neighbouring pixels are not independent
-    blur_px: float = 1.0  # standard deviation of the likelihood's smoothing, against image noise
+    blur_px: float = 1.0  # standard deviation of the smoothing of likelihoods, against image noise
     smallest_px: int = 100  # area; smaller pieces are noise
     hole_px: int = 4000  # area; smaller holes in a box's side are its pattern
 

@@ -155,7 +155,7 @@ class OnnxSegmenter:
 
 
 class TeacherSegmenter:
-    """The teacher in flight: slower than the U-Net, without a trained network in between.
+    """The teacher in flight: slower than the U-Net, but trained directly on the picks.
 
     Args:
         teacher: the trained teacher.

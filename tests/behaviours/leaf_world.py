@@ -1,4 +1,4 @@
-"""What the leaves' tests share: a policy that says what it is told, and a world that moves on."""
+"""Helpers for the leaves' tests: a policy with given answers, and a world that moves."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def wait(bench: LeafBench, seconds: float, **world: Any) -> Status:
 
 
 def halted_proposals(bench: LeafBench) -> tuple[object, object]:
-    """Halt the leaf at the start of a tick; return what the halting proposed."""
+    """Halt the leaf at the start of a tick; return the proposals of the halt."""
     assert STATE in bench.board
     bench.proposals.clear()
     bench.halt()
@@ -120,7 +120,7 @@ def replace_tree(bench: LeafBench, leaf: Leaf) -> None:
 
 
 def map_with(near: NearObstacles) -> SiteMap:
-    """Return a map that views contradict: of it only what is near the drone is believed."""
+    """Return a map that views contradict: only its near obstacles are used."""
     nothing, cells = np.empty((0, 2)), np.zeros((3, 3), dtype=bool)
     return SiteMap(
         pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),

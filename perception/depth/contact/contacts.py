@@ -30,10 +30,9 @@ class BaseConfig:
     specks: float = 0.25  # a base is rejected if more than this share of its columns contradict it
     slack_px: float = 2.0  # a side may reach below its fitted base by this
     max_range_m: float = 7.0  # the lab's diagonal; there one pixel of the base is 0.2 m
-    # Remembered bases drift by decimetres and a few degrees. They are used up to this distance in
-    # azimuth,
+    # Remembered bases drift by decimetres and a few degrees. They are used within recall_rad of
+    # their azimuths, and up to recall_m beyond the lowest visible pixel.
     recall_rad: float = 0.09
-    # and up to this distance behind the carpet in view.
     recall_m: float = 0.1
     min_recalled: int = 3  # points; fewer may be noise of an old mask
     line: LineConfig = field(default_factory=LineConfig)

@@ -56,7 +56,7 @@ class ContactDepth:
 
     depth: NDArray[np.float32]  # (H, W) metres along the optical axis; NaN where unknown
     at_most: NDArray[np.float32]  # (H, W) metres; upper bound of the depth, inf without one
-    known_share: float  # of the pixels of boxes, roofs and helipad, 0 to 1; 1 when there are none
+    known_share: float  # of the pixels of boxes, roofs and helipad, 0 to 1; 1 without such pixels
 
 
 def contact_depth(
@@ -159,7 +159,7 @@ class _Estimation:
         return np.asarray(self._height_m / (slope * level))
 
     def _bound(self, pixels: Indices, azimuth: Floats, level: Floats, base: Base) -> None:
-        """Limit the depth of sides: the base is no further than the ground at the lowest pixel."""
+        """Limit the depth of sides by the ground at their lowest pixel."""
         visible = base.visible[self._panorama.columns(azimuth)]
         self._at_most[pixels] = np.fmin(self._at_most[pixels], self._height_m / (visible * level))
 

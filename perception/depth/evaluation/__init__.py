@@ -1,1 +1,1 @@
-"""How good depth is, against exact or measured distances."""
+"""Evaluation of depth against exact or measured distances."""

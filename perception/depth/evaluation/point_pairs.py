@@ -1,14 +1,14 @@
-"""Pairs of points on obstacles' edges, and the distance between the two that a depth map tells.
+"""Pairs of points on obstacles' edges, and their distance in space from a depth map.
 
-The paper (Mocanu et al.) measures depth by the dimensions of obstacles: a person picks two points
-on the edges of an obstacle in the image, and the distance of the two in space is compared with
-the tape measure's. Here the exact class map stands in for the person: the outline of each visible
-face (a box's sides, a roof) is simplified to a polygon; its corners are what one would click on,
-and two corners that follow each other span an edge.
+The paper (Mocanu et al.) evaluates depth by the dimensions of obstacles: a person picks two points
+on the edges of an obstacle in the image, and their distance in space is compared with a tape
+measure's. Here the exact class map replaces the person. The outline of each visible face (a box's
+sides, a roof) is simplified to a polygon. Its corners are the picked points, and two consecutive
+corners span an edge.
 
-Somebody who clicks means the obstacle, not what is behind it, so the outline is that of the face
-less a rim: two pixels of the map. Corners at the image's border and those that only arise because
-something nearer stands in front belong to no obstacle's dimensions and are left out.
+A person clicks on the obstacle, not on the background, so the face is first eroded by two pixels of
+the map. Corners at the image's border, and corners caused by a nearer obstacle in front, are left
+out.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from uav_bt.types.arrays import Floats32, Indices
 
 Mask = NDArray[np.uint8]
 
-_MIN_CORNERS = 3  # of a face; what shrinks to a line shows no edges
+_MIN_CORNERS = 3  # of a face; a line has no edges
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairConfig:
-    """Which corners are visible well enough to be picked."""
+    """Which corners are picked."""
 
-    inset_px: int = 2  # from the outline inwards: a click on the very border means either side
-    simplify_px: float = 1.5  # by which the polygon may leave the outline: a pixel and its rounding
-    min_area_px: int = 60  # of a face; less is hard to see, let alone to click on
-    min_length_px: float = 6.0  # of an edge; shorter, three pixels' error are half of it
-    min_length_m: float = 0.1  # the same, in space
-    occluder_m: float = 0.15  # by which another thing at a corner must be nearer to be in front
-    max_edges: int = 8  # edges an image, so that no crowded one outweighs the others
-    max_across: int = 4  # pairs an image with an end on each of two faces
+    inset_px: int = 2  # from the outline inwards, because the border itself is ambiguous
+    simplify_px: float = 1.5  # largest distance of the polygon from the outline: a pixel, rounded
+    min_area_px: int = 60  # of a face; smaller ones are hard to click on
+    min_length_px: float = 6.0  # of an edge; an error of three pixels is half of this
+    min_length_m: float = 0.1  # of an edge, in space
+    occluder_m: float = 0.15  # a nearer object at a corner hides the face from this difference on
+    max_edges: int = 8  # edges per image, so that crowded images do not dominate
+    max_across: int = 4  # pairs per image with ends on two different faces
 
     def __post_init__(self) -> None:
         if self.inset_px < 0 or self.max_edges < 1 or self.max_across < 0:
@@ -57,7 +57,7 @@ class PointPairs:
 
     first: Indices  # (N, 2)
     second: Indices  # (N, 2)
-    across: NDArray[np.bool_]  # (N,) the two are on different faces; else they span an edge
+    across: NDArray[np.bool_]  # (N,) whether the two are on different faces; else they span an edge
 
     def __len__(self) -> int:
         return len(self.across)
@@ -76,8 +76,8 @@ def pick_pairs(
         ids: (H, W) exact class ids.
         depth_m: (H, W) exact depth along the optical axis.
         camera: intrinsics at that size.
-        generator: chooses where there are more pairs than wanted, and the pairs across faces.
-        config: what is visible well enough.
+        generator: chooses among surplus pairs, and the pairs across faces.
+        config: which corners are picked.
 
     Raises:
         ShapeError: the sizes differ.
@@ -117,7 +117,7 @@ def _check_size(ids: NDArray[np.uint8], depth_m: Floats32, camera: CameraModel) 
 
 
 def _faces(ids: NDArray[np.uint8], config: PairConfig) -> Iterator[Mask]:
-    """Give every connected region of one obstacle's class, less its rim."""
+    """Yield every connected region of an obstacle's class, without its rim."""
     for obstacle in OBSTACLES:
         mask = (ids == obstacle).astype(np.uint8)
         if np.count_nonzero(mask) < config.min_area_px:
@@ -131,7 +131,7 @@ def _faces(ids: NDArray[np.uint8], config: PairConfig) -> Iterator[Mask]:
 def _less_rim(mask: Mask, inset_px: int) -> Mask:
     if inset_px == 0:
         return mask
-    # The image's border is no rim: the face goes on behind it.
+    # The image's border is not a rim, because the face continues beyond it.
     padded = cv2.copyMakeBorder(mask, *(4 * (inset_px,)), cv2.BORDER_REPLICATE)
     square = np.ones((2 * inset_px + 1, 2 * inset_px + 1), dtype=np.uint8)
     core = cv2.erode(padded, square)[inset_px:-inset_px, inset_px:-inset_px]
@@ -151,7 +151,7 @@ def _polygon(face: Mask, config: PairConfig) -> Indices:
 def _picked(
     corner: Indices, face: Mask, ids: NDArray[np.uint8], depth_m: Floats32, config: PairConfig
 ) -> bool:
-    """Return whether a corner is the obstacle's own."""
+    """Return whether a corner belongs to the obstacle and not to an occluder."""
     column, row = int(corner[0]), int(corner[1])
     reach = config.inset_px + 1
     height, width = ids.shape
@@ -161,7 +161,7 @@ def _picked(
     window = np.s_[
         max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1
     ]
-    # The carpet before a base is nearer, and hides nothing.
+    # The carpet before a base is nearer, but does not hide it.
     others = is_above_ground(ids[window]) & (ids[window] != ids[row, column]) & (face[window] == 0)
     return not bool(np.any(others & (depth_m[window] < depth_m[row, column] - config.occluder_m)))
 
@@ -185,7 +185,7 @@ def _across(corners: list[Indices], generator: np.random.Generator, most: int) -
     return np.array(pairs, dtype=np.intp).reshape(-1, 2, 2)
 
 
-# --- what a depth map says ------------------------------------------------------------------------
+# --- distances from a depth map -------------------------------------------------------------------
 
 
 def pair_distances(
@@ -226,8 +226,8 @@ def _points(
 def patch_depths(depth_m: Floats32, pixels: Indices, patch_px: int = 1) -> NDArray[np.float64]:
     """Return the median depth around pixels, (N,).
 
-    A patch smooths what is known: where a pixel's own depth is not, neither is its patch's, which
-    would be that of other things beside it.
+    A patch only smooths: if the depth of the pixel is unknown, so is that of its patch, which would
+    be the depth of other objects.
 
     Args:
         depth_m: (H, W); NaN where unknown, which the median leaves out.

@@ -1,9 +1,9 @@
-"""How good depth is: scores of whole maps, and errors of lengths in metres.
+"""Depth scores: scores of whole maps, and errors of lengths in metres.
 
-The measures of maps are those of the field (Eigen et al., arXiv 1406.2283): relative error after
-median scaling; and metres with the carpet's scale. What counts here is what a
-drone could hit: obstacles and carpet within reach; each is measured for itself. `draw_points` draws
-points whose distance from the camera one would measure with a tape.
+The measures of maps are the usual ones (Eigen et al., arXiv 1406.2283): relative error after median
+scaling, and errors in metres with the carpet's scale. They are computed separately for obstacles
+and carpet within reach, which a drone could hit. `draw_points` samples points for comparing ranges,
+like those measured with a tape.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Floats32
 
 _MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # the paper's range of distances
-_MIN_CARPET_PX = 50  # pixels; with fewer there is no scale
+_MIN_CARPET_PX = 50  # pixels; with fewer an image gives no scale
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +61,7 @@ def score_depth(samples: Iterable[DepthSample]) -> DepthScore:
     rows = [_score_one(sample) for sample in samples]
     if not rows:
         raise ValueRangeError("there are no images to score depth on")
-    # An image without obstacles, say, has no error of obstacles.
+    # For example, an image without obstacles has no error of obstacles.
     table = np.array(rows, dtype=np.float64)
     counts = np.isfinite(table).sum(axis=0)
     sums = np.nansum(table, axis=0)
@@ -132,12 +132,12 @@ class ErrorSummary:
     std_m: float  # of the absolute error, as in the paper: rmse^2 = mean^2 + std^2
     p95_m: float
     max_m: float
-    bias_m: float  # mean of estimate less truth: what the sign of the errors has in common
+    bias_m: float  # mean of estimate less truth
     correlation: float  # Pearson's, of estimates with the truth
 
     @property
     def coverage(self) -> float:
-        """Share of estimates that were given, NaN when none was wanted."""
+        """Share of wanted estimates that were given; NaN when none was wanted."""
         return self.valid / self.total if self.total else math.nan
 
 
@@ -147,11 +147,11 @@ def summarise_errors(
     """Summarise estimates of lengths.
 
     Args:
-        estimated_m: (N,) metres; NaN where there is no estimate.
+        estimated_m: (N,) metres; NaN without an estimate.
         truth_m: (N,) metres.
 
     Raises:
-        ShapeError: the two are no lists of equal length.
+        ShapeError: the arrays are not one-dimensional and of equal length.
         ValueRangeError: a truth is not finite, or an estimate is infinite.
     """
     if estimated_m.ndim != 1 or truth_m.shape != estimated_m.shape:
@@ -199,10 +199,10 @@ def _correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> flo
 
 @dataclass(frozen=True, kw_only=True)
 class PointConfig:
-    """Which points are drawn."""
+    """Which points are sampled."""
 
-    each: int = 40  # an image, of obstacles and of the carpet
-    inset_px: int = 2  # from the border of a class: one holds a tape to a thing, not past it
+    each: int = 40  # points per image on obstacles, and as many on the carpet
+    inset_px: int = 2  # distance from the border of a class, where the point is ambiguous
     min_range_m: float = 0.3  # along the ray; the paper's range of distances
     max_range_m: float = 5.0
 
@@ -216,11 +216,11 @@ class PointConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredPoints:
-    """N pixels and what is true there."""
+    """N pixels with their true range and kind."""
 
     pixels: NDArray[np.intp]  # (N, 2) column, row
     range_m: NDArray[np.float64]  # (N,) true distance from the lens along the ray
-    obstacle: NDArray[np.bool_]  # (N,) else carpet
+    obstacle: NDArray[np.bool_]  # (N,) True for obstacles, False for carpet
 
     def __len__(self) -> int:
         return len(self.range_m)
@@ -233,14 +233,14 @@ def draw_points(
     generator: np.random.Generator,
     config: PointConfig | None = None,
 ) -> MeasuredPoints:
-    """Draw points of one image, evenly over its pixels.
+    """Sample points of one image, uniformly over its pixels.
 
     Args:
         ids: (H, W) exact class ids.
         depth_m: (H, W) exact depth along the optical axis.
         camera: intrinsics at that size.
-        generator: draws.
-        config: which.
+        generator: random generator of the points.
+        config: which points are sampled.
 
     Raises:
         ShapeError: the sizes differ.
@@ -271,6 +271,6 @@ def draw_points(
 def ranges_at(
     depth_m: Floats32, points: MeasuredPoints, camera: CameraModel
 ) -> NDArray[np.float64]:
-    """Return what a depth map tells of the points' ranges, (N,) metres, NaN where unknown."""
+    """Return the points' ranges from a depth map, (N,) metres; NaN where unknown."""
     columns, rows = points.pixels.T
     return np.asarray((depth_m * ray_lengths(camera))[rows, columns], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""One training example, and the changes that leave it true."""
+"""One training example, and augmentations that keep it consistent."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from uav_bt.types.arrays import Floats32
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clip:
-    """A target frame and two references, target first."""
+    """A target frame and two reference frames, target first."""
 
     images: Floats32  # (3, 3, H, W), RGB, 0 to 1
-    motions: Floats32  # (2, 3, 4), from the target's camera to each reference's, metres
+    motions: Floats32  # (2, 3, 4), transforms from the target's camera to the references', metres
     intrinsics: Floats32  # (4,): fx, fy, cx, cy in pixels of the images
     labels: Floats32 | None  # (3, h, w); NaN where unknown
     at_most: Floats32 | None  # (3, h, w); inf without a bound
 
 
 def turned(clip: Clip, pitch_rad: float, roll_rad: float = 0.0) -> Clip:
-    """Return what the camera would have seen, turned about its lens.
+    """Return the clip of a camera rotated about its lens.
 
     Args:
-        clip: what it saw.
-        pitch_rad: its optical axis upwards.
-        roll_rad: its right side down.
+        clip: the original clip.
+        pitch_rad: rotation of the optical axis, upwards positive.
+        roll_rad: rotation about the optical axis, right side down positive.
 
     Returns:
-        The same frames, movements and labels for that camera; at the borders, where it would have
-        seen more, images are mirrored and labels unknown.
+        Frames, motions and labels of the rotated camera. Outside the original frames, images are
+        mirrored and labels are unknown.
     """
     c, s = math.cos(pitch_rad), math.sin(pitch_rad)
     up = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
@@ -67,7 +67,7 @@ def turned(clip: Clip, pitch_rad: float, roll_rad: float = 0.0) -> Clip:
 def _turned_maps(
     maps: Floats32 | None, clip: Clip, turn: NDArray[np.float64], beyond: float
 ) -> Floats32 | None:
-    """Turn maps of depth: other pixels, and other depths along another optical axis."""
+    """Rotate depth maps: pixels move, and depths change to the new optical axis."""
     if maps is None:
         return None
     height, width = maps.shape[1:]
@@ -97,7 +97,7 @@ def _turned_maps(
 
 
 def mirrored(clip: Clip) -> Clip:
-    """Return what a camera in a mirrored world would have seen."""
+    """Return the clip of a camera in a mirrored world."""
     fx, fy, cx, cy = clip.intrinsics
     sign = np.array([-1.0, 1.0, 1.0], dtype=np.float32)
     rotations = sign[:, None] * clip.motions[:, :, :3] * sign
@@ -116,10 +116,10 @@ def mirrored(clip: Clip) -> Clip:
 
 
 def recoloured(clip: Clip, gains: NDArray[np.float64]) -> Clip:
-    """Return the clip in another light, the same for all of its frames.
+    """Return the clip in another light, equal for all frames.
 
     Args:
-        clip: what was seen.
+        clip: the original clip.
         gains: (3,) factors of red, green and blue.
     """
     images = np.clip(clip.images * gains.astype(np.float32)[:, None, None], 0.0, 1.0)

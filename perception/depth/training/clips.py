@@ -1,4 +1,4 @@
-"""Training examples: three frames of a flight, how the camera moved, and labels where there are."""
+"""Training examples: three frames of a flight, the camera's motion, and labels if there are any."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from uav_bt.errors import ShapeError, ValueRangeError
 
 @dataclass(frozen=True, kw_only=True)
 class ClipConfig:
-    """Which frames go together, and how they are varied."""
+    """Which frames form a clip, and how clips are augmented."""
 
     # Between a target and a reference: less movement shows no depth, more leaves no overlap.
     min_move_m: float = 0.04
     max_move_m: float = 0.5
     max_turn_rad: float = 0.35
     max_apart_s: float = 2.0  # integrated velocity drifts
-    min_height_m: float = 0.8  # above the carpet: the ground before take-off teaches nothing
-    # Single frames are drawn from every so many: neighbours look alike, and `labelling` labels
-    # those only.
+    min_height_m: float = 0.8  # above the carpet; frames before take-off are left out
+    # Single frames are sampled from every third frame: neighbours look alike, and `labelling`
+    # labels only these.
     single_every: int = 3
-    odometry: bool = True  # measure movements on the carpet; else telemetry's are taken
-    # Limits of random turns: flights keep one gimbal angle, and a network would learn rows.
+    odometry: bool = True  # measure motions on the carpet; otherwise from telemetry
+    # Limits of random rotations. Flights keep one gimbal angle, and a network would learn depth
+    # from the row.
     pitch_rad: float = 0.07
-    roll_rad: float = 0.02  # a gimbal leaves that much
-    flip: float = 0.5  # share of clips that are mirrored
-    brightness: float = 0.2  # relative, either way; one draw for all frames of a clip
-    tint: float = 0.05  # relative, either way, each colour for itself
+    roll_rad: float = 0.02  # roll that a gimbal leaves
+    flip: float = 0.5  # share of mirrored clips
+    brightness: float = 0.2  # relative, in both directions; one sample for all frames of a clip
+    tint: float = 0.05  # relative, in both directions, each colour independently
 
     def __post_init__(self) -> None:
         if self.single_every < 1:
@@ -46,7 +47,7 @@ class ClipConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthLabels:
-    """What is known about the depth of a flight's frames, without or with the truth."""
+    """Depth labels of a flight's frames, estimated or exact."""
 
     depth_m: NDArray[np.float16]  # (N, h, w) along the optical axis; NaN where unknown
     at_most_m: NDArray[np.float16] | None = None  # (N, h, w); inf without a bound
@@ -61,7 +62,7 @@ class DepthLabels:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Flight:
-    """One flight to learn from."""
+    """One flight of the training data."""
 
     footage: Footage
     labels: DepthLabels | None = None
@@ -76,18 +77,18 @@ class Flight:
 
 
 class ClipSource:
-    """All clips of some flights; the same generator draws the same clips."""
+    """All clips of some flights; equal generators give equal clips."""
 
     def __init__(self, flights: Sequence[Flight], config: ClipConfig | None = None) -> None:
-        """Find which frames go together.
+        """Find the frames that form clips.
 
         Args:
-            flights: what to learn from, all with labels or all without.
-            config: which frames go together.
+            flights: training data, all with labels or all without.
+            config: which frames form a clip.
 
         Raises:
-            ValueRangeError: no frame was taken aloft, frames differ in size, or some flights have
-                labels and others none.
+            ValueRangeError: no frame was taken in flight, frames differ in size, or only some
+                flights have labels.
         """
         self._config = config or ClipConfig()
         self._flights = tuple(flights)
@@ -116,7 +117,7 @@ class ClipSource:
             )
 
     def __len__(self) -> int:
-        """How many targets have references."""
+        """Return the number of targets with references."""
         return len(self._targets)
 
     @property
@@ -153,7 +154,7 @@ class ClipSource:
         """Return a clip.
 
         Raises:
-            ValueRangeError: nothing moves in these flights.
+            ValueRangeError: the camera does not move in these flights.
         """
         number, target, (first, second) = self._draw_places(rng)
         motions = np.stack(
@@ -165,7 +166,7 @@ class ClipSource:
         """Return the places of a target and a reference in the footage of the only flight.
 
         Raises:
-            ValueRangeError: nothing moves in these flights, or there are several.
+            ValueRangeError: the camera does not move in the flight, or there are several flights.
         """
         if len(self._flights) != 1:
             raise ValueRangeError(f"pairs are drawn from one flight, got {len(self._flights)}")
@@ -173,7 +174,7 @@ class ClipSource:
         return target, first
 
     def _draw_places(self, rng: np.random.Generator) -> tuple[int, int, tuple[int, int]]:
-        """Return a flight's number, a target's place in it, and two references'."""
+        """Return a flight's number and the indices of a target and two references in it."""
         if not self._targets:
             config = self._config
             raise ValueRangeError(
@@ -193,7 +194,7 @@ class ClipSource:
         return track.motion(origin, target) if measured is None else measured
 
     def draw_frames(self, rng: np.random.Generator) -> Clip:
-        """Return three frames that need not belong together, for learning from labels alone."""
+        """Return three independent frames, for training on labels alone."""
         share = np.array([len(frames) for frames in self._aloft]) / self.frame_count
         number = int(rng.choice(len(share), p=share))
         chosen = tuple(int(frame) for frame in rng.choice(self._aloft[number], size=3))

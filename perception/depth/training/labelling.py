@@ -1,8 +1,8 @@
-"""Depth labels for a flight's frames, without any truth: masks, telemetry and geometry.
+"""Depth labels for a flight's frames without ground truth, from masks, telemetry and geometry.
 
-Two sources complete each other: things are as far away as the carpet they stand on, seen now or a
-while ago (`perception.depth.contact.depth`), and what passes close by, its base out of the image,
-moves most from frame to frame (`perception.depth.training.parallax`).
+Two sources are combined. Obstacles are as far away as their contact with the carpet, seen now or
+earlier (`perception.depth.contact.depth`). Near obstacles with the base out of the image have the
+largest parallax between frames (`perception.depth.training.parallax`).
 """
 
 from __future__ import annotations
@@ -44,16 +44,17 @@ LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the
 
 @dataclass(frozen=True, kw_only=True)
 class LabelConfig:
-    """Which frames are labelled, and from which others."""
+    """Which frames are labelled, and from which other frames."""
 
-    min_height_m: float = 0.8  # above the carpet; the ground before take-off teaches nothing
-    every: int = 3  # frames; neighbours look alike, and dense flow is slow
-    others: int = 4  # frames that parallax is measured against
-    min_move_m: float = 0.04  # of the camera, to such a frame
-    max_move_m: float = 0.3
-    max_turn_rad: float = 0.45  # half of the image's width still overlaps
+    min_height_m: float = 0.8  # above the carpet; frames before take-off are left out
+    every: int = 3  # every third frame is labelled: neighbours look alike, and dense flow is slow
+    others: int = 4  # number of other frames for parallax
+    min_move_m: float = 0.04  # least distance of the camera to such a frame
+    max_move_m: float = 0.3  # largest distance of the camera to such a frame
+    max_turn_rad: float = 0.45  # at this angle half of the image's width still overlaps
     max_apart_s: float = 2.0  # integrated velocity drifts
-    # Of the bound that masks give: a flow that says more is wrong. The slack is the height's.
+    # A depth from flow above this multiple of the bound from masks is wrong. The slack allows for
+    # the error of the height.
     bound_slack: float = 1.1
     parallax: ParallaxConfig = field(default_factory=ParallaxConfig)
 
@@ -65,7 +66,7 @@ class LabelConfig:
 
 
 def frames_of(footage: Footage) -> Iterator[Frame]:
-    """Give footage's frames back as the drone sent them, but for their size."""
+    """Yield the footage's frames as the drone sent them, at the footage's size."""
     for place in range(len(footage)):
         roll, pitch, yaw = (float(angle) for angle in footage.attitude_rad[place])
         yield Frame(
@@ -81,7 +82,7 @@ def frames_of(footage: Footage) -> Iterator[Frame]:
 
 
 def _states_of(footage: Footage) -> Iterator[DroneState]:
-    """Give the telemetry back as the drone sent it."""
+    """Yield the telemetry as the drone sent it."""
     for place in range(len(footage.state_s)):
         roll, pitch, yaw = (float(angle) for angle in footage.state_attitude_rad[place])
         forward, right, down = (float(speed) for speed in footage.velocity_mps[place])
@@ -100,7 +101,7 @@ def contact_labels(
     *,
     advance: Advance = silent,
 ) -> DepthLabels:
-    """Label a flight from a network's masks and from what things stand on.
+    """Label a flight from a network's masks and ground contact.
 
     Args:
         footage: one flight.
@@ -123,7 +124,7 @@ def contact_labels(
         if frame.height_above_carpet_m >= config.min_height_m:
             class_map = segmenter.segment(frame)
             view = view_of(frame, footage.camera, class_map.ids.shape[::-1])
-            # What stands too near for its base to be seen was seen from further away.
+            # The base of an obstacle too near to show it was seen from further away.
             remembered = None
             now, then = odometry.now, odometry.at(frame.captured_s)
             if now is not None and then is not None:
@@ -150,12 +151,12 @@ def add_parallax(
     *,
     advance: Advance = silent,
 ) -> DepthLabels:
-    """Label what is left without from the movement between frames.
+    """Label the remaining pixels from parallax between frames.
 
     Args:
         footage: one flight.
-        labels: its labels so far; they stay as they are.
-        config: which frames are labelled, and from which others.
+        labels: its existing labels; they are kept.
+        config: which frames are labelled, and from which other frames.
         advance: called with the progress after every frame.
 
     Raises:
@@ -191,7 +192,7 @@ def exact_labels(depth_m: NDArray[np.floating]) -> DepthLabels:
 
 
 def write_labels(path: Path, labels: DepthLabels) -> None:
-    """Write a flight's labels, compressed; the file appears whole or not at all."""
+    """Write a flight's labels, compressed; the file is replaced in one step."""
     arrays = {"depth_m": labels.depth_m}
     if labels.at_most_m is not None:
         arrays["at_most_m"] = labels.at_most_m
@@ -203,7 +204,7 @@ def read_labels(path: Path) -> DepthLabels:
     """Read a flight's labels.
 
     Raises:
-        FileError: the file is absent, damaged or something else.
+        FileError: the file is absent, damaged or of another kind.
     """
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
@@ -220,7 +221,7 @@ def _parallax_of(
     work = Parallax(_grey(footage, place), footage.camera, config.parallax)
     for other in _beside(footage, track, place, config):
         motion = measured_motion(footage, track, place, int(other))
-        if motion is not None:  # telemetry alone is not good enough for this
+        if motion is not None:  # telemetry alone is not accurate enough
             work.add(_grey(footage, int(other)), motion)
     return work.depth()
 
@@ -228,7 +229,7 @@ def _parallax_of(
 def _beside(
     footage: Footage, track: CameraTrack, place: int, config: LabelConfig
 ) -> NDArray[np.intp]:
-    """Return frames to measure parallax against, spread over those that may serve."""
+    """Return other frames for parallax, evenly spread over the suitable ones."""
     moved_m = np.linalg.norm(track.position_m - track.position_m[place], axis=1)
     cosine = track.rotation[:, :, 2] @ track.rotation[place, :, 2]
     apart_s = np.abs(footage.captured_s - footage.captured_s[place])

@@ -1,16 +1,16 @@
-"""What self-supervised depth minimises: the terms of SC-Depth, written afresh from its papers.
+"""Loss terms of self-supervised depth: those of SC-Depth, implemented from its papers, and labels.
 
 Bian et al., "Unsupervised scale-consistent depth and ego-motion learning from monocular video"
 (arXiv 1908.10553) and its successors: photometric and geometric consistency between frames, masks
-for pixels that break the assumptions, and smoothness where the image is smooth. Beside them: the
-distance to labels, where there are some.
+for pixels that violate the assumptions, and smoothness where the image is smooth. In addition: the
+distance to labels.
 
-`warp` shows one image from another camera: through its depth, the movement and the intrinsics.
-Pixel centres are at integer coordinates, as in OpenCV and in `CameraModel`, so the sampling grid
-is normalised by the size less one and sampled with corners aligned: the two belong together, and
-mixing them up shifts everything by up to half a pixel. kornia's `warp_frame_depth` gives the same
-values (to 4e-6) in twice the time, and neither the depth nor the mask that the losses need; its
-SSIM has a Gaussian window where SC-Depth's has a mean.
+`warp` shows one image from another camera by depth, motion and intrinsics. Pixel centres are at
+integer coordinates, as in OpenCV and in `CameraModel`. So the sampling grid is normalised by the
+size less one and sampled with aligned corners. Both must be used together; otherwise the image
+shifts by up to half a pixel. kornia's `warp_frame_depth` gives the same values (to 4e-6) in twice
+the time, but not the depth and the mask for the losses; its SSIM has a Gaussian window instead of
+SC-Depth's mean.
 
 Importing this module imports torch.
 """
@@ -32,11 +32,11 @@ _NEAREST = 1e-3  # depth below which a point counts as behind the camera
 
 @dataclass(frozen=True, kw_only=True)
 class Warped:
-    """The source seen from the target's pixels."""
+    """The source sampled at the target's pixels."""
 
-    values: Tensor  # (N, C, H, W): what the source shows where the target's points fall
-    depth: Tensor  # (N, 1, H, W): of those points along the source camera's optical axis
-    valid: Tensor  # (N, 1, H, W) bool: the point falls into the source's image
+    values: Tensor  # (N, C, H, W): values of the source at the target's points
+    depth: Tensor  # (N, 1, H, W): depth of these points along the source camera's optical axis
+    valid: Tensor  # (N, 1, H, W) bool: whether the point lies in the source's image
 
 
 def pixel_rays(intrinsics: Tensor, height: int, width: int) -> Tensor:
@@ -62,10 +62,10 @@ def pixel_rays(intrinsics: Tensor, height: int, width: int) -> Tensor:
 
 
 def warp(source: Tensor, depth: Tensor, motion: Tensor, intrinsics: Tensor) -> Warped:
-    """Sample the source where the target's points fall in it.
+    """Sample the source at the target's points.
 
     Args:
-        source: (N, C, H, W), anything the source camera has a value of for each pixel.
+        source: (N, C, H, W), values per pixel of the source camera.
         depth: (N, 1, H, W) of the target's pixels along its optical axis.
         motion: (N, 3, 4), from the target camera's frame to the source camera's.
         intrinsics: (N, 4): fx, fy, cx, cy of both, in pixels of that size.
@@ -98,14 +98,14 @@ def warp(source: Tensor, depth: Tensor, motion: Tensor, intrinsics: Tensor) -> W
 
 
 def invert_motion(motion: Tensor) -> Tensor:
-    """Return the opposite of rigid movements, (N, 3, 4)."""
+    """Return the inverse of rigid motions, (N, 3, 4)."""
     back = motion[:, :, :3].transpose(1, 2)
     return torch.cat([back, -back @ motion[:, :, 3:]], dim=2)
 
 
 _SSIM_SHARE: Final = 0.85
 _C1, _C2 = 0.01**2, 0.03**2  # Wang et al. (2004), for values from 0 to 1
-_MIN_PIXELS: Final = 100.0  # a mask with fewer says nothing; its mean is drawn towards zero
+_MIN_PIXELS: Final = 100.0  # with fewer pixels in a mask the mean is reduced towards zero
 
 
 def _check(name: str, tensor: Tensor, shape: Sequence[int]) -> None:
@@ -130,7 +130,7 @@ def photometric_error(first: Tensor, second: Tensor) -> Tensor:
 
 
 def _dissimilarity(first: Tensor, second: Tensor) -> Tensor:
-    # One pooling of everything stacked is quicker than five.
+    # One pooling of the stacked images is faster than five.
     stacked = torch.cat([first, second, first * first, second * second, first * second], dim=1)
     padded = functional.pad(stacked, (1, 1, 1, 1), mode="reflect")
     means = functional.avg_pool2d(padded, 3, stride=1)
@@ -145,7 +145,7 @@ def _dissimilarity(first: Tensor, second: Tensor) -> Tensor:
 
 @dataclass(frozen=True, kw_only=True)
 class ConsistencyMaps:
-    """How well a source image explains a target image, by pixel of the target."""
+    """Consistency of a source image with a target image, by pixel of the target."""
 
     photometric: Tensor  # (N, 1, H, W), weighted by the geometric agreement
     geometric: Tensor  # (N, 1, H, W), 0 (depths agree) to 1
@@ -159,10 +159,10 @@ def consistency_maps(
     motion: Tensor,
     intrinsics: Tensor,
 ) -> ConsistencyMaps:
-    """Compare a target with what the source shows of it.
+    """Compare a target with the warped source.
 
-    A pixel counts where its point falls into the source's image, and where warping explains it
-    better than no movement at all does (which leaves out what moves along, and flat colour).
+    A pixel counts if its point lies in the source's image and if warping explains it better than no
+    motion. The latter excludes objects that move with the camera, and uniform colour.
 
     Args:
         target: (N, 3, H, W), 0 to 1.
@@ -184,10 +184,10 @@ def consistency_maps(
 
 
 def best_of(maps: Sequence[ConsistencyMaps]) -> ConsistencyMaps:
-    """Keep, pixel by pixel, the source that explains the target best.
+    """Return, for each pixel, the values of the source that explains the target best.
 
     Args:
-        maps: of the same target and several sources.
+        maps: maps of the same target and several sources.
     """
     photometric = torch.stack([each.photometric for each in maps])
     mask = torch.stack([each.mask for each in maps])
@@ -228,7 +228,7 @@ def label_loss(depth: Tensor, label: Tensor, at_most: Tensor | None = None) -> T
     Args:
         depth: (N, 1, H, W), positive.
         label: (N, 1, H, W); NaN where unknown.
-        at_most: (N, 1, H, W) upper bound, inf without one; None where there are no bounds at all.
+        at_most: (N, 1, H, W) upper bound, inf without one; None if no pixel has a bound.
     """
     _check("depth labels", label, depth.shape)
     known = torch.isfinite(label)
@@ -237,7 +237,7 @@ def label_loss(depth: Tensor, label: Tensor, at_most: Tensor | None = None) -> T
     loss = masked_mean(distance, known.to(depth.dtype))
     if at_most is not None:
         _check("depth bounds", at_most, depth.shape)
-        # Only where there is no label: there, the label says more.
+        # Only for pixels without a label, because a label is more precise.
         bounded = torch.isfinite(at_most) & ~known
         excess = functional.relu(log_depth - at_most.where(bounded, depth.detach()).log())
         loss = loss + masked_mean(excess, bounded.to(depth.dtype))

@@ -1,14 +1,14 @@
 """The depth network: a small encoder-decoder for 320x256 images that flies on a CPU.
 
-It follows SC-Depth (Bian et al., arXiv 1908.10553) in what it computes: skips, ELU and reflection
-padding in the decoder, and depth = 1 / (10 sigmoid + 0.01). It is far smaller: residual blocks on
-thin layers, skips that are added and not joined, and a head that gives every pixel at a quarter of
-the size the values of its four half-size pixels (Shi et al., arXiv 1609.05158), because full-size
-convolutions cost most of the time and add no detail that the masks do not have.
+It follows SC-Depth (Bian et al., arXiv 1908.10553): skips, ELU and reflection padding in the
+decoder, and depth = 1 / (10 sigmoid + 0.01). It is much smaller: residual blocks on thin layers,
+skips that are added instead of joined, and a head that gives every quarter-size pixel the values of
+its four half-size pixels (Shi et al., arXiv 1609.05158). Full-size convolutions would take most of
+the time and add no detail beyond the masks.
 
-`PoseNet`, SC-Depth's estimate of the camera's movement between two images, only serves training.
+`PoseNet`, SC-Depth's estimator of the camera's motion between two images, is used only in training.
 
-Importing this module imports torch: only training and export do so.
+This module imports torch; only training and export need it.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class _Halve(nn.Sequential):
 
 
 class _Residual(nn.Module):
-    """Two convolutions whose result is added to what they are given (He et al., 1512.03385)."""
+    """Two convolutions whose result is added to their input (He et al., arXiv 1512.03385)."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -125,7 +125,7 @@ class DepthNet(nn.Module):
         Returns:
             (N, 1, H/2, W/2) float; metres if it was trained on metres, else an arbitrary unit.
         """
-        features = self.stem(rgb - 0.5)  # zero is what the encoder pads with: let it be mid-grey
+        features = self.stem(rgb - 0.5)  # so that the encoder's zero padding is mid-grey
         skips: list[Tensor] = []
         for level in self.down:
             features = level(features)
@@ -161,7 +161,7 @@ _GAIN: Final = 0.01
 
 
 class PoseNet(nn.Module):
-    """Two images, (N, 3, H, W) each, to the movement from the first camera to the second."""
+    """Two images, (N, 3, H, W) each, to the motion from the first camera to the second."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -177,13 +177,13 @@ class PoseNet(nn.Module):
         self.head = nn.Conv2d(_WIDTHS[-1], 6, 1)
 
     def forward(self, first: Tensor, second: Tensor) -> Tensor:
-        """Return how points move from the first camera's frame to the second's, (N, 3, 4)."""
+        """Return the transform of points from the first camera to the second, (N, 3, 4)."""
         features = self.features(torch.cat([first, second], dim=1) - 0.5)
         return motion_matrix(_GAIN * self.head(features).mean(dim=(2, 3)))
 
 
 def motion_matrix(numbers: Tensor) -> Tensor:
-    """Return rigid movements from six numbers each.
+    """Return rigid motions from six numbers each.
 
     Args:
         numbers: (N, 6): translation x, y, z, and a rotation vector (axis times angle, radians).

@@ -22,11 +22,11 @@ from perception.depth.training.network import PoseNet
 
 
 class Batch:
-    """Clips as tensors: frame by frame, so that all targets come first.
+    """Clips as tensors, ordered by frame, so that all targets come first.
 
     Args:
-        clips: N of them, all with labels or all without.
-        device: where the tensors go.
+        clips: N clips, all with labels or all without.
+        device: device of the tensors.
     """
 
     def __init__(self, clips: list[Clip], device: str) -> None:
@@ -63,17 +63,17 @@ def supervision_terms(batch: Batch, depth: Tensor) -> dict[str, Tensor]:
 
 
 def _at_depth_size(images: Tensor) -> Tensor:
-    # Compared at the depth's own size: four times quicker, and the network has no finer detail.
+    # Compared at the size of the depth, which is four times faster and loses no detail.
     return functional.avg_pool2d(images, 2)
 
 
 def consistency_terms(batch: Batch, depth: Tensor, pose: PoseNet | None) -> dict[str, Tensor]:
-    """Return how badly neighbouring frames explain each other: `photometric` and `geometry`.
+    """Return the consistency errors of neighbouring frames: `photometric` and `geometry`.
 
     Args:
         batch: N clips of three frames.
         depth: (3 N, 1, H/2, W/2), the prediction for their images.
-        pose: tells the camera's movements; None for those of the batch.
+        pose: network for the camera's motions; None for the motions of the batch.
     """
     images = _at_depth_size(batch.images)
     target, *references = images.chunk(3)
@@ -82,7 +82,7 @@ def consistency_terms(batch: Batch, depth: Tensor, pose: PoseNet | None) -> dict
     fx, fy, cx, cy = batch.intrinsics.unbind(dim=1)
     halved = torch.stack([fx, fy, cx - 0.5, cy - 0.5], dim=1) / 2.0
     pairs = len(references)
-    # All pairs both ways in one go.
+    # All pairs in both directions at once.
     maps = consistency_maps(
         torch.cat([target] * pairs + references),
         torch.cat(references + [target] * pairs),
@@ -113,7 +113,7 @@ def consistency_terms(batch: Batch, depth: Tensor, pose: PoseNet | None) -> dict
 def _motions(
     batch: Batch, pose: PoseNet | None, target: Tensor, references: list[Tensor]
 ) -> tuple[list[Tensor], list[Tensor]]:
-    """Return the movements from the target to each reference, and back."""
+    """Return the motions from the target to each reference, and back."""
     if pose is None:
         there = list(batch.motions.unbind(dim=0))
         return there, [invert_motion(motion) for motion in there]

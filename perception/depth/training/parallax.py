@@ -1,14 +1,14 @@
-"""Depth labels from the camera's own movement: dense optical flow, triangulated.
+"""Depth labels from camera motion: triangulated dense optical flow.
 
-What geometry on masks cannot know, a box whose base is out of the image, is just what moves most
-from frame to frame. Between frames whose movement is known exactly
+Geometry on masks does not give the depth of a box whose base is out of the image. Such boxes are
+near and move most between frames. Between frames with precisely known camera motion
 (`perception.odometry.visual`), the flow of a pixel gives its depth:
 
     flowed pixel = (ray d + t) projected
 
-with t the movement in the frame's own directions, which is linear in the depth d, once for columns
-and once for rows. Several frames are added up in least squares; what does not fit all of them, or
-moved too little, is left unknown.
+with t the translation along the axes of the frame's camera. The equation is linear in the depth d,
+once for columns and once for rows. Several frames are combined by least squares. Pixels with large
+residuals or too little parallax stay unknown.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from uav_bt.types.arrays import Floats, Image
 
 Map = NDArray[np.float32]
 
-_OUTSIDE = 1e3  # px, a flow that closes no loop
+_OUTSIDE = 1e3  # px, flow outside the image, which fails the loop test
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParallaxConfig:
-    """What is believed of a flow."""
+    """Which flows are accepted."""
 
-    min_views: int = 2  # beside the frame itself, so that a wrong flow is found out
+    min_views: int = 2  # besides the frame, so that a wrong flow is detected
     min_parallax_px: float = 6.0  # root sum square; an error of half a pixel is 8 % of it
-    max_misfit_px: float = 0.7  # root mean square of what the depth does not explain
-    max_loop_px: float = 0.8  # there and back again
+    max_misfit_px: float = 0.7  # root mean square residual
+    max_loop_px: float = 0.8  # sum of forward and backward flow
     min_depth_m: float = 0.2
-    max_depth_m: float = 4.0  # beyond, parallax is too small and ground contacts are seen anyway
+    max_depth_m: float = 4.0  # further away parallax is too small, and ground contact is in view
 
 
 class Parallax:
@@ -46,15 +46,15 @@ class Parallax:
     def __init__(
         self, grey: Image, camera: CameraModel, config: ParallaxConfig | None = None
     ) -> None:
-        """Begin with nothing.
+        """Start without other frames.
 
         Args:
             grey: (H, W), the frame.
-            camera: of all frames, at their size.
-            config: what is believed.
+            camera: camera of all frames, at their size.
+            config: which flows are accepted.
 
         Raises:
-            ShapeError: the frame is of another size than the camera's.
+            ShapeError: the frame and the camera differ in size.
         """
         if grey.shape != (camera.height_px, camera.width_px):
             expected = f"{camera.height_px}x{camera.width_px}, as its camera"
@@ -77,13 +77,13 @@ class Parallax:
         self._terms: list[tuple[NDArray[np.bool_], Floats, Floats]] = []
 
     def add(self, grey: Image, motion: Floats) -> None:
-        """Take another frame in.
+        """Add another frame.
 
         Args:
             grey: (H, W), the other frame.
-            motion: (3, 4), how points move from the frame's camera to the other's, metres.
+            motion: (3, 4), transform of points from the frame's camera to the other's, metres.
         """
-        # Turned as this frame is, the other shows nothing but parallax: flows stay short.
+        # With the rotation removed only parallax remains, so flows are short.
         turn = motion[:, :3]
         other, seen = self._turned(grey, turn)
         there = np.asarray(self._flow.calc(self._grey, other, self._nothing()), np.float32)
@@ -112,7 +112,7 @@ class Parallax:
         y = (landed[..., 1] - self._camera.cy_px) / self._camera.fy_px
         t = turn.T @ motion[:, 3]
         fx, fy = self._camera.fx_px, self._camera.fy_px
-        # In pixels of the other frame once divided by the depth there, which `depth` does.
+        # Divided by the depth, as in `depth`, these are in pixels of the other frame.
         slope = np.stack([fx * (self._rays[0] - x), fy * (self._rays[1] - y)])
         shift = np.stack([fx * (x * t[2] - t[0]), fy * (y * t[2] - t[1])])
         good = (loop < self._config.max_loop_px) & (np.asarray(inside) > 0)
@@ -121,7 +121,7 @@ class Parallax:
         self._product += good * (slope * shift).sum(axis=0)
 
     def _turned(self, grey: Image, turn: Floats) -> tuple[Image, Image]:
-        """Return another frame as it looks from its place in this frame's directions."""
+        """Return another frame rotated to this frame's attitude, and its valid pixels."""
         camera = self._camera
         matrix = np.array(
             [
@@ -141,7 +141,7 @@ class Parallax:
         return np.zeros((*self._grey.shape, 2), np.float32)
 
     def depth(self) -> Map:
-        """Return the depth along the optical axis, (H, W) metres; NaN where it is not known."""
+        """Return the depth along the optical axis, (H, W) metres; NaN where unknown."""
         config = self._config
         views = np.zeros(self._grey.shape, np.intp)
         misfit = np.zeros(self._grey.shape)
@@ -149,7 +149,7 @@ class Parallax:
         solvable = self._slope_sq > 0.0
         depth = self._product / np.where(solvable, self._slope_sq, 1.0)
         within = solvable & (depth >= config.min_depth_m) & (depth <= config.max_depth_m)
-        depth = np.where(within, depth, config.max_depth_m)  # a stand-in that divides well
+        depth = np.where(within, depth, config.max_depth_m)  # avoids division by zero
         for good, slope, shift in self._terms:
             views += good
             # Pixels, to first order: the depth in the other frame is nearly the same.

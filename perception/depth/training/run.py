@@ -1,9 +1,8 @@
-"""Train the depth network on flights.
+"""Training of the depth network on flights.
 
-Three sources of supervision, alone or together, none of which needs the true depth: the
-neighbouring frames (through telemetry or a pose network), labels that masks and geometry give
-(`perception.depth.contact.depth`), and smoothness. Exact depth, where a simulator has it, is only a
-kind of labels: the upper bound to compare with.
+Three sources of supervision, alone or combined, need no true depth: neighbouring frames (through
+telemetry or a pose network), labels from masks and geometry (`perception.depth.contact.depth`), and
+smoothness. A simulator's exact depth can be used as labels, as an upper bound for comparison.
 
 Importing this module imports torch.
 """
@@ -40,10 +39,10 @@ class DepthTrainingConfig(LoopConfig):
     """How the depth network is trained. The weights of the terms are SC-Depth's."""
 
     steps: int = 2500
-    batch: int = 4  # clips a step, of three frames each
+    batch: int = 4  # clips per step, of three frames each
     learning_rate: float = 1e-3  # peak; AdamW. SC-Depth's 1e-4 starts from a trained encoder
     max_norm: float = 1.0
-    pose: Literal["telemetry", "network"] = "telemetry"  # where the camera's movement comes from
+    pose: Literal["telemetry", "network"] = "telemetry"  # source of the camera's motion
     photometric: float = 1.0  # weight; zero, with geometry, learns from labels alone
     geometry: float = 0.1  # weight
     smoothness: float = 0.1  # weight
@@ -74,24 +73,24 @@ def train_depth(
     checkpoint: Path | None = None,
     progress: Callable[[Progress, DepthNet], None] = ignore_progress,
 ) -> DepthNet:
-    """Train, or go on from the checkpoint if there is one.
+    """Train the network, or continue from the checkpoint if there is one.
 
     Args:
-        clips: what to learn from.
+        clips: training data.
         config: how to train.
         net_config: the network's shape.
-        start: weights to begin with, of `DEPTH_FILES`; None for random ones.
-        checkpoint: where to keep the state; read first when it exists.
+        start: initial weights, a file of `DEPTH_FILES`; None for random ones.
+        checkpoint: file of the run's state; read first if it exists.
         progress: called after every step with the averaged network.
 
     Returns:
         The network with the running mean of its weights, in evaluation mode.
 
     Raises:
-        WeightsError: the checkpoint is damaged or belongs to another run, or the weights to begin
-            with belong to another network.
-        ValueRangeError: the loss is no longer finite, there is nothing to learn from, or the
-            flights' frames are not of the network's size.
+        WeightsError: the checkpoint is damaged or belongs to another run, or the initial weights
+            belong to another network.
+        ValueRangeError: the loss has become NaN or infinite, the training data are empty, or the
+            flights' frames do not have the network's size.
     """
     _check(clips, config, net_config)
     torch.manual_seed(config.seed)

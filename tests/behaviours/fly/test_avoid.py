@@ -73,7 +73,7 @@ def test_the_turn_is_held() -> None:
 
 
 def test_a_free_way_counts_only_after_the_least_turn() -> None:
-    """What the policy asked for must have been turned; then a free way ends the turn."""
+    """The requested turn must be complete; then a free way ends the turn."""
     bench = turning(Says(TURN_RIGHT, ADVANCE))
     assert live(bench, yaw_rad=0.2) is Status.RUNNING
     assert live(bench, yaw_rad=0.45) is Status.RUNNING
@@ -164,7 +164,7 @@ def test_without_a_view_it_neither_turns_nor_ends() -> None:
 
 
 def test_full_turns_in_vain_are_counted_for_the_policy() -> None:
-    """Two times round, and the policy is told; an advance would start the count again."""
+    """After two full turns the policy gets their number; an advance would reset it."""
     policy = Says(TURN_RIGHT)
     bench = turning(policy)
     for tick in range(1, 45):
@@ -188,7 +188,7 @@ def test_halted_it_commands_nothing_and_holds_its_turn() -> None:
 
 
 def test_after_an_advance_the_policy_chooses_again() -> None:
-    """Whoever advances forgets the held turn."""
+    """An advance clears the held turn."""
     policy = Says(TURN_RIGHT, TURN_LEFT)
     bench = turning(policy)
     bench.halt()
@@ -202,7 +202,7 @@ def test_after_an_advance_the_policy_chooses_again() -> None:
 
 
 def near(bench: LeafBench, *points: tuple[float, float]) -> None:
-    """Remember obstacles so far ahead and right of the body's centre, and tick."""
+    """Remember obstacles ahead and right of the body's centre, and tick."""
     show(bench, seconds=0.3)
     bench.board[SITE_MAP] = map_with(
         NearObstacles(points_m=np.array(points, dtype=np.float64), captured_s=bench.clock.now())
@@ -211,7 +211,7 @@ def near(bench: LeafBench, *points: tuple[float, float]) -> None:
 
 
 def test_an_intrusion_is_cleared_before_the_turn() -> None:
-    """A short step straight away from what is too near; the turn comes after it."""
+    """A short step straight away from a near obstacle; the turn comes after it."""
     bench = steering_bench(Avoid, Says(TURN_RIGHT))
     live(bench)
     near(bench, (0.18, 0.24), (1.5, 0.0))

@@ -48,7 +48,7 @@ def test_it_waits_for_the_first_window() -> None:
 
 
 def test_a_pause_restarts_the_window() -> None:
-    """A pilot who took over for a while is no reason to end the survey."""
+    """A pilot's take-over does not end the survey."""
     bench = LeafBench(CoverageGrows, least_share=0.02, window_s=2.5)
     answers(bench, [10] * 4)
     bench.clock.advance(20.0)

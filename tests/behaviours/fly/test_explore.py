@@ -81,7 +81,7 @@ def test_a_step_is_proposed_until_it_is_done() -> None:
 
 @pytest.mark.parametrize("word", list(MovementState)[1:])
 def test_however_a_step_ended_it_looks_again(word: MovementState) -> None:
-    """Done, interrupted or rejected: the next step is decided on what is seen from there.
+    """Done, interrupted or rejected: the next step is decided from the new view.
 
     A drone that broke off one step is asked for the next a second later: what interrupts may pass.
     """
@@ -204,7 +204,7 @@ def test_an_unknown_policy_is_refused_at_setup() -> None:
 
 
 def test_an_advance_forgets_the_held_turn() -> None:
-    """What was turned away from is behind it: the next turn may go either way."""
+    """The obstacle is behind the drone: the next turn may go either way."""
     policy = Says(ADVANCE)
     bench = steering_bench(Explore, policy)
     bench.board[HELD_TURN] = HeldTurn(direction=-1, turned_rad=7.0)
@@ -276,7 +276,7 @@ def test_a_policy_that_returns_no_answer_is_named(answer: object) -> None:
 
 
 def test_a_decision_with_a_speed_is_flown_without_a_stop() -> None:
-    """Ahead at that speed, the heading towards the bearing, every tick; no movement of its own."""
+    """Ahead at that speed, the heading towards the bearing, every tick; no separate movement."""
     policy = Says(FollowLeg(yaw_rad=0.3, speed_mps=0.5, reason="on"))
     bench = stepping(policy)
     for _ in range(3):

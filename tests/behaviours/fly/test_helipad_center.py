@@ -28,7 +28,7 @@ def look(
     ended: int | None = None,
     word: MovementState = MovementState.DONE,
 ) -> Status:
-    """Tick with the pad in view, so far ahead and right of the camera; None: not in view."""
+    """Tick with the pad in view, ahead and right of the camera; None: not in view."""
     movement = MovementStatus(id=ended, state=word) if ended is not None else None
     show(bench, seconds=seconds, height_m=height_m, gimbal_deg=gimbal_deg, movement=movement)
     if offset_m is not None:
@@ -78,7 +78,7 @@ def test_climbs_first_looking_down() -> None:
 
 
 def test_flies_towards_the_pad_in_proportion() -> None:
-    """The camera, not the body, goes above the centre; the nearer it is, the slower."""
+    """The camera, not the body, goes above the centre, and slows down near it."""
     bench = climbed()
     look(bench, (0.15, -0.2), seconds=1.0, ended=1)
     far = steered(bench)
@@ -171,7 +171,7 @@ def test_a_look_from_before_the_movement_ended_does_not_count() -> None:
 
 @pytest.mark.parametrize("why", ["gimbal", "tracked", "no frame"])
 def test_only_what_is_seen_from_above_counts(why: str) -> None:
-    """Not while the camera still tilts, not what the tracker carries, not without a picture."""
+    """Not while the camera tilts, not a track without a detection, not without a frame."""
     bench = climbed()
     show(
         bench,
@@ -218,7 +218,7 @@ def test_time_in_which_a_person_flies_does_not_count() -> None:
 
 @pytest.mark.parametrize("seconds", [0.1, 10.0])
 def test_an_interrupted_descent_goes_on_and_is_not_taken_for_flown(seconds: float) -> None:
-    """What is left is known by the altimeter, after a take-over, too."""
+    """The altimeter gives the remaining descent, also after a take-over."""
     bench = climbed(low_m=1.1)
     look(bench, (0.0, 0.0), seconds=1.0, ended=1)
     look(bench, (0.0, 0.0))

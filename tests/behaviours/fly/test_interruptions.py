@@ -37,7 +37,7 @@ MISSION = """
   </Sequence>
 </ReactiveSequence>"""
 
-NEAREST_AHEAD_M = 1.0  # what is nearer is below the view ahead
+NEAREST_AHEAD_M = 1.0  # nearer ground is below the view ahead
 
 
 def sense(drone: ScriptedDrone) -> type[Leaf]:
@@ -177,7 +177,7 @@ def test_an_interrupted_turn_ends_at_its_heading(fault: str | None) -> None:
 
 
 def test_a_drone_that_never_turns_ends_the_mission_and_the_leaf_says_why() -> None:
-    """A fault that lasts is no override that passes."""
+    """A lasting fault is not a passing override."""
     body = '<Sequence><TakeOff height_m="1"/><Turn degrees="90"/><Land/></Sequence>'
     world = World(body, "interrupted@look+0.5")
 
@@ -188,7 +188,7 @@ def test_a_drone_that_never_turns_ends_the_mission_and_the_leaf_says_why() -> No
 
 @pytest.mark.parametrize("fault", ["pilot", "video-lost", "link-lost", "interrupted"])
 def test_an_emergency_landing_goes_on_too(fault: str) -> None:
-    """It is no success, but it ends on the ground."""
+    """The mission fails, but it ends on the ground."""
     body = '<Sequence><Sense/><TakeOff height_m="1"/><EmergencyLand/></Sequence>'
     world = World(body, f"{fault}@emergency landing+0.2~8")
 

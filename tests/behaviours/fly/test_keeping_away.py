@@ -1,4 +1,4 @@
-"""Keeping away: steps and pushes from what is too near, and never over the edge."""
+"""Keeping away: steps and pushes away from near obstacles, and never over the edge."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def test_hovers_for_its_time() -> None:
 
 
 def test_time_in_which_a_person_flies_is_not_hovered() -> None:
-    """The tree is not ticked then; what is left of the time is hovered afterwards."""
+    """The tree is not ticked then; the leaf hovers for the remaining time afterwards."""
     bench = LeafBench(HoverFor, seconds=2.0)
     live(bench)
     wait(bench, 1.0)

@@ -56,7 +56,7 @@ def fly(
     unplaced_rad: Sequence[float] = (),
     yaw_rad: float = 0.0,
 ) -> Status:
-    """Tick with the pad so far ahead and right, seen so long ago; None: never seen."""
+    """Tick with the pad ahead and right, seen some time ago; None: never seen."""
     show(bench, seconds=seconds, yaw_rad=yaw_rad)
     now_s = bench.clock.now()
     del bench.board[HELIPAD]
@@ -116,7 +116,7 @@ def test_searches_under_the_policy() -> None:
 
 
 def test_a_policy_that_flies_at_a_speed_is_searched_under_at_that_speed() -> None:
-    """Not in one step to the end of what it says, which may be metres away."""
+    """Not in one step to the end of its leg, which may be metres away."""
     bench = searching(Says(FollowLeg(yaw_rad=0.1, speed_mps=0.4)))
     fly(bench, seconds=0.3)
     assert velocity(bench).forward_mps == pytest.approx(0.4)
@@ -292,7 +292,7 @@ def test_a_mark_that_is_not_there_is_looked_for_below_and_then_elsewhere() -> No
 
 
 def test_without_a_way_on_the_map_the_policy_searches() -> None:
-    """The drone is shut in by what it remembers."""
+    """Obstacles on the map shut the drone in."""
     bench = searching(Says(ADVANCE))
     ring = [(0.5 * math.cos(a), 0.5 * math.sin(a)) for a in np.linspace(0.0, 6.2, 60)]
     shut_in = replace(marked(1.8, 0.0), obstacles_m=np.array(ring))
@@ -494,7 +494,7 @@ UNPLACED_RAD = (0.1, 0.12)
 
 
 def test_the_camera_follows_the_pad_down() -> None:
-    """To see the carpet before it; not so far that bases would be mistaken."""
+    """It shows the carpet before the pad, but is not so steep that bases would be mistaken."""
     bench = approaching((1.2, 0.0))
     assert bench.pointed is not None
     assert -50.0 < math.degrees(bench.pointed.pitch_rad) < -35.0

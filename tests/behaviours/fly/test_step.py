@@ -228,7 +228,7 @@ def test_a_pause_does_not_use_up_the_time() -> None:
 
 
 def test_a_turn_goes_on_after_a_pause_and_a_step_does_not() -> None:
-    """The heading is known whoever turned it; where the drone was flown is not."""
+    """The heading stays known after another controller; the position does not."""
     step = step_of()
     turn = step.start(state(0.0), 0.0, yaw_rad=math.radians(90))
     step.pause(10.0)

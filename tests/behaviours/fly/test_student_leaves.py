@@ -1,4 +1,4 @@
-"""What the control student needs around it: views remembered, advice, a veto, a way to the pad."""
+"""Leaves around the control student: recent views, advice, a veto, a path to the pad."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ from uav_bt.types.dead_reckoning import OdometryPose
 
 
 def remembering(seconds: float, **attributes: object) -> LeafBench:
-    """Return a bench on which the drone flew ahead at 0.5 m/s for so long, seeing all the time."""
+    """Return a bench after a flight ahead at 0.5 m/s for a time, with frames all the time."""
     bench = LeafBench(RememberViews, **attributes)
     for _ in range(round(10 * seconds)):
         assert live(bench, velocity=BodyVelocity(forward_mps=0.5)) is Status.SUCCESS
@@ -177,7 +177,7 @@ def room(
     impact_s: float = math.inf,
     obstacle: tuple[float, float] | None = None,
 ) -> Status:
-    """Return what the condition says of so much room."""
+    """Return the status of the condition for this room."""
     bench = LeafBench(CorridorClear, ahead_m=0.6, impact_s=0.8, beside_m=0.4)
     show(bench)
     now_s = bench.clock.now()
@@ -220,7 +220,7 @@ def test_what_lies_behind_may_be_left() -> None:
 
 
 def off_the_carpet(pad: tuple[float, float] | None = None) -> Status:
-    """Return what the condition says where no carpet is in view, and of the pad's place."""
+    """Return the status of the condition without carpet in view, with or without a pad."""
     bench = LeafBench(CorridorClear)
     show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
     now_s = bench.clock.now()
@@ -368,7 +368,7 @@ def test_a_step_that_the_policy_would_take_is_room() -> None:
 
 
 def test_a_detour_goes_to_the_side_of_the_last_one() -> None:
-    """Whichever side the policy would turn to from where that one led."""
+    """Whichever side the policy would choose from the end of that detour."""
     policy = Says(NO_WAY)
     bench = approaching(policy)
     yaw_rad = 0.0

@@ -93,7 +93,7 @@ def test_a_failed_climb_is_tried_again(word: MovementState) -> None:
 
 
 def test_too_long_is_a_failure() -> None:
-    """A drone that stays on the ground is given up, and told nothing more."""
+    """The leaf gives up a drone that stays on the ground, and sends no further command."""
     bench = on_the_ground(give_up_s=5.0)
     assert wait(bench, 4.9, flying=FlyingState.LANDED) is Status.RUNNING
 

@@ -1,4 +1,4 @@
-"""A hall in numbers alone: what a camera shows of it goes into a site map, and a drone flies."""
+"""A hall of numbers: views of its ground enter a site map, and a drone flies in it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TICK_S = 0.2
 
 @dataclass
 class DrawnHall:
-    """Ground of so many metres a side around the origin, with square boxes and a mark."""
+    """Square ground around the origin, its side in metres, with square boxes and a mark."""
 
     side_m: float
     boxes: tuple[tuple[float, float], ...] = ()
@@ -47,7 +47,7 @@ class DrawnHall:
         self.look()
 
     def look(self) -> None:
-        """Take in what the camera shows from here."""
+        """Add the camera's view from this pose to the map."""
         azimuths = self.pose.yaw_rad + np.linspace(-SIGHT.half_rad, SIGHT.half_rad, 81)
         ranges = np.arange(0.05, SIGHT.far_m, 0.05)
         rays = np.stack(
@@ -90,7 +90,7 @@ class DrawnHall:
         self.look()
 
     def map(self, mark: MapMark | None = None, *, contradicted_s: float = 0.0) -> SiteMap:
-        """Return the map of what was seen so far."""
+        """Return the map of all views up to now."""
         return SiteMap(
             pose=self.pose,
             corner_m=self.corner_m,

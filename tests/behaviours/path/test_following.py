@@ -90,7 +90,7 @@ def test_in_the_open_it_looks_far_ahead() -> None:
 
 
 def past(obstacles: np.ndarray, free_m: float = 0.3) -> FollowLeg | Rotate | None:
-    """Return the course straight ahead with a corridor that is blocked so near."""
+    """Return the course straight ahead with a corridor blocked at a near distance."""
     clearance = ClearanceMap(
         drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), RecentObstacles()
     )

@@ -61,7 +61,7 @@ def test_when_all_was_seen_it_begins_anew() -> None:
 
 
 def test_ground_that_stays_unseen_is_not_stared_at() -> None:
-    """What the map expects to show and never does is left after a look."""
+    """Ground that stays unseen despite the map's prediction is given up after a look."""
     search, place = MapSearch(), known(hall(0.0, -0.2, 0.0))
     hidden = np.zeros_like(place.ground)
     hidden[95:105, 70:80] = True

@@ -1,4 +1,4 @@
-"""The next view: what is worth looking at, and what stands before it."""
+"""The next viewpoint: the value of views, and obstacles before it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WALL = np.column_stack([np.arange(-2.2, 2.3, 0.05), np.full(90, 0.5)])
 
 
 def around(cells: NDArray[np.bool_], site_map: SiteMap, *, beyond: bool = False) -> Flags:
-    """Return cells of a map as what is wanted: with those that views reach beyond it."""
+    """Return cells of a map as wanted cells, with the margin that views reach beyond the map."""
     return np.pad(cells, CONFIG.around_cells(site_map.cell_m), constant_values=beyond)
 
 

@@ -1,4 +1,4 @@
-"""The survey planner on drawn maps: which leg it flies, and what it keeps clear of."""
+"""The survey planner on drawn maps: its choice of legs, and their clearance."""
 
 from __future__ import annotations
 
@@ -216,7 +216,7 @@ def test_speeds_in_the_wrong_order_are_refused() -> None:
 
 
 def test_an_edge_seen_lately_counts_beside_the_maps() -> None:
-    """The map's edge may be off by its drift; what was just seen is right about the drone."""
+    """The map's edge may be off by drift; recent points are correct relative to the drone."""
     site_map = drawn_map()
     ahead_m = np.array([[0.6, y_m] for y_m in np.arange(-0.5, 0.55, 0.05)])
     row, column = site_map.cell_of(0.5, 0.0)

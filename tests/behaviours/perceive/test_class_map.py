@@ -57,7 +57,7 @@ def test_each_frame_is_segmented_once() -> None:
 
 
 def test_without_a_frame_there_is_no_class_map() -> None:
-    """It waits without failing: what reads the map sees that there is none."""
+    """The leaf waits without failing; readers find no class map on the board."""
     bench, network = segmenting()
 
     assert bench.tick() is Status.SUCCESS
@@ -111,7 +111,7 @@ def test_a_map_that_was_begun_anew_drops_the_carried_pad() -> None:
     carried = bench.board[HELIPAD]
     bench.board[SITE_MAP] = replace(drawn_map(), restarts=1, captured_s=bench.clock.now())
     bench.tick()
-    assert bench.board[HELIPAD] is carried  # what was written last; nothing was written since
+    assert bench.board[HELIPAD] is carried  # the last written fix; nothing was written since
 
 
 def test_a_pad_in_view_gets_a_fix() -> None:

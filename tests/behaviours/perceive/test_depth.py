@@ -34,7 +34,7 @@ UNIT = 0.2
 
 
 class Network:
-    """A depth network that is right in a unit of its own and keeps the frames it was given."""
+    """A depth network that is exact in an arbitrary unit and keeps its frames."""
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []

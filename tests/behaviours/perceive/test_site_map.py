@@ -69,7 +69,7 @@ def test_a_box_in_view_is_near_after_a_turn() -> None:
 
 
 def test_between_two_views_the_map_moves_along_with_the_drone() -> None:
-    """Turned by 90 degrees without a new frame: the pose and what is near turn, too."""
+    """Turned by 90 degrees without a new frame: pose and near obstacles turn, too."""
     bench = mapping()
     live(bench, ids=box_map())
     ahead, captured_s = bench.board[SITE_MAP].near, bench.clock.now()

@@ -162,7 +162,7 @@ def test_a_turn_keeps_its_direction(turning: int) -> None:
 
 
 def test_without_depth_it_stops_and_looks_round() -> None:
-    """No corridor is no permission."""
+    """Without a corridor the drone does not advance."""
     decision = RULE.decide(view(cast(), tie_break=0.1))
 
     assert decision.reason == "no depth"
@@ -225,7 +225,7 @@ def test_the_reach_is_where_the_ground_ends(carpet_m: float) -> None:
 
 
 def test_boxes_stand_on_carpet() -> None:
-    """A box hides the carpet behind it; that is no end."""
+    """A box hides the carpet behind it; the carpet does not end there."""
     seen = view(cast([(1.5, -3.0, 3.0)], camera=CAMERA))
 
     assert carpet_reach(group_of(seen.class_map.ids), seen, CONFIG) == math.inf

@@ -129,7 +129,7 @@ def test_boxes_beside_the_way_do_not_block() -> None:
 
 
 def with_obstacle_pixels(count: int, camera: CameraModel = CAMERA) -> NDArray[np.uint8]:
-    """Open carpet with so many obstacle pixels in the high rectangle, from its lower left up."""
+    """Open carpet with `count` obstacle pixels in the high rectangle, from its lower left up."""
     ids = cast(camera=camera)
     high, _ = RULE.rectangles(view(ids, camera=camera))
     region = high.of(ids)
@@ -220,7 +220,7 @@ def test_full_turns_in_vain_lower_the_demands() -> None:
     assert isinstance(RULE.decide(replace(very_crowded, full_turns=100)), Blocked)
 
 
-# --- what is remembered ---------------------------------------------------------------------------
+# --- obstacles on the map -------------------------------------------------------------------------
 
 
 def remembered(*points: tuple[float, float], unplaced_deg: Sequence[float] = ()) -> PolicyView:

@@ -51,7 +51,7 @@ def calibration(whole: list[Grey]) -> Calibration:
 
 
 def assert_like(camera: CameraModel, true: CameraModel) -> None:
-    """Assert what is asked of a calibration: 0.2 % of the focal length, 0.5 px of the centre."""
+    """Assert a calibration's accuracy: 0.2 % of the focal length, 0.5 px of the centre."""
     assert camera.fx_px == pytest.approx(true.fx_px, rel=2e-3)
     assert camera.fy_px == pytest.approx(true.fy_px, rel=2e-3)
     assert camera.cx_px == pytest.approx(true.cx_px, abs=0.5)

@@ -129,7 +129,7 @@ def test_impossible_views_are_refused(wrong: dict[str, float]) -> None:
 
 
 def test_a_thousand_carpet_points_agree_with_the_twin() -> None:
-    """What the twin draws of the carpet lies within 1 mm of where the ground plane puts it."""
+    """The carpet rendered by the twin lies within 1 mm of the ground plane."""
     generator = np.random.default_rng(11)
     poses = sample_flight_poses(load_scene("val-a"), generator, 14)
     camera = anafi_camera(640, 360).resized(224, 112)

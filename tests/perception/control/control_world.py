@@ -1,4 +1,4 @@
-"""What the tests of the control student share: a tiny network, and flights in a made-up lab.
+"""Helpers for tests of the control student: a tiny network, and flights in a made-up lab.
 
 A picture of that lab is dark where the way is blocked, and the side to turn to is the bright one:
 a network of any size can learn it.
@@ -23,7 +23,7 @@ TURN_RAD = 0.5
 def picture(
     answer: Answer, rng: np.random.Generator, net: ControlNetConfig = TINY
 ) -> NDArray[np.uint8]:
-    """Return what a way looks like that the rule gives this answer to."""
+    """Return an image of a path to which the rule gives this answer."""
     rgb = rng.integers(90, 110, (net.height_px, net.width_px, 3)).astype(np.uint8)
     if isinstance(answer, Blocked):
         half = net.width_px // 2

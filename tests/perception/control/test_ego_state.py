@@ -1,4 +1,4 @@
-"""What the control student is told beside the pixels."""
+"""The control student's inputs besides the pixels."""
 
 from __future__ import annotations
 

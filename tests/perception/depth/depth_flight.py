@@ -21,7 +21,7 @@ AHEAD_M = 0.15
 
 @dataclass(frozen=True, kw_only=True)
 class KnownFlight:
-    """Footage and what is true about it."""
+    """Footage and its ground truth."""
 
     footage: Footage
     depth_m: NDArray[np.float32]  # (N, 256, 320)

@@ -1,4 +1,4 @@
-"""The corridor: against brute-force intersection, known cases, and what is unknown."""
+"""The corridor: brute-force intersection, known cases, and unknown depth."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def test_the_papers_image_plane_takes_the_side_walls_from_wide_pixels() -> None:
     assert SIDES[nearer.side[20, 60]] == "right"
 
 
-# --- what is inside -------------------------------------------------------------------------------
+# --- inside the corridor --------------------------------------------------------------------------
 
 
 def test_a_free_way_has_nothing_in_it() -> None:
@@ -263,7 +263,7 @@ def test_only_things_count_where_they_are_told() -> None:
     assert built(depth).free_distance_m < 0.5
 
 
-# --- what is unknown ------------------------------------------------------------------------------
+# --- unknown depth --------------------------------------------------------------------------------
 
 
 def test_unknown_background_is_no_obstacle() -> None:

@@ -1,4 +1,4 @@
-"""Metric depth from network, contact or both, and every reason why there is none."""
+"""Metric depth from network, contact or both, and every reason for refusing a frame."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def class_map(drawn: View, captured_s: float = 3.0) -> ClassMap:
 
 
 def relative(drawn: View, unit: float = 0.25, captured_s: float = 3.0) -> DepthMap:
-    """What a perfect network says in a unit of its own."""
+    """Output of a perfect network in an arbitrary unit."""
     return DepthMap(depth=drawn.depth * np.float32(unit), metric=False, captured_s=captured_s)
 
 
@@ -192,7 +192,7 @@ def test_unknown_sources_are_refused() -> None:
         maker("fusd")
 
 
-# --- what is remembered ---------------------------------------------------------------------------
+# --- remembered bases -----------------------------------------------------------------------------
 
 
 def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(drawn: View) -> None:

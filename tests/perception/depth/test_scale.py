@@ -1,4 +1,4 @@
-"""The scale of relative depth: on known depth, from the carpet, and refused where there is none."""
+"""The scale of relative depth: on known depth, from the carpet, and without carpet."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def carpet_ids() -> np.ndarray:
 
 
 def predicted(scale: float = 2.5, shift_m: float = 0.0) -> np.ndarray:
-    """What a perfect network of that scale would say: ``(truth - shift) / scale``."""
+    """Output of a perfect network of that scale: ``(truth - shift) / scale``."""
     return ((ground_depth(VIEW) - shift_m) / scale).astype(np.float32)
 
 

@@ -119,7 +119,7 @@ def test_the_compact_pair_wins_over_a_scatter() -> None:
 
 
 def test_a_scatter_alone_is_refused() -> None:
-    """The scatter of the test before is no pad even without a better one."""
+    """Scattered pixels as in the previous test are not a pad, even without a better pair."""
     ids = carpet()
     cv2.line(ids, (150, 20), (200, 60), HELIPAD_H, 1)
     cv2.line(ids, (200, 20), (150, 60), HELIPAD_H, 1)

@@ -1,4 +1,4 @@
-"""From class maps to a fix: what is taken for the helipad, and how far that is trusted."""
+"""Fixes from class maps: accepted detections of the helipad, and their confidence."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def found(
 
 
 def view(range_m: float, pitch_deg: float, height_m: float) -> HelipadFix | None:
-    """Return the fix of the twin's pad so far ahead of the camera."""
+    """Return the fix of the twin's pad at a distance ahead of the camera."""
     pose = CameraPose(
         x_m=-range_m, y_m=0.0, z_m=height_m, yaw_rad=0.0, pitch_rad=math.radians(pitch_deg)
     )
@@ -58,7 +58,7 @@ def test_a_whole_h_is_trusted(range_m: float, pitch_deg: float) -> None:
 
 @pytest.mark.parametrize("above_m", [0.05, 0.15])
 def test_from_just_above_the_pad_it_is_near_but_hardly_trusted(above_m: float) -> None:
-    """The camera looks past its middle: what is in view is ahead of it."""
+    """The camera looks past the pad's middle: the visible part is ahead of it."""
     fix = view(-CAMERA_FORWARD_M, -42.0, LandingMark.height_m + above_m)
 
     assert fix is not None

@@ -227,7 +227,7 @@ def test_refuses_what_is_no_detection(
 
 
 def test_the_noise_model_is_configurable() -> None:
-    """A wide gate lets in what the default refuses."""
+    """A wide gate accepts detections that the default rejects."""
     tracker = HelipadTracker(HelipadTrackerConfig(gate=1e6))
     tracker.predict(state(0.0))
     tracker.update(2.0, 0.0, captured_s=0.0, confidence=1.0)

@@ -21,7 +21,7 @@ SMALL = GroundGridConfig(reach_m=2.0)
 def see(
     grid: GroundGrid, group: int, *, ahead_m: float, x_m: float = 0.0, captured_s: float = 1.0
 ) -> None:
-    """Show the grid one sample, so far ahead of a camera at x."""
+    """Add one sample at a distance ahead of a camera at x."""
     scan = GroundScan(
         groups=np.array([[group]], dtype=np.uint8),
         level_m=np.array([[[ahead_m, 0.0]]]),

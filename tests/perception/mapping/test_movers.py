@@ -183,7 +183,7 @@ CART_ID = BOXES[4]
 
 
 def class_ids(cart_m: tuple[float, float] | None, height_m: float = HEIGHT_M) -> NDArray[np.uint8]:
-    """Return what a drone at (-1, 0) sees: ground without end, a box and the cart."""
+    """Return the view of a drone at (-1, 0): endless ground, a box and the cart."""
     rows, columns = np.indices((112, 224))
     right = (columns - CAMERA.cx_px) / CAMERA.fx_px
     below = (rows - CAMERA.cy_px) / CAMERA.fy_px

@@ -42,7 +42,7 @@ def carpet() -> Ids:
 
 
 def draw_box(ids: Ids, forward_m: float, left_m: float, right_m: float) -> Ids:
-    """Ray-cast a high box's front face, so far ahead of the camera, its ends to the right."""
+    """Ray-cast a high box's front face: its distance ahead of the camera, its ends to the right."""
     rows, columns = np.mgrid[: ids.shape[0], : ids.shape[1]]
     rays = pixel_rays(np.stack([columns, rows], axis=-1), CAMERA, PITCH_RAD)
     across = forward_m / rays[..., 0] * rays[..., 1]
@@ -80,7 +80,7 @@ def state(time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0) -> Dron
 
 
 class Flight:
-    """A drone whose telemetry places what it sees.
+    """A drone with telemetry that places its views.
 
     Args:
         config: which points are kept.
@@ -122,7 +122,7 @@ def bases(ids: Ids) -> Bases:
 def test_a_base_is_where_the_box_meets_the_carpet(
     forward_m: float, left_m: float, right_m: float
 ) -> None:
-    """Within what a pixel of the row is worth, and as wide as the box; none of it is hidden."""
+    """Within one pixel of the row, and as wide as the box; none of it is hidden."""
     found = bases(draw_box(carpet(), forward_m, left_m, right_m))
 
     # At the outline's ends a bearing may pass it and meet the face further up: behind, not before.
@@ -138,7 +138,7 @@ def test_a_base_is_where_the_box_meets_the_carpet(
 
 
 def test_what_floats_before_the_background_has_no_base() -> None:
-    """Below it there is no carpet to meet."""
+    """The box has no carpet below it."""
     ids = draw_box(carpet(), 2.2, -0.3, 0.2)
     ids[ids == CARPET] = BACKGROUND
 
@@ -147,7 +147,7 @@ def test_what_floats_before_the_background_has_no_base() -> None:
 
 
 def test_the_carpet_ends_where_background_follows_it() -> None:
-    """Across the view 2.5 m ahead, but not behind a box, whose own base is no edge."""
+    """Across the view 2.5 m ahead, but not behind a box: the base of a box is not an edge."""
     ids = end_carpet(draw_box(carpet(), 1.8, -0.3, 0.2), 2.5)
 
     edges_m = bases(ids).edges_m
@@ -241,7 +241,7 @@ def test_seen_again_a_point_is_kept_once() -> None:
 
 
 def test_carpet_seen_in_its_place_forgets_a_point() -> None:
-    """What was a mistake, or was moved, does not stay."""
+    """Mistakes and moved obstacles are dropped."""
     flight = Flight()
     flight.predict(state(0.0))
     flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
@@ -254,7 +254,7 @@ def test_carpet_seen_in_its_place_forgets_a_point() -> None:
 
 
 def test_old_points_are_forgotten() -> None:
-    """Dead reckoning goes astray: nothing is kept for longer than its time."""
+    """Dead reckoning drifts, so every point is dropped after its time."""
     flight = Flight(RecentLayerConfig(max_age_s=5.0))
     flight.predict(state(0.0))
     flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)

@@ -1,4 +1,4 @@
-"""Files of weights: what is damaged in them is one error."""
+"""Weights files: damaged files give one clear error."""
 
 from __future__ import annotations
 

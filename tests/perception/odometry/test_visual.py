@@ -43,7 +43,7 @@ def fly(
     yaw_off_rad: Callable[[int], float] = lambda _: 0.0,
     height_off_m: Callable[[int], float] = lambda _: 0.0,
 ) -> CarpetOdometry:
-    """Show the pictures of poses, 0.1 s apart, with the reported velocity and what is off."""
+    """Show the images of poses, 0.1 s apart, with the reported velocity and errors."""
     odometry = CarpetOdometry()
     for index, view in enumerate(
         render_views(LAB, poses, size_px=SIZE_PX, profile=Profile.named("lab"))
@@ -217,7 +217,7 @@ def test_what_telemetry_misses_goes_on_while_the_ground_is_out_of_view() -> None
 
 
 def test_a_velocity_that_is_only_late_is_no_error_of_telemetry() -> None:
-    """From 0.6 s on it slides, at 0.3 m/s after 1.2 m/s2; told each 0.2 s, heard 0.2 s late."""
+    """From 0.6 s on it slides at 0.3 m/s after 1.2 m/s2; reports every 0.2 s, 0.2 s late."""
     times_s = [STEP_S * step for step in range(26)]
     slides_s = [max(0.0, time_s - 0.6) for time_s in times_s]
     mps = [min(0.3, 1.2 * slid_s) for slid_s in slides_s]

@@ -1,4 +1,4 @@
-"""What a foreign network's classes mean here."""
+"""Mappings from a foreign network's classes to ours."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_a_class_the_network_does_not_have_is_refused() -> None:
 
 
 class Told:
-    """A segmenter that says what it was made with."""
+    """A segmenter that returns given class ids."""
 
     def __init__(self, *ids: int) -> None:
         self._ids = np.array([ids], np.uint8)

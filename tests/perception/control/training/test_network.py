@@ -129,7 +129,7 @@ def test_integers_need_pictures(weights: Path, tmp_path: Path) -> None:
         STUDENT_FILES.export(weights, tmp_path / "x.onnx", calibration=[])
 
 
-# --- what is refused ------------------------------------------------------------------------------
+# --- refused input --------------------------------------------------------------------------------
 
 
 def test_weights_of_another_version_are_refused(weights: Path, tmp_path: Path) -> None:
@@ -212,7 +212,7 @@ def test_views_of_another_number_or_size_are_refused(weights: Path) -> None:
         student.estimate(PICTURES, NUMBERS[:9])
 
 
-# --- what the outputs mean ------------------------------------------------------------------------
+# --- meaning of the outputs -----------------------------------------------------------------------
 
 
 def test_a_choice_is_told_by_shares_and_metres() -> None:

@@ -1,4 +1,4 @@
-"""Depth by what things stand on, against the twin's exact depth; and what it must not claim."""
+"""Depth by ground contact against the twin's exact depth, and cases that must stay unknown."""
 
 from __future__ import annotations
 
@@ -222,7 +222,7 @@ def test_below_the_helipads_top_its_top_is_not_guessed() -> None:
     assert CAMERA.forward_offset_m == CAMERA_FORWARD_M
 
 
-# --- what is remembered ---------------------------------------------------------------------------
+# --- remembered bases -----------------------------------------------------------------------------
 
 
 def outline(x_m: float, y_m: float, half_m: float = 0.2) -> np.ndarray:
@@ -277,7 +277,7 @@ def test_a_base_in_view_comes_before_what_is_remembered() -> None:
 
 
 def test_what_another_box_hides_is_not_taken_for_that_one() -> None:
-    """The nearer box's outline is remembered on the same azimuths; it says nothing of the other."""
+    """The near box's outline is remembered on the same azimuths; it is not the other's base."""
     tall = BoxSpec(pattern=2, position_m=(1.6, 0.0), size_m=(0.3, 0.3, 2.0))
     low = BoxSpec(pattern=1, position_m=(1.1, 0.0), size_m=(0.4, 0.8, 0.6))
     drawn = look(tall, low)
@@ -299,7 +299,7 @@ def test_a_memory_that_strays_stays_within_its_bound() -> None:
 
 @pytest.mark.parametrize("pitch_deg", [-15.0, -8.0])
 def test_nothing_is_claimed_to_be_beyond_the_lab(pitch_deg: float) -> None:
-    """A speck of a box at the horizon has no base there; the carpet does not reach so far."""
+    """Mask noise of a box at the horizon has no base: the carpet ends nearer."""
     view = CameraView(camera=CAMERA, pitch_rad=math.radians(pitch_deg), height_m=1.5)
     ids = np.full((SIZE[1], SIZE[0]), CARPET, dtype=np.uint8)
     horizon = round(CAMERA.cy_px + CAMERA.fy_px * math.tan(view.pitch_rad))

@@ -1,4 +1,4 @@
-"""The terms of the loss: known values, masks, and what they must not be moved by."""
+"""The loss terms: known values, masks, and invariances."""
 
 import numpy as np
 import pytest
@@ -134,7 +134,7 @@ def test_the_same_picture_has_no_photometric_error() -> None:
 def test_flat_black_and_flat_white_are_as_unlike_as_can_be() -> None:
     black, white = torch.zeros(1, 3, 12, 16), torch.ones(1, 3, 12, 16)
     error = losses.photometric_error(black, white)
-    # SSIM of two flat pictures is C1 / (1 + C1): nearly nought.
+    # SSIM of two flat pictures is C1 / (1 + C1): nearly zero.
     torch.testing.assert_close(error, torch.full_like(error, 0.15 + 0.85 / 2.0), atol=1e-4, rtol=0)
 
 

@@ -1,4 +1,4 @@
-"""The networks: shapes, size, what they say untrained, and the files made from them."""
+"""The networks: shapes, size, untrained output, and exported files."""
 
 import hashlib
 from collections.abc import Iterator

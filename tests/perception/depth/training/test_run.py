@@ -1,4 +1,4 @@
-"""Training the depth network: it learns, resumes to the bit, and refuses what it cannot use."""
+"""Training the depth network: it learns, resumes bit by bit, and refuses unusable input."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Files made of networks: what they refuse, and that 8-bit integers agree with floats."""
+"""Network files: refused contents, and agreement of 8-bit integers with floats."""
 
 from pathlib import Path
 
