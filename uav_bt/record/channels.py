@@ -192,7 +192,7 @@ class StatusNote:
 
 SCHEMA_VERSION: Final = 2  # version of the whole record; readers refuse a newer one
 
-# Names of the two metadata records, written at the begin and at the end of the flight.
+# Names of the two metadata records, written at the start and at the end of the flight.
 START: Final = "uav_bt.flight"
 END: Final = "uav_bt.end"
 

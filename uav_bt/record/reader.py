@@ -42,7 +42,7 @@ class RecordReader:
         path: the file.
 
     Attributes:
-        metadata: facts written at the begin of the flight.
+        metadata: facts written at the start of the flight.
         attachments: attached files by name: the tree's files, the scene.
         timeline: converts mission seconds and record times.
         camera: camera of the drone.
@@ -262,7 +262,7 @@ class RecordReader:
                     moment = self._moment(found, statuses)
                     statuses = moment.statuses
                     yield moment
-                elif channels.TREE_STATUS.topic in found:  # the statuses at the begin of a part
+                elif channels.TREE_STATUS.topic in found:  # the statuses at the start of a part
                     statuses = self._statuses(found[channels.TREE_STATUS.topic])
                 found, time_ns = {}, message.time_ns
             found[message.topic] = message.data

@@ -303,7 +303,7 @@ def test_the_leaf_that_finds_the_mark_gets_the_sites_height(tmp_path: Path) -> N
 def test_a_mark_that_no_leaf_looks_for_is_no_mistake(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """An emergency landing needs its height, too."""
+    """An emergency landing also needs the height."""
     loaded(tmp_path, "<EmergencyLand/>", Site(mark=LandingMark()))
     assert caplog.messages == []
 
