@@ -161,7 +161,7 @@ class OlympeDrone:
         return replace(command, movement=movement, gimbal=gimbal)
 
     def disconnect(self) -> None:
-        """Disconnect; the firmware then decides what the drone does. Safe to call twice."""
+        """Disconnect; the firmware then controls the drone. Safe to call twice."""
         flight, self._flight = self._flight, None
         if flight is not None:
             flight.link.close()

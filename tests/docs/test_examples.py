@@ -23,7 +23,7 @@ PRINTED: Final = {
 
 
 def run(folder: Path, *words: str) -> str:
-    """Run Python in a folder and return what it prints."""
+    """Run Python in a folder and return its output."""
     result = subprocess.run(  # noqa: S603  # our own interpreter and files
         [sys.executable, *words],
         env={**os.environ, "MPLBACKEND": "agg"},

@@ -123,7 +123,7 @@ class MapFrame:
             footer_px: height of the legend below the extent.
 
         Raises:
-            ValueRangeError: there is no space for the extent.
+            ValueRangeError: the image is too small for the extent.
         """
         wide_m, high_m = (side + 2 * margin_m for side in extent_m)
         wide_px, high_px = size_px[0], size_px[1] - header_px - footer_px

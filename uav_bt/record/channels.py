@@ -34,7 +34,7 @@ from uav_bt.types.site_map import SiteMapBase
 
 Quality = Literal["lossless", "high", "small"]
 
-_STATUSES: Final = frozenset({*Status.__members__, "INVALID"})  # older records have the latter
+_STATUSES: Final = frozenset({*Status.__members__, "INVALID"})  # older records have INVALID
 _MAX_TIME_S: Final = 1e9  # views count nanoseconds in 64 bits
 _OVERRIDES: Final = frozenset({None, *(override.value for override in Override)})
 
@@ -77,13 +77,13 @@ class TickNote:
     """A tick of the runner."""
 
     index: int
-    time_s: float  # of the mission clock, exactly
+    time_s: float  # exact time of the mission clock
     tree_status: str
     phase: str = ""
     active: tuple[str, ...] = ()  # names from the root to the deepest running node
     word: str = ""  # feedback of the deepest running node
     compute_s: float = 0.0  # wall time of the tree, networks included
-    frame_index: int | None = None  # of the newest frame; None before the first
+    frame_index: int | None = None  # index of the newest frame; None before the first
     slow_leaves: tuple[str, ...] = ()  # leaves that exceeded their time budget
 
     def __post_init__(self) -> None:
@@ -115,7 +115,7 @@ class CommandNote:
     proposed_by: str | None = None  # the leaf's path
     proposed_gimbal: GimbalTo | None = None
     decided: Command
-    sent: Command  # after the drone's limits
+    sent: Command  # command after the drone's limits
     override: str | None = None  # the safety rule that replaced the proposal
 
     def __post_init__(self) -> None:
@@ -131,8 +131,8 @@ class FrameNote:
     captured_s: float
     gimbal_pitch_rad: float
     attitude: Attitude = field(default_factory=Attitude)
-    altitude_m: float = 0.0  # above the take-off point
-    height_m: float = 0.0  # above the surface below
+    altitude_m: float = 0.0  # altitude above the take-off point
+    height_m: float = 0.0  # height above the surface below
     height_above_carpet_m: float = 0.0
 
     @classmethod
@@ -190,9 +190,9 @@ class StatusNote:
             raise ValueRangeError(f"unknown node status '{min(unknown):.40}'")
 
 
-SCHEMA_VERSION: Final = 2  # of the whole record; readers refuse a newer one
+SCHEMA_VERSION: Final = 2  # version of the whole record; readers refuse a newer one
 
-# Names of the two metadata records, written at the begin and at the end of the flight.
+# Names of the two metadata records, written at the start and at the end of the flight.
 START: Final = "uav_bt.flight"
 END: Final = "uav_bt.end"
 

@@ -56,7 +56,7 @@ class LogLine:
 
     level: str  # "Info", "Warning" or "Error"
     message: str
-    name: str  # of the logger
+    name: str  # name of the logger
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class RawMoment:
     proposed: Movement | None
     proposed_gimbal: GimbalTo | None
     board: dict[str, tuple[Any, float]]  # value and capture time by key
-    statuses: tuple[Status, ...]  # of all nodes
+    statuses: tuple[Status, ...]  # statuses of all nodes
     log: tuple[LogLine, ...] = ()
 
 
@@ -75,8 +75,8 @@ class MomentEncoder:
     """Encodes moments in their order; each value only when it is new.
 
     Args:
-        timeline: of the record.
-        camera: of the drone.
+        timeline: timeline of the record.
+        camera: camera of the drone.
         config: how images are kept.
     """
 
@@ -88,7 +88,7 @@ class MomentEncoder:
         self._last: dict[str, Any] = {}  # the board values written last
         self._statuses: tuple[Status, ...] | None = None
         self._map_s = -math.inf  # time of the last site map
-        self._near: NearObstacles | None = None  # written last
+        self._near: NearObstacles | None = None  # the value written last
 
     def encode(self, moment: RawMoment, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - called by the worker
         """Yield a moment's messages.

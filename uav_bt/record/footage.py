@@ -52,7 +52,7 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
     """Yield frames with an image, states and advice, in the order of time.
 
     Args:
-        reader: of the record. Images are decoded on access; other channels are not decoded.
+        reader: reader of the record. Images are decoded on access; other channels are not decoded.
 
     Raises:
         FileError: the record is damaged.

@@ -52,7 +52,7 @@ _COMPRESSED_DATA: Final = 2
 _WIDTH, _HEIGHT, _ENCODING, _DATA = 2, 3, 4, 6
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # protobuf's wire types
 _FIXED_SIZES: Final = {_FIXED64: 8, _FIXED32: 4}
-_MAX_VARINT_BYTES: Final = 10  # of 64 bits, seven at a time
+_MAX_VARINT_BYTES: Final = 10  # 64 bits in groups of seven
 
 
 def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str]:

@@ -22,7 +22,7 @@ class ChannelInfo:
     content: str  # the schema's name
     messages: int
     rate_hz: float  # over the whole record
-    bytes: int  # of the messages, before they were compressed
+    bytes: int  # size of the messages before compression
     dropped: int  # messages omitted in flight
 
 
@@ -48,7 +48,7 @@ def record_info(path: Path) -> RecordInfo:
     """Return the summary of a record; reads all of it to find every damage.
 
     Raises:
-        FileError: the file cannot be read, is no flight record, or is of a newer version.
+        FileError: the file cannot be read, is not a flight record, or has a newer version.
     """
     reader = RecordReader(path)
     counts: Counter[str] = Counter()

@@ -120,7 +120,7 @@ def log_line(level: str, message: str, name: str, time_ns: int) -> bytes:
     Args:
         level: "Info", "Warning" or "Error".
         message: the line.
-        name: of the logger.
+        name: name of the logger.
         time_ns: on the record's timeline.
     """
     return foxglove.Log(

@@ -57,12 +57,12 @@ class StoredFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """One tick. A field is None if its value was not new in this tick or is missing."""
+    """One tick. A field is None if it is missing or has no new value in this tick."""
 
     tick: TickNote
     commands: CommandNote
     state: DroneState
-    statuses: tuple[str, ...]  # of all nodes, in the order of `RecordReader.tree`
+    statuses: tuple[str, ...]  # statuses of all nodes, in the order of `RecordReader.tree`
     board: Mapping[str, Any] = field(default_factory=dict)  # {key: {"value", "captured_s"}}
     frame: StoredFrame | None = None
     class_map: ClassMap | None = None
@@ -70,7 +70,7 @@ class Moment:
     metric_depth: DepthMap | None = None  # whole millimetres; NaN where unknown
     corridor: Corridor | None = None
     helipad: HelipadFix | None = None
-    near: NearObstacles | None = None  # of the site map
+    near: NearObstacles | None = None  # near obstacles of the site map
     site_map: SiteMap | None = None  # kept at most twice a second
     truth: Truth | None = None
 
@@ -80,7 +80,7 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
 
     Args:
         found: the messages by topic.
-        statuses: of the nodes after the previous tick.
+        statuses: statuses of the nodes after the previous tick.
 
     Raises:
         InputError: a message is damaged or missing.

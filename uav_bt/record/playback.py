@@ -37,7 +37,7 @@ class Playback:
     """One record, tick by tick, with the board and the statuses after each tick.
 
     Args:
-        reader: of the record.
+        reader: reader of the record.
     """
 
     def __init__(self, reader: RecordReader) -> None:
@@ -46,7 +46,7 @@ class Playback:
         self._paths = tuple(node.path for node in reader.tree.nodes)
         self._statuses: tuple[str, ...] = ()
         self._frame: Frame | None = None
-        self._map: SiteMap | None = None  # the last; a record has two per second
+        self._map: SiteMap | None = None  # the last map; a record has two per second
         self.board = Blackboard(self._clock, keys.MISSION_KEYS)
 
     @property

@@ -42,16 +42,16 @@ class RecordReader:
         path: the file.
 
     Attributes:
-        metadata: facts written at the begin of the flight.
+        metadata: facts written at the start of the flight.
         attachments: attached files by name: the tree's files, the scene.
         timeline: converts mission seconds and record times.
-        camera: of the drone.
+        camera: camera of the drone.
         tree: the nodes, in the order of the statuses in the moments.
         finished: whether the record was closed. An unfinished one lacks index, summary and `end`.
         damages: the damage that the last pass found.
 
     Raises:
-        FileError: the file cannot be read, is no flight record, or is of a newer version.
+        FileError: the file cannot be read, is not a flight record, or has a newer version.
         MissingDependencyError: the extra `record` is not installed.
     """
 
@@ -152,7 +152,7 @@ class RecordReader:
         with self.path.open("rb") as stream:
             try:
                 records: Iterable[Any] = list(self._indexed(stream).iter_metadata())
-            except Exception:  # noqa: BLE001 - whatever a damaged index makes of the parser
+            except Exception:  # noqa: BLE001 - a damaged index raises anything in the parser
                 records = self._scan  # slower, but needs no index
             for record in records:
                 if isinstance(record, Metadata) and record.name == END:
@@ -262,7 +262,7 @@ class RecordReader:
                     moment = self._moment(found, statuses)
                     statuses = moment.statuses
                     yield moment
-                elif channels.TREE_STATUS.topic in found:  # the statuses at the begin of a part
+                elif channels.TREE_STATUS.topic in found:  # the statuses at the start of a part
                     statuses = self._statuses(found[channels.TREE_STATUS.topic])
                 found, time_ns = {}, message.time_ns
             found[message.topic] = message.data

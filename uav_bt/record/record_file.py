@@ -49,7 +49,7 @@ class RecordFile:
     """An MCAP file open for writing.
 
     Args:
-        path: of the file; an old record of that name is replaced.
+        path: path of the file; an old record of that name is replaced.
 
     Raises:
         FileError: the file cannot be written.

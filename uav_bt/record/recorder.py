@@ -57,8 +57,8 @@ class FlightRecorder:
     Args:
         file: the record; this recorder closes it.
         tree: the mission's tree, set up but not ticked yet.
-        context: of the mission.
-        camera: of the drone.
+        context: context of the mission.
+        camera: camera of the drone.
         facts: known before the flight.
         start_ns: wall-clock start of the record's timeline, nanoseconds since 1970.
         config: amount of data and limits.

@@ -47,7 +47,7 @@ def is_finished(path: Path) -> bool:
     """Return whether a record was closed, and so has index and summary.
 
     Raises:
-        FileError: it cannot be read or is no MCAP file.
+        FileError: the file cannot be read or is not an MCAP file.
     """
     with reading(path), path.open("rb") as stream:
         _check_magic(stream, path)
@@ -82,7 +82,7 @@ class RecordScan:
         """Yield headers, schemas, channels, messages, metadata and attachments, in file order.
 
         Raises:
-            FileError: the file cannot be read or is no MCAP file.
+            FileError: the file cannot be read or is not an MCAP file.
         """
         self.damages, self.finished = [], False
         with reading(self._path), self._path.open("rb") as stream:
@@ -118,7 +118,7 @@ class RecordScan:
                 self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
                 return
             if isinstance(record, DataEnd):
-                # The rest repeats what was read. A footer shows that it was written whole.
+                # The rest repeats data that was read. A footer shows that it is complete.
                 self.finished = is_finished(self._path)
                 return
             if not isinstance(record, Chunk):
@@ -143,7 +143,7 @@ def opened(chunk: Chunk, max_bytes: int = _MAX_CHUNK_BYTES) -> list[McapRecord]:
         max_bytes: limit of the opened size.
 
     Raises:
-        ValueError: the chunk is larger than the limit or than its own size field; its parsers
+        ValueError: the chunk is larger than the limit or than its size field; its parsers
             raise further exceptions.
     """
     size = chunk.uncompressed_size

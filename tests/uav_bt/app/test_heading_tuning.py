@@ -164,7 +164,7 @@ def test_a_response_that_no_gain_can_steer_is_refused() -> None:
 class Swing(Leaf):
     """Turn to and fro at 0.4 rad/s, 1.1 s each way, for 13 s.
 
-    Telemetry comes every 0.2 s: turns of 1 s would begin at the same age of the telemetry always.
+    Telemetry comes every 0.2 s: turns of 1 s would always begin at the same age of the telemetry.
     """
 
     reads = (STATE,)

@@ -297,7 +297,7 @@ def test_half_a_mark_keeps_the_other_half(tmp_path: Path) -> None:
 def test_a_mark_that_no_leaf_looks_for_is_no_mistake(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """An emergency landing needs its height, too."""
+    """An emergency landing also needs the height."""
     loaded(tmp_path, "<EmergencyLand/>", Site(mark=LandingMark()))
     assert caplog.messages == []
 

@@ -45,7 +45,7 @@ def observed(
         captured_s=time_s,
         flying=FlyingState.FLYING,
         velocity=BodyVelocity(down_mps=down_mps),
-        altitude_m=altitude_m - 0.1,  # height of its stand at the start
+        altitude_m=altitude_m - 0.1,  # the take-off surface is 0.1 m high
         height_m=true_m - surface_m,
         height_above_carpet_m=altitude_m,
     )

@@ -1,4 +1,4 @@
-"""The flight report: begin and end of its quantities, and null for those not reached."""
+"""The flight report: start and end of its quantities, and null for those not reached."""
 
 from __future__ import annotations
 

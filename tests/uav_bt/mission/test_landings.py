@@ -123,7 +123,7 @@ class Sinking(ScriptedDrone):
 
     @property
     def sent_since(self) -> list[Movement]:
-        """The movements sent from the begin of the fault on."""
+        """The movements sent from the start of the fault on."""
         assert self._begin is not None
         first = round(self._begin[0] / 0.1)
         return [command.movement for command in self.commands[first:]]
@@ -154,7 +154,7 @@ def tree_of(body: str, context: MissionContext) -> MissionTree:
 def fly(
     drone: ScriptedDrone, *, then: str | None = None, until_s: float = 30.0
 ) -> tuple[Outcome, Records]:
-    """Fly a landing; `then` is another tree, offered from the begin of the descent."""
+    """Fly a landing; `then` is another tree, offered from the start of the descent."""
     context = MissionContext(
         board=Blackboard(drone.clock, MISSION_KEYS), clock=drone.clock, proposals=Proposals()
     )

@@ -874,7 +874,7 @@ def test_a_connection_that_may_come_back_is_waited_for() -> None:
 
 
 def test_a_record_holds_what_was_really_sent() -> None:
-    """The drone returns the command after its own limits."""
+    """The drone returns the command that it executes within its limits."""
 
     class Slow(ScriptedDrone):
         def send(self, command: Command) -> Command:

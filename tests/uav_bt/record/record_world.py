@@ -85,7 +85,7 @@ def copy_part(
     Args:
         path: the record.
         out: the file to write.
-        from_s: begin of the part, s since the record's start.
+        from_s: start of the part, s since the record's start.
         to_s: end of the part, s since the record's start.
         metadata: entries that replace the record's, by the metadata's name.
         messages: new contents of all messages, by topic.

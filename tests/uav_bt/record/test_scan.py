@@ -186,7 +186,7 @@ def chunk_of(data: bytes, compression: str, claimed_bytes: int) -> Chunk:
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 def test_a_chunk_that_grows_to_gigabytes_is_not_opened(compression: str) -> None:
-    """The declared size does not matter, whether it is true or false."""
+    """A true size is refused at once, a false one as soon as the data exceed it."""
     zeros = bytes(200_000_000)
     with pytest.raises(ValueError, match="a chunk of 200000000 bytes, opened, more than 33554432"):
         opened(chunk_of(zeros, compression, len(zeros)))

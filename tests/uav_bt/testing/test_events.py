@@ -23,7 +23,7 @@ class Fly(Leaf):
 
 
 class Clear(Leaf):
-    """Says whether the way is clear."""
+    """Reports whether the path is clear."""
 
     condition = True
 

@@ -1,4 +1,4 @@
-"""Faults: their begin and end, and the effect of each kind on observations and commands."""
+"""Faults: their start and end, and the effect of each kind on observations and commands."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def tick_of(phase: str, observation: Observation, time_s: float) -> TickRecord:
 
 
 def last(text: str) -> Observation:
-    """Return the observation of the flight's fourth tick."""
+    """Return the observation of the fourth tick, the second one after the fault's start."""
     drone, world = faulty(text)
     return ticks(drone, world, *go(TakeOff(), Hover(), Hover(), Hover()))[-1]
 
@@ -136,7 +136,7 @@ def test_a_fault_waits_for_its_phase() -> None:
 def test_a_frozen_image_has_fresh_stamps() -> None:
     seen = last("frozen@start+0.2")
     assert seen.frame is not None
-    assert seen.frame.image.max() == 11  # of the second tick
+    assert seen.frame.image.max() == 11  # the image of the second tick
     assert (seen.frame.index, seen.frame.captured_s) == (3, pytest.approx(0.3))
 
 

@@ -16,7 +16,7 @@ WORDS = {NodeEvent.STARTED: "start", NodeEvent.RAN: "running", NodeEvent.HALTED:
 
 
 class Scripted(Leaf):
-    """Stands in the traces' files; its mock does its work."""
+    """The leaf of the traces' files; a mock replaces it."""
 
     ports = (Port("script", str, doc="what it answers"),)
 

@@ -37,7 +37,7 @@ def fly(world: World, door: str, inside: str, *more: str) -> MissionTree:
 
 
 def seen(tree: MissionTree) -> float | None:
-    """Return what the climbing leaf read last."""
+    """Return the last value that the climbing leaf read."""
     climb = tree.find("Climb")
     assert isinstance(climb, Climb)
     return climb.seen

@@ -277,7 +277,7 @@ def test_trees_that_nobody_uses_are_typed_too() -> None:
     assert "variable 'x' holds HelipadFix" in found.message
 
 
-# --- variables that nothing writes ----------------------------------------------------------------
+# --- variables without a writer -------------------------------------------------------------------
 
 
 def test_an_unwritten_variable_of_a_subtree_is_found() -> None:

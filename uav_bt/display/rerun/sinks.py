@@ -39,7 +39,7 @@ def need_display(instead: str, environment: Mapping[str, str] | None = None) -> 
         environment: environment variables; None: those of this process.
 
     Raises:
-        InputError: there is no display.
+        InputError: no display was found.
     """
     given = os.environ if environment is None else environment
     if not (sys.platform == "darwin" or given.get("DISPLAY") or given.get("WAYLAND_DISPLAY")):

@@ -51,13 +51,13 @@ class Halves:
 
 
 def carpet() -> NDArray[np.uint8]:
-    """Carpet up to 4 m, nothing beyond."""
+    """Class ids: carpet up to 4 m, background beyond."""
     exact = ground_depth(view_of(frame(), CAMERA, SIZE))
     return np.where(exact < 4.0, CARPET, BACKGROUND).astype(np.uint8)
 
 
 def with_box(near_row: int = 80) -> NDArray[np.uint8]:
-    """A box in the middle of the image that stands on the carpet at a row."""
+    """Class ids of a box in the middle of the image, which meets the carpet at a row."""
     ids = carpet()
     ids[:near_row, 96:128] = BOX
     return ids

@@ -71,7 +71,7 @@ def test_the_site_map_is_at_most_half_a_second_old(
         if again is not None and live is not None:
             assert 0.0 <= live[0].captured_s - again[0].captured_s <= 0.6
             assert again[0].restarts == live[0].restarts
-            assert plain(again[0].near) == plain(live[0].near)  # of every tick
+            assert plain(again[0].near) == plain(live[0].near)  # recorded in every tick
             compared += 1
     assert compared > 20
 

@@ -175,5 +175,5 @@ def test_a_follower_that_raises_is_left_alone(caplog: pytest.LogCaptureFixture) 
         bench.background.close()
     assert isinstance(bench.background.failure, ValueError)
     assert caplog.text.count("the window is gone") == 1
-    bench.tick("three")  # logs nothing more
+    bench.tick("three")  # has no effect
     bench.background.close()
