@@ -39,6 +39,7 @@ class MovingLeaf(Leaf):
     has ended, and the leaf decides anew.
     """
 
+    moves = True
     resumes: ClassVar[bool] = True  # False: a movement that ends early has ended; decide anew
 
     def on_setup(self, mission: MissionContext) -> None:
