@@ -16,6 +16,7 @@ from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
 class HoverFor(Leaf):
     """Hover for a time; time under manual control does not count."""
 
+    moves = True
     ports = (Port("seconds", float, default=3.0, least=0, most=3600, doc="how long, s"),)
     writes = (PHASE,)
 
@@ -45,6 +46,7 @@ class HoverFor(Leaf):
 class PointCamera(Leaf):
     """Tilt the camera and wait until a frame was captured at that pitch."""
 
+    points = True
     ports = (
         Port(
             "pitch_deg",

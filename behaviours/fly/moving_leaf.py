@@ -38,6 +38,7 @@ class MovingLeaf(Leaf):
     because the drone's place is unknown: it ends, and the leaf decides anew.
     """
 
+    moves = True
     resumes: ClassVar[bool] = True  # False: a movement that ends early is not resumed
 
     def on_setup(self, mission: MissionContext) -> None:

@@ -11,9 +11,10 @@ from typing import Any, Final, TypeGuard
 from uav_bt.app.options import FlightOptions, limits_of, site_of
 from uav_bt.app.site import Site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
-from uav_bt.errors import InputError
+from uav_bt.errors import InputError, TreeError
 from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
+from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.shipped import resolve_tree
@@ -47,8 +48,12 @@ def load_mission(
 
     Raises:
         InputError: the tree was refused, or its flight height lies above the ceiling.
+        TreeError: the tree would surely fail in flight.
     """
     mission = read_mission(tree, options, registry)
+    if faults := list(faults_of(mission)):
+        raise TreeError(mission.path, faults)
+    _check_variables(mission)
     _check_ceiling(mission, limits_of(options))
     return mission
 
@@ -163,6 +168,20 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey) -> None:
                     f"'{writers[0].path}' writes '{key.name}' but has no port '{name}'; give it "
                     "that port, or fly without this setting"
                 )
+
+
+def _check_variables(mission: MissionTree) -> None:
+    """Refuse a tree that needs a variable without a value.
+
+    Raises:
+        InputError: neither the file nor Python sets it.
+    """
+    unset = [name for name in mission.unset if name not in mission.variables]
+    if unset:
+        raise InputError(
+            f"nothing sets variable '{unset[0]}' of tree '{mission.name}': give it a value in a "
+            f"Script of the file, or in Python by tree.variables['{unset[0]}'] = ..."
+        )
 
 
 def _check_ceiling(mission: MissionTree, limits: Limits) -> None:

@@ -32,6 +32,8 @@ class Leaf(Node):
 
     reads: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf reads
     writes: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf writes
+    moves: ClassVar[bool] = False  # True: it proposes a movement in every tick until it ends
+    points: ClassVar[bool] = False  # True: likewise a camera direction
     condition: ClassVar[bool] = False  # True: answers at once, never RUNNING
     # Wall time that one tick of it may take: some ticks, for a machine that is busy for a moment.
     budget_s: ClassVar[float] = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -57,6 +57,7 @@ class MissionTree:
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attribute values that replace those of the tree file, by path.
         enum_members: of enumerations, integers by the names that scripts read.
+        unset: variables of this tree that its nodes need and nothing in the file sets.
     """
 
     # Called with every tree of the process once it is made: for tools such as coverage, which
@@ -73,6 +74,7 @@ class MissionTree:
         places: Mapping[str, Place] | None = None,
         replaced: Mapping[str, Mapping[str, str]] | None = None,
         enum_members: Mapping[str, int] | None = None,
+        unset: Iterable[str] = (),
     ) -> None:
         self.root = root
         self.name = name
@@ -80,6 +82,7 @@ class MissionTree:
         self.inclusions = dict(inclusions or {})
         self.places = dict(places or {})
         self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
+        self.unset = tuple(unset)
         self.variables = Variables()
         self.variables.enum_members.update(enum_members or {})
         self._ready = False

@@ -9,10 +9,9 @@ import pytest
 from tests.conformance import Scripted
 from tests.uav_bt.tree.tree_world import World, document
 from uav_bt.errors import NodeFailedError, TreeError
-from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.describe import palette_xml
 from uav_bt.tree.expanded import ExpandedNode
-from uav_bt.tree.loading.loader import unset_variables
 from uav_bt.tree.loading.palette import PaletteLeaf, read_palette, with_palette
 from uav_bt.tree.nodes import Sequence
 
@@ -211,5 +210,5 @@ def test_enumerations_of_a_palette_are_known_to_scripts(tmp_path: Path) -> None:
         '<ScriptCondition code="SUPPLY_FULL == 4"/></BehaviorTree></root>'
     )
     registry = with_palette(NodeRegistry.installed(), read_palette(palette))
-    assert unset_variables(tree, registry) == ()
-    assert unset_variables(tree) == ("SUPPLY_FULL",)
+    assert load_tree(tree, registry).unset == ()
+    assert load_tree(tree).unset == ("SUPPLY_FULL",)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +20,6 @@ from uav_bt.clock import ManualClock
 from uav_bt.errors import BoardAccessError, FileError, NodeFailedError, ValueRangeError
 from uav_bt.tree import MissionTree, Node, NodeRegistry, Status
 from uav_bt.tree.dry_run.script_file import SimulationScript, scripted_tree
-from uav_bt.tree.loading.loader import unset_variables
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.observer import NodeEvent, observe
@@ -101,7 +99,6 @@ class Simulation:
             raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
         self.tree: Final = scripted_tree(tree, script, registry, tree_id=tree_id, lookup=lookup)
         self._script = script
-        self._find_unset = partial(unset_variables, tree, registry, tree_id=tree_id, lookup=lookup)
         self._tick_s = tick_s
         self._clock = ManualClock()
         foreign = registry is not None and registry.foreign_board
@@ -159,7 +156,7 @@ class Simulation:
 
     def _name_unset(self, error: NodeFailedError) -> None:
         """Add all variables that the script has yet to give, as the first may not be the last."""
-        unset = [name for name in self._find_unset() if name not in self._script.variables]
+        unset = [name for name in self.tree.unset if name not in self._script.variables]
         if unset:
             values = ", ".join(f"{name}: 0" for name in unset)
             error.add_note(

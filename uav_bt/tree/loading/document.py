@@ -42,6 +42,7 @@ class Document:
     path: Path
     registry: NodeRegistry  # the nodes that may occur
     main: str = ""  # "": the file leaves it open
+    is_mission: bool = False  # whether the file or the caller names the main tree
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
     included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
@@ -258,6 +259,7 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
     wanted = tree_id if tree_id is not None else named
     if root.tag != "root" or (wanted is not None and wanted in document.trees):
         document.main = wanted or ""
+        document.is_mission = bool(document.main)
         return
     reason = "the file has no BehaviorTree"
     where = root.position

@@ -11,10 +11,12 @@ from typing import Any, TypedDict, Unpack
 from uav_bt import plugins
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
+from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.builder import POLICY_PORT, Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
+    ERROR,
     WARNING,
     WHOLE_FILE,
     Finding,
@@ -26,7 +28,7 @@ from uav_bt.tree.loading.findings import (
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.plans import GivenValue
 from uav_bt.tree.loading.source import parse_source, read_source
-from uav_bt.tree.loading.variable_uses import VariableUses
+from uav_bt.tree.loading.variable_uses import unset_slots
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.port import Port
@@ -167,6 +169,11 @@ class _Read:
             places=builder.places,
             replaced=builder.replaced,
             enum_members=document.enum_members,
+            unset=[
+                slot.name
+                for slot in unset_slots(document, [document.main])
+                if any(read.asks for read in slot.reads)
+            ],
         )
 
     def remarks(self) -> Iterator[Finding]:
@@ -175,8 +182,28 @@ class _Read:
         Raises:
             TreeError: it grows too large.
         """
-        self.build({}, by_key={}, mocks={})
-        return (finding for port, value in self._given for finding in _remarks(port, value))
+        tree = self.build({}, by_key={}, mocks={})
+        for port, value in self._given:
+            yield from _remarks(port, value)
+        if self.document.is_mission and not self.document.registry.foreign_board:
+            yield from faults_of(tree)
+            yield from self._unset_variables()
+
+    def _unset_variables(self) -> Iterator[Finding]:
+        """Yield the reads of variables of the main tree that nothing gives a value."""
+        for slot in unset_slots(self.document, [self.document.main]):
+            needed = [read.use for read in slot.reads if read.asks]
+            named = [read.use for read in slot.reads if read.named]
+            for use in (needed or named)[:1]:
+                yield Finding(
+                    str(use.element.path),
+                    use.element.at(use.attribute),
+                    f"attribute '{use.attribute}': nothing sets variable '{slot.name}' of the main "
+                    "tree, and no SubTree can: give it a value in a Script before",
+                    use.element.label,
+                    ERROR if needed else WARNING,
+                    rule=Rule.VARIABLE,
+                )
 
 
 def check_file(
@@ -243,37 +270,6 @@ def _find_main_to_check(read: _Read, findings: Findings, tree_id: str | None) ->
         find_main(read.document, read.root, findings, tree_id)
     elif not read.document.trees and not is_palette:
         find_main(read.document, read.root, findings, None)
-
-
-def unset_variables(
-    path: Path,
-    registry: NodeRegistry | None = None,
-    *,
-    tree_id: str | None = None,
-    lookup: Lookup | None = None,
-) -> tuple[str, ...]:
-    """Return the main tree's variables that are read but get no value in the file.
-
-    Args:
-        path: a file that loads.
-        registry: the nodes that may occur; default: all installed.
-        tree_id: which of the file's trees; see `load_tree`.
-        lookup: where to look for trees and included files; see `load_tree`.
-
-    Raises:
-        TreeError: the file cannot be read or is not XML.
-    """
-    registry = registry or NodeRegistry.installed()
-    findings = Findings()
-    read = _Read(read_source(path), path, registry, findings, lookup)
-    find_main(read.document, read.root, findings, tree_id)
-    return tuple(
-        slot.name
-        for scope in VariableUses(read.document).find(read.roots)
-        if scope.door is None
-        for slot in scope.slots()
-        if not slot.created and any(use.needed for use in slot.reads)
-    )
 
 
 def _remarks(port: Port[Any], value: GivenValue) -> Iterator[Finding]:

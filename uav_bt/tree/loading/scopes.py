@@ -57,6 +57,13 @@ class Read:
     use: Use
     port: Port[Any] | None  # None: a script
     needed: bool  # without a value the reader fails
+    named: bool = True  # the file names the variable; False: the port's default does
+
+    @property
+    def asks(self) -> bool:
+        """Whether the reader asks for a value although its port may have a default."""
+        typed = self.port is not None and self.port.type is not object
+        return self.needed or (self.named and typed)
 
 
 @dataclass(eq=False)

@@ -161,7 +161,7 @@ class VariableUses:
         slot.ports.append((use, port))
         if port.direction != "output":
             needed = explicit and port.required and port.type is not object
-            slot.reads.append(Read(use, port, needed))
+            slot.reads.append(Read(use, port, needed, named=explicit))
         if port.direction != "input":
             slot.writes.append(Write(use, UNKNOWN if port.type is object else port.type))
 
@@ -252,3 +252,18 @@ class VariableUses:
                 creates=part.sign == ":=",
             )
         )
+
+
+def unset_slots(document: Document, roots: Iterable[str]) -> Iterator[Slot]:
+    """Iterate over the variables of trees that get no value in the file.
+
+    Variables of their subtrees are left out.
+
+    Args:
+        document: the file.
+        roots: the trees that may be flown.
+    """
+    for scope in VariableUses(document).find(roots):
+        for slot in scope.slots() if scope.door is None else ():
+            if not slot.created:
+                yield slot
