@@ -16,6 +16,7 @@ from uav_bt.tree import NodeRegistry, load_tree
 from uav_bt.tree.describe import NodeInfo, PortInfo, describe, describe_all, palette_xml
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.schema import schema_xml
+from uav_bt.tree.node_page import node_page
 from uav_bt.tree.render import render as draw
 from uav_bt.tree.shipped import resolve_tree
 
@@ -26,7 +27,9 @@ from uav_bt.tree.shipped import resolve_tree
     "text",
     "json",
     "xml",
-    help_="xml: a node model (TreeNodesModel) that graphical tree editors load.",
+    "markdown",
+    help_="xml: a node model (TreeNodesModel) that graphical tree editors load; "
+    "markdown: a page with a section for each node.",
 )
 def nodes(*, names: tuple[str, ...], format_: str) -> None:
     """List the nodes that tree files can use.
@@ -45,9 +48,9 @@ def nodes(*, names: tuple[str, ...], format_: str) -> None:
       origin         module and class
     """  # noqa: D301  (click needs the backspace)
     registry = NodeRegistry.installed()
-    if format_ == "xml":
+    if format_ in {"xml", "markdown"}:
         chosen = NodeRegistry(registry[name] for name in names) if names else registry
-        click.echo(palette_xml(chosen), nl=False)
+        click.echo((palette_xml if format_ == "xml" else node_page)(chosen), nl=False)
         return
     infos = [describe(registry[name], registry) for name in names] or describe_all(registry)
     if format_ == "json":

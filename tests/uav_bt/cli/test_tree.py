@@ -145,6 +145,13 @@ def test_the_tools_need_nothing_that_flies_or_draws_pictures(tmp_path: Path) -> 
     assert done.returncode == 0, done.stderr
 
 
+def test_the_page_of_nodes_is_printed() -> None:
+    page = run("tree", "nodes", "Turn", "--format", "markdown").stdout
+    assert page.startswith("# Nodes")
+    assert "## Turn" in page
+    assert "## Explore" not in page
+
+
 # --- format ---------------------------------------------------------------------------------------
 
 CROOKED = '<root BTCPP_format="4"><BehaviorTree ID="M"><AlwaysSuccess></AlwaysSuccess>'
