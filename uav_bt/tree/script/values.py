@@ -1,7 +1,7 @@
-"""Values of scripts: numbers and texts, what becomes of them when they meet, and where they live.
+"""Values of scripts: numbers and texts, their conversion, and the variables that hold them.
 
-As in BehaviorTree.CPP: arithmetic gives reals, comparisons give 1 or 0, a variable keeps the type
-it began with.
+As in BehaviorTree.CPP, arithmetic gives reals, comparisons give 1 or 0, and a variable keeps the
+type of its first value.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from uav_bt.tree.variables import Variables
 
 Value = int | float | str
 
-MAX_TEXT: Final = 100_000  # characters; `s += s` at every tick would fill the memory
-MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree: thousands of scripts make many
-_EPSILON: Final = 2.0**-23  # reals closer than this are equal: the engine's, of a C float
+MAX_TEXT: Final = 100_000  # characters; limits scripts such as `s += s` at every tick
+MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree together
+_EPSILON: Final = 2.0**-23  # reals closer than this are equal; the engine uses it, from C float
 _WORDS: Final = {"true": 1.0, "false": 0.0}
 
 
 class ScriptError(ValueError):
-    """A script cannot be read, or fails when it runs."""
+    """A script cannot be parsed or fails when it runs."""
 
 
 def number(value: object) -> float:
     """Return a value as a real; a text must be a number, `true` or `false`.
 
     Raises:
-        ScriptError: it is none.
+        ScriptError: the value is not a number.
     """
     if isinstance(value, (int, float)):
         return float(value)
@@ -49,7 +49,7 @@ def truth(value: object) -> bool:
     """Return a value as true or false.
 
     Raises:
-        ScriptError: it is neither: only 1 and 0 are.
+        ScriptError: the value is neither 1 nor 0.
     """
     real = number(value)
     if real not in {0.0, 1.0}:
@@ -119,10 +119,10 @@ class Environment:
         """Return the value of a name.
 
         Raises:
-            ScriptError: nothing, nothing fresh, or nothing that a script can use.
+            ScriptError: the value is missing, stale, or of a type that scripts cannot use.
         """
         members = self._variables.enum_members
-        if name in members:  # before a variable of the same name, as in the engine
+        if name in members:  # an enumeration comes before a variable, as in the engine
             return float(members[name])
         key = self._board_key(name)
         value = self._variables.get(name) if key is None else self._read_board(key)
