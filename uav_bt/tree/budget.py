@@ -1,7 +1,7 @@
-"""Leaves that block: measured on the wall clock, reported by name.
+"""Watch for leaves that block: it measures them on the wall clock and reports them by name.
 
-A leaf answers at once and goes on in the next tick. One that does not holds up the whole mission,
-the arbiter's overrides included, and nothing else would say which leaf it was.
+A leaf must return at once and continue in the next tick. A leaf that blocks delays the whole
+mission, including the arbiter's overrides, and nothing else would report which leaf it was.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _BEGINNINGS = (NodeEvent.STARTED, NodeEvent.RAN, NodeEvent.HALTING)
 
 @dataclass(frozen=True, kw_only=True)
 class SlowLeaf:
-    """A leaf that took longer than it may."""
+    """A leaf that exceeded its time budget."""
 
     path: str
     took_s: float  # wall time of one tick, or of one halt
@@ -31,9 +31,9 @@ class SlowLeaf:
 
 
 class BudgetWatch:
-    """Measures every leaf of a tree, from now on: `initialise`, `update` and `terminate`.
+    """Measures `initialise`, `update` and `terminate` of every leaf of a tree.
 
-    The format's own leaves never block and are left alone.
+    The format's built-in leaves never block and are not measured.
 
     Args:
         tree: the tree.
@@ -44,13 +44,13 @@ class BudgetWatch:
         self, tree: MissionTree, *, timer: Callable[[], float] = time.perf_counter
     ) -> None:
         self._timer = timer
-        self._began_s: float | None = None  # of the leaf that is at work; there is at most one
+        self._began_s: float | None = None  # start time of the running leaf; at most one runs
         self._new: list[SlowLeaf] = []
         self._worst_s: dict[str, float] = {}
         self.follow(tree)
 
     def follow(self, tree: MissionTree) -> None:
-        """Measure another tree's leaves, too."""
+        """Measure the leaves of another tree as well."""
         leaves = [leaf for leaf in tree.leaves() if type(leaf) not in BUILTIN_NODES]
         observe(leaves, self._note)
 
@@ -60,7 +60,7 @@ class BudgetWatch:
         return dict(self._worst_s)
 
     def take(self) -> tuple[SlowLeaf, ...]:
-        """Return which leaves exceeded their budgets since the last call."""
+        """Return the leaves that exceeded their budgets since the last call."""
         taken = tuple(self._new)
         self._new.clear()
         return taken
@@ -76,7 +76,7 @@ class BudgetWatch:
     def _exceeded(self, leaf: Leaf, took_s: float) -> None:
         self._new.append(SlowLeaf(path=leaf.path, took_s=took_s, budget_s=leaf.budget_s))
         if took_s <= self._worst_s.get(leaf.path, 0.0):
-            return  # reported before, and longer
+            return  # already reported with a longer time
         self._worst_s[leaf.path] = took_s
         _LOG.warning(
             "leaf '%s' blocked for %.2f s, its budget is %.2f s: "

@@ -107,8 +107,8 @@ def describe_all(registry: NodeRegistry) -> list[NodeInfo]:
 def palette_xml(registry: NodeRegistry) -> str:
     """Return a TreeNodesModel of the nodes that are not the format's own.
 
-    A graphical editor imports it and offers the nodes with their ports; what it saves again is
-    accepted by the loader.
+    A graphical editor imports it and offers the nodes with their ports. The loader accepts the
+    files that the editor saves.
     """
     root = ET.Element("root", BTCPP_format="4")
     model = ET.SubElement(root, "TreeNodesModel")

@@ -27,13 +27,13 @@ _EXPECTED: Final = "annotate it with str, int, float, bool or an enumeration"
 
 
 class _ConstructorPort(Port[Any]):
-    """A constructor's argument: known before the tree runs, so a literal."""
+    """A constructor argument. It must be a literal, since it is needed before the tree runs."""
 
     def bind(self, given: object) -> Any | Reference:
         """Return the typed value.
 
         Raises:
-            ValueError: it is a reference, or does not fit.
+            ValueError: the value is a reference or does not fit the port.
         """
         if isinstance(given, str) and parse_reference(given, self.name) is not None:
             raise ValueError(
@@ -44,16 +44,16 @@ class _ConstructorPort(Port[Any]):
 
 
 class ForeignLeaf(Leaf):
-    """Ticks a py_trees behaviour, which stays as py_trees made it.
+    """Ticks an unmodified py_trees behaviour.
 
-    It is constructed and set up with the tree, and ticked by py_trees' own `tick`, so that its
-    methods are called when py_trees promises; when the leaf is halted it is stopped with INVALID.
-    INVALID as the answer of a tick is SKIPPED. An answer that is no status raises, because py_trees
-    makes INVALID of it.
+    The behaviour is constructed and set up with the tree. The `tick` of py_trees ticks it, so its
+    methods are called in the order that py_trees documents. Halting the leaf stops the behaviour
+    with INVALID. A tick that answers INVALID counts as SKIPPED. An answer that is not a status
+    raises, because py_trees would turn it into INVALID.
     """
 
     behaviour_class: ClassVar[type[Behaviour]]
-    enums: ClassVar[dict[str, type[enum.Enum]]]  # of the constructor's arguments
+    enums: ClassVar[dict[str, type[enum.Enum]]]  # enumerations of the constructor, by argument
 
     def __init__(self, name: str | None = None, /, **given: object) -> None:
         super().__init__(name, **given)
@@ -70,7 +70,7 @@ class ForeignLeaf(Leaf):
                 f"node '{self.name}' ({self.node_id}) cannot be constructed: "
                 f"{type(error).__name__}: {error}"
             ) from error
-        self._active = False  # ticked, and not at its end
+        self._active = False  # ticked and still running
 
     @property
     def author(self) -> type:
@@ -93,7 +93,7 @@ class ForeignLeaf(Leaf):
             behaviour.update = _checked(behaviour)  # type: ignore[method-assign]
 
     def on_shutdown(self) -> None:
-        """Shut the behaviour down, and those below it."""
+        """Shut down the behaviour and its descendants."""
         for behaviour in self.behaviour.iterate():
             behaviour.shutdown()
 
@@ -108,7 +108,7 @@ class ForeignLeaf(Leaf):
         return status
 
     def terminate(self, new_status: Status) -> None:
-        """Stop a behaviour that has not ended by itself."""
+        """Stop the behaviour if it is still running."""
         del new_status
         if self._active:
             self._active = False
@@ -140,7 +140,7 @@ def leaf_of(behaviour: type[Behaviour]) -> type[ForeignLeaf]:
     is the node's name; `*args` and `**kwargs` are left empty.
 
     Raises:
-        InputError: not a py_trees behaviour, or an argument without one of these annotations.
+        InputError: the class is not a py_trees behaviour, or an argument lacks such an annotation.
     """
     if not issubclass(behaviour, Behaviour) or issubclass(behaviour, Node):
         raise InputError(f"expected a class of py_trees behaviours, got {behaviour!r}")

@@ -1,4 +1,4 @@
-"""Leaves: where a tree meets the world. What an author of behaviours subclasses."""
+"""The base class of leaves, which authors of behaviours subclass."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ T = TypeVar("T")
 class Leaf(Node):
     """An action or a condition.
 
-    When what runs: `on_setup` once, before the first tick; `initialise` when an activation begins;
-    `update` every tick, returning at once; `terminate` exactly once per activation, with SUCCESS or
-    FAILURE when it ended by itself and with IDLE when it was halted; `on_shutdown` once, after the
-    last tick. `terminate` commands
-    nothing: a tree starts its new branch before it stops the old one. In flight, a leaf that takes
+    Life cycle: `on_setup` runs once, before the first tick. `initialise` runs when an activation
+    begins. `update` runs at every tick and must return at once. `terminate` runs exactly once per
+    activation, with SUCCESS or FAILURE when the leaf ended by itself and with IDLE when it was
+    halted. `on_shutdown` runs once, after the last tick. `terminate` must not command a movement,
+    since a tree starts its new branch before it stops the old one. In flight, a leaf that takes
     longer than `budget_s` is reported by name.
 
     The first line of the class's docstring is its description in `uav-bt tree nodes`.
@@ -35,7 +35,7 @@ class Leaf(Node):
     moves: ClassVar[bool] = False  # True: it proposes a movement in every tick until it ends
     points: ClassVar[bool] = False  # True: likewise a camera direction
     condition: ClassVar[bool] = False  # True: answers at once, never RUNNING
-    # Wall time that one tick of it may take: some ticks, for a machine that is busy for a moment.
+    # Wall time that one tick of this leaf may take. Several ticks long, as a machine may be busy.
     budget_s: ClassVar[float] = 0.5
     kind = NodeKind.ACTION
 
@@ -48,14 +48,14 @@ class Leaf(Node):
     def __init__(self, name: str | None = None, /, **given: object) -> None:
         super().__init__(name, **given)
         self._view: BoardView | None = None
-        self._is_open = False  # set up, and not shut down
+        self._is_open = False  # set up and not yet shut down
 
     @classmethod
     def values_taken(cls, by_key: Mapping[Key[Any], Mapping[str, str]]) -> dict[str, str]:
-        """Return the attributes that this leaf takes, of those given for writers of board keys.
+        """Select the attributes that this leaf accepts from those given for writers of board keys.
 
         Args:
-            by_key: values by attribute, by the board key that a leaf writes.
+            by_key: for each board key, the attribute values of the leaf that writes it.
         """
         ports = {port.name for port in cls.ports}
         given = (by_key.get(key, {}) for key in cls.writes)
@@ -64,31 +64,31 @@ class Leaf(Node):
     # --- for authors to override ------------------------------------------------------------------
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Load what lasts the whole mission; raise when it is missing."""
+        """Load the resources of the whole mission; raise when one is missing."""
 
     def on_shutdown(self) -> None:
         """Close what `on_setup` opened: a device, a file, a thread.
 
-        Called once when the flight is over, or when another tree has replaced the leaf's in flight;
-        not for a leaf whose `on_setup` raised.
+        Called once when the flight is over or another tree has replaced this leaf's tree in flight.
+        Not called for a leaf whose `on_setup` raised.
         """
 
     def on_inherit(self, former: Self) -> None:
-        """Take over the knowledge of a leaf of this class whose tree this one replaces in flight.
+        """Copy the state of a leaf of this class whose tree is replaced in flight by this leaf's.
 
-        Called once, after `on_setup`. Leave out values that the new leaf's ports make useless.
+        Called once, after `on_setup`. Do not copy values that no longer fit this leaf's ports.
         """
 
     def initialise(self) -> None:
         """Begin an activation."""
 
     def terminate(self, new_status: Status) -> None:
-        """Release the activation's resources; the class says when, and with which status."""
+        """Release the activation's resources; the class documents when this is called."""
 
     # --- for authors to call ----------------------------------------------------------------------
 
     def read(self, key: Key[T]) -> Reading[T]:
-        """Read the board; a stale value reads as none, with its age.
+        """Read a key of the board; a stale value reads as None, with its age.
 
         Raises:
             BoardAccessError: the key is not among `reads`.
@@ -99,8 +99,8 @@ class Leaf(Node):
         """Write the board; `captured_s` is the capture time of the data behind the value.
 
         Args:
-            key: one of `writes`, or what an output port is connected to.
-            value: in the unit of the key.
+            key: one of `writes`, or the key that an output port is connected to.
+            value: the value, in the unit of the key.
             captured_s: capture time of the data behind the value; default: now.
 
         Raises:
@@ -109,26 +109,26 @@ class Leaf(Node):
         self._board.write(key, value, captured_s)
 
     def forget(self, key: Key[Any]) -> None:
-        """Drop a value of the board."""
+        """Delete a value from the board."""
         self._board.forget(key)
 
     def propose(self, movement: Movement) -> None:
-        """Ask for a movement in this tick; ask again every tick for as long as it is wanted.
+        """Propose a movement for this tick; repeat it every tick while the movement is wanted.
 
         Raises:
-            ProposalConflictError: another leaf asked already.
+            ProposalConflictError: another leaf has proposed a movement in this tick.
         """
         self.mission.proposals.propose(self.path, movement)
 
     def point(self, gimbal: GimbalTo) -> None:
-        """Ask for a camera direction in this tick."""
+        """Propose a camera direction for this tick."""
         self.mission.proposals.propose_gimbal(self.path, gimbal)
 
     def inherit(self, former: Self) -> None:
-        """Call `on_inherit`; `MissionTree` does.
+        """Call `on_inherit`; used by `MissionTree`.
 
         Raises:
-            NodeFailedError: it raised.
+            NodeFailedError: `on_inherit` raised.
         """
         try:
             self.on_inherit(former)
@@ -136,10 +136,10 @@ class Leaf(Node):
             raise NodeFailedError(self.path, error, self.author) from error
 
     def shutdown(self) -> None:
-        """Call `on_shutdown` of a leaf that is set up; `MissionTree` and py_trees' trees do.
+        """Call `on_shutdown` if the leaf is set up; used by `MissionTree` and trees of py_trees.
 
         Raises:
-            NodeFailedError: it raised.
+            NodeFailedError: `on_shutdown` raised.
         """
         if not self._is_open:
             return
@@ -161,7 +161,7 @@ class Leaf(Node):
         mission = self.mission
         for key in (*self.reads, *self.writes):
             mission.board.declare(key)
-        # The tree file declares what it connects to a port.
+        # A board key connected to a port counts as declared.
         reads, writes = [*self.reads], [*self.writes]
         for port in self.ports:
             reference = self._references.get(port.name)
@@ -176,7 +176,10 @@ class Leaf(Node):
         self._is_open = True
 
     def _notify_work(self, observer: Observer) -> None:
-        if self.condition or self.node_status in (IDLE, RUNNING):  # else it is not ticked again
+        if self.condition or self.node_status in (
+            IDLE,
+            RUNNING,
+        ):  # else not ticked again
             super()._notify_work(observer)
 
     def _tick(self) -> Status:
@@ -188,10 +191,10 @@ class Leaf(Node):
                 self.initialise()
                 status = self.update()
             except BaseException:
-                self.set_status(RUNNING)  # it has begun, so halting the tree must end it
+                self.set_status(RUNNING)  # the activation began, so a halt must terminate it
                 raise
         else:
-            return standing  # done and not reset: the engine does not tick it again
+            return standing  # finished and not reset: the engine does not tick it again
         if status is RUNNING and not self.condition:
             return status
         if status is SKIPPED:
@@ -201,7 +204,7 @@ class Leaf(Node):
         if status is not SUCCESS and status is not FAILURE:
             self.set_status(RUNNING)
             raise MissionError(self._wrong_answer(status))
-        try:  # `_end`, without a call
+        try:  # as `_end`, without the cost of a call
             self.terminate(status)
         finally:
             self.node_status = status

@@ -51,8 +51,8 @@ class MissionTree:
     Args:
         root: the root node; it and all below belong to this tree from now on.
         name: the tree's name, first part of all paths.
-        sources: the texts of the tree file and of those it takes trees from, by path, its own
-            first; empty for a tree composed in Python.
+        sources: the texts of the tree file and of the files it takes trees from, by path, the tree
+            file first; empty for a tree composed in Python.
         inclusions: which of these files each `<include>` stands for.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attribute values that replace those of the tree file, by path.
@@ -147,7 +147,7 @@ class MissionTree:
         """Return the node of a path, or the only node of a name.
 
         Raises:
-            KeyError: there is none, or there are several of that name.
+            KeyError: no node or several nodes have that name.
         """
         hits = [node for node in self.nodes() if name in (node.path, node.name)]
         if len(hits) != 1:
@@ -168,7 +168,7 @@ class MissionTree:
                 port is left as it is.
 
         Raises:
-            InputError: there is no such node, it has no such port, or a value does not fit.
+            InputError: the node or the port does not exist, or a value does not fit.
         """
         nodes = list(self.nodes())
         wanted: list[tuple[Node, Mapping[str, str]]] = [
@@ -191,7 +191,7 @@ class MissionTree:
         Where a leaf raises, those before it are shut down.
 
         Raises:
-            InputError: a leaf cannot use what it was given (a missing file, an unknown policy).
+            InputError: a leaf cannot use a value given to it (a missing file, an unknown policy).
             NodeFailedError: another exception in a leaf's `on_setup`.
         """
         for leaf in self.leaves():

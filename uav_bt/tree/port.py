@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 RESERVED_ATTRIBUTES: Final = frozenset({"ID", "name"})
 
-_MAX_INTEGER: Final = 2**63  # as far as the format's own engine reads
+_MAX_INTEGER: Final = 2**63  # largest magnitude that the format's engine reads
 _PORT_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 REFERENCE_KEY: Final = r"[A-Za-z_][A-Za-z0-9_.\-]*|="
 _REFERENCE: Final = re.compile(rf"\s*\{{\s*(?P<board>@?)(?P<key>{REFERENCE_KEY})\s*\}}\s*")
@@ -28,11 +28,11 @@ _REFERENCE: Final = re.compile(rf"\s*\{{\s*(?P<board>@?)(?P<key>{REFERENCE_KEY})
 class PortType:
     """How the values of a type are written."""
 
-    words: str  # in messages
-    cpp_name: str  # what graphical editors and other engines of the format call it
-    # Of its literals, as a regular expression for Python and XML Schema; None: any text. Only what
-    # the format's own engine reads: no underscores, no "inf", no hexadecimal, no plus; blanks may
-    # follow a number, and nothing else.
+    words: str  # name in messages
+    cpp_name: str  # name in graphical editors and other engines of the format
+    # Regular expression of the literals, for Python and XML Schema; None: any text. It accepts only
+    # literals that the format's engine reads: no underscores, "inf", hexadecimal digits or plus
+    # sign. Only blanks may follow a number.
     pattern: str | None = None
 
 
@@ -43,30 +43,30 @@ PORT_TYPES: Final[dict[type, PortType]] = {
     str: PortType("a text", "std::string"),
     object: PortType("a value", "BT::AnyTypeAllowed"),
 }
-"""The types that have literals; of any other a port takes references only."""
+"""The types that have literals; a port of any other type takes references only."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A port's value that lives elsewhere."""
+    """A reference to a port's value on the board or in a variable of the tree."""
 
     key: str
     on_board: bool  # True: a key of the mission board; False: a variable of the tree
 
     def __str__(self) -> str:
-        """Return the reference as a tree file has it."""
+        """Return the reference as written in a tree file."""
         return f"{{{'@' if self.on_board else ''}{self.key}}}"
 
 
 def parse_reference(text: str, port_name: str) -> Reference | None:
-    """Return the reference that an attribute's text is, or None when it is a literal.
+    """Parse an attribute's text as a reference; return None when it is a literal.
 
     Args:
-        text: the attribute.
-        port_name: what `{=}` stands for.
+        text: the attribute's value.
+        port_name: the key that `{=}` stands for.
 
     Raises:
-        ValueError: the text has braces like a reference, but no key that could exist.
+        ValueError: the text has the braces of a reference but contains no valid key.
     """
     match = _REFERENCE.fullmatch(text)
     if match is not None:
@@ -88,23 +88,24 @@ class Port(Generic[T]):
     """A typed attribute of a node.
 
     Attributes:
-        name: of the attribute in a tree file, and of the keyword argument in Python.
-        type: of the value. int, float, bool and str are written as literals; a port of any other
-            type takes references only.
+        name: name of the attribute in a tree file and of the keyword argument in Python.
+        type: type of the value. int, float, bool and str are written as literals; a port of any
+            other type takes references only.
         default: a value, a reference such as "{@helipad}" (in braces), or `Port.REQUIRED`.
-        doc: one line, with the unit.
+        doc: description in one line, with the unit.
         direction: whether the node reads the value, writes it, or both.
-        choices: all values there are; empty: any of the type.
+        choices: the allowed values; empty: any value of the type.
         least: lower bound of a number, inclusive; None: no bound.
-        most: likewise, above.
-        check: raises ValueError (or an InputError) that says which value was expected.
-        look_up: likewise, where the named thing (a file, a network) does not exist. `uav-bt
-            check` asks; dry runs and benches, which load nothing, do not.
-        caution: returns a warning about a value that is not refused, such as one beyond
-            the usual limits; None where nothing is. `uav-bt check` warns of it.
+        most: upper bound of a number, inclusive; None: no bound.
+        check: raises a ValueError or an InputError for an invalid value; its message names the
+            expected value.
+        look_up: raises such an error when the named file or network does not exist. `uav-bt check`
+            calls it; dry runs and benches, which load nothing, do not.
+        caution: returns a warning about a valid but unusual value, such as one beyond the usual
+            limits, or None. `uav-bt check` prints the warning.
 
     Raises:
-        ValueError: the name cannot be an attribute's, or a port with a range is not a number.
+        ValueError: the name is not a valid attribute name, or a port with a range is not a number.
     """
 
     REQUIRED: ClassVar[Any] = _Required()
@@ -129,12 +130,12 @@ class Port(Generic[T]):
 
     @property
     def required(self) -> bool:
-        """True when a tree file must give a value; an unconnected output goes nowhere."""
+        """True when a tree file must give a value. Outputs may stay unconnected."""
         return self.default is Port.REQUIRED and self.direction != "output"
 
     @property
     def takes_all(self) -> bool:
-        """True when every value of the type will do."""
+        """True when the port accepts every value of its type."""
         return self.check is None and not self.choices and not self.range
 
     @property
@@ -148,10 +149,10 @@ class Port(Generic[T]):
 
     @cached_property
     def bound_default(self) -> T | Reference:
-        """The default as `bind` has it: for most nodes of a file, and always the same.
+        """The default as `bind` returns it, computed once because most nodes use it.
 
         Raises:
-            ValueError: it does not fit the port.
+            ValueError: the default does not fit the port.
         """
         return self.bind(self.default)
 
@@ -159,7 +160,7 @@ class Port(Generic[T]):
         """Convert a value of a tree file or of Python to a checked value or a reference.
 
         Raises:
-            ValueError: it is neither; the message names the expected type.
+            ValueError: the value fits neither; the message names the expected type.
         """
         if isinstance(given, str):
             reference = parse_reference(given, self.name)

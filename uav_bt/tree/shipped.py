@@ -1,4 +1,4 @@
-"""Tree files that ship with the package: found by name, and copied to start a mission from."""
+"""The tree files that ship with the package: finding them by name, copying them as starters."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from uav_bt.tree.loading.lookup import files_in, shipped_trees
 def resolve_tree(tree: str | Path) -> Path:
     """Return a tree file: a path, or the bare name of a shipped mission.
 
-    A name with a suffix or a folder is a file, so that no other mission flies in its place.
+    A name with a suffix or a folder always means a file, so that a mistyped path never flies a
+    shipped mission instead.
 
     Raises:
-        FileError: there is neither.
+        FileError: neither a file nor a shipped mission has that name.
     """
     path = Path(tree)
     if path.is_file():
@@ -34,7 +35,7 @@ def resolve_tree(tree: str | Path) -> Path:
 
 
 def shipped_missions() -> dict[str, Path]:
-    """Return the files of the shipped missions by name; `paper/` holds the paper's variants."""
+    """Return the files of the shipped missions by name, those of the paper in `paper/` included."""
     folder = shipped_trees()
     return {
         file.stem: file for file in sorted([*folder.glob("*.xml"), *folder.glob("paper/*.xml")])
@@ -49,7 +50,7 @@ def tree_files(tree: str | Path) -> tuple[Path, ...]:
             folders left out.
 
     Raises:
-        FileError: there is no such file, or nothing to find in the folder.
+        FileError: the file does not exist, or the folder contains no tree files.
     """
     folder = Path(tree)
     if not folder.is_dir():
@@ -65,7 +66,7 @@ STARTERS: Final = {
     "land": "land_only",
     "explore": "explore_and_land_segmentation",
 }
-"""Shipped missions to start a new one from, the smallest first."""
+"""Shipped missions that a new mission can start from, by short name, the smallest first."""
 
 _ROOT_TAG: Final = re.compile(r"<root\b[^>]*>\n")
 # A comment must not contain two hyphens in a row.
@@ -104,7 +105,7 @@ def starter_mission(start: str = "hover") -> str:
         start: one of `STARTERS`.
 
     Raises:
-        UnknownNameError: there is none of that name.
+        UnknownNameError: `start` is not one of `STARTERS`.
     """
     if start not in STARTERS:
         raise UnknownNameError("starter mission", start, STARTERS)
@@ -114,14 +115,14 @@ def starter_mission(start: str = "hover") -> str:
 
 
 def write_starter(path: Path, start: str = "hover") -> None:
-    """Write a tree file to begin with; one that exists is never touched.
+    """Write a tree file to begin with; an existing file is never overwritten.
 
     Args:
         path: the new file, `*.xml`.
         start: one of `STARTERS`.
 
     Raises:
-        UnknownNameError: there is no starter of that name.
+        UnknownNameError: `start` is not one of `STARTERS`.
         FileError: the file exists, has another suffix or cannot be written.
     """
     text = starter_mission(start)

@@ -1,7 +1,7 @@
-"""The five statuses of BehaviorTree.CPP 4, and which of py_trees' four stands for each.
+"""The five statuses of BehaviorTree.CPP 4, and the py_trees status for each.
 
-A node *stands* IDLE, RUNNING, SUCCESS or FAILURE. Its tick *answers* RUNNING, SUCCESS, FAILURE or
-SKIPPED: a skipped node is passed over by its parent and goes on standing as it stood.
+A node's stored status is IDLE, RUNNING, SUCCESS or FAILURE. Its tick returns RUNNING, SUCCESS,
+FAILURE or SKIPPED. The parent passes over a skipped node, whose stored status does not change.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Status(enum.Enum):
 
     @property
     def py_trees(self) -> common.Status:
-        """What py_trees calls it; INVALID is both IDLE and SKIPPED."""
+        """The py_trees status; INVALID for both IDLE and SKIPPED."""
         return _PY_TREES[self.value]
 
 
@@ -40,7 +40,7 @@ _PY_TREES: Final = (
     common.Status.INVALID,
 )
 
-# Plain names for the engine: an enumeration's attribute costs a call.
+# Module-level names for the engine: reading an attribute of an enumeration costs a call.
 IDLE: Final = Status.IDLE
 RUNNING: Final = Status.RUNNING
 SUCCESS: Final = Status.SUCCESS
@@ -48,4 +48,4 @@ FAILURE: Final = Status.FAILURE
 SKIPPED: Final = Status.SKIPPED
 
 ANSWER_NAMES: Final = ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING")
-"""What ports of tree files name as a node's answer."""
+"""Names of a node's answer in ports of tree files."""

@@ -64,8 +64,8 @@ def read_script(path: Path) -> SimulationScript:
     """Read a script file.
 
     Raises:
-        FileError: it cannot be read, is no YAML, or has an entry that no script has; with
-            the line.
+        FileError: the file cannot be read, is not valid YAML, or has an unknown entry. The message
+            names the line.
     """
     file = read_yaml(path, _ScriptFile, "script file")
     found = file.value

@@ -1,4 +1,4 @@
-"""Nodes of the format that stand for control nodes and decorators known from a palette only.
+"""Built-in nodes that replace control nodes and decorators known only from a palette.
 
 nodes:
 PipelineSequence: Sequence
@@ -26,7 +26,7 @@ from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.status import IDLE, RUNNING, Status
 
-_UNCHANGED: Final = "pass"  # its child's answer
+_UNCHANGED: Final = "pass"  # answers as its child does
 _IS: Final = "is"
 
 
@@ -43,8 +43,8 @@ class _Pass(DecoratorNode):
 class _Inside(ControlNode):
     """A control node that ticks like a decorator.
 
-    Of several children, RetryUntilSuccessful tries the first; the others are what is done between
-    two attempts.
+    With several children, RetryUntilSuccessful tries the first and runs the others between two
+    attempts.
     """
 
     decorator: type[DecoratorNode]
@@ -78,15 +78,15 @@ _STAND_INS: Final[dict[str, type[Node]]] = {
 
 
 def with_stand_ins(registry: NodeRegistry, table: Mapping[str, object]) -> NodeRegistry:
-    """Return a registry in which nodes of the format stand for those of a palette.
+    """Return a registry in which built-in nodes replace nodes of a palette.
 
     Args:
-        registry: with the palette's nodes.
-        table: by the id of a palette's control node or decorator: `pass`, the id of a node of the
-            format, or a mapping with that id as `is` and values of its ports.
+        registry: the registry with the palette's nodes.
+        table: replacements, by the id of a palette's control node or decorator. An entry is `pass`,
+            the id of a built-in node, or a mapping with that id as `is` and values of its ports.
 
     Raises:
-        ValueRangeError: an entry is about no such node, or names none that can stand for it.
+        ValueRangeError: the palette has no such node, or the entry names no usable replacement.
     """
     chosen = {node_id: registry[node_id] for node_id in registry}
     for node_id, entry in table.items():

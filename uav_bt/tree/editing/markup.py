@@ -61,11 +61,11 @@ class Branch:
     end: int = 0  # behind the end tag, or behind the last thing inside
 
     def attribute(self, name: str) -> Attribute | None:
-        """Return the attribute of that name, None when there is none."""
+        """Return the attribute of that name, or None."""
         return next((one for one in self.tag.attributes if one.name == name), None)
 
     def text(self, name: str) -> str:
-        """Return an attribute's value with its entities resolved; empty when there is none."""
+        """Return an attribute's value with its entities resolved; empty without the attribute."""
         found = self.attribute(name)
         return "" if found is None else resolve(found.value)[0]
 

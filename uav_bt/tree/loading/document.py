@@ -32,7 +32,7 @@ _ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel", "include")
 # Characters that the engine refuses in the ID of a tree.
 _NOT_IN_AN_ID: Final = frozenset(" \t\n\r<>&\"'/\\|?*:.")
 _RESERVED: Final = frozenset({"root", "Root"})
-_METADATA: Final = "MetadataFields"  # editors keep what they like in it
+_METADATA: Final = "MetadataFields"  # may hold any data of an editor
 
 
 @dataclass
@@ -48,7 +48,7 @@ class Document:
     included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
     inclusions: dict[Inclusion, Path] = field(default_factory=dict)  # what each <include> is
     elsewhere: tuple[str, ...] = ()  # trees of other files, for suggestions where one is missing
-    unread: str = ""  # what a message adds on files of the library that could not be read
+    unread: str = ""  # text for messages about library files that could not be read
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
     # None where a SubTree has to give an entry.
     subtree_ports: dict[str, dict[str, str | None]] = field(default_factory=dict)

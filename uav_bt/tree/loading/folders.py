@@ -14,12 +14,12 @@ from uav_bt.tree.loading.lookup import Library, Lookup, files_in
 WHICH_TREE: Final = (
     "Which of the file's trees; default: the one that it names, or that no other uses."
 )
-"""What the option `tree_id` of flights and commands means."""
+"""Description of the option `tree_id` of flights and commands."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TreeFolders:
-    """Folders for the trees and files that a tree file names, besides its own folder.
+    """Folders, besides that of the tree file, for the trees and files that it names.
 
         TreeFolders(trees=["parts"], packages={"robot": "workspace/src/robot"})
 

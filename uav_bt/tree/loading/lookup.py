@@ -113,7 +113,7 @@ class Library:
 
         Args:
             tree_id: the ID.
-            path: the file that asks; its own trees are left out.
+            path: the file that refers to the tree; its trees are left out.
         """
         own = path.resolve()
         return [each for each in self._trees.get(tree_id, []) if each[0].path != own]

@@ -1,9 +1,9 @@
 """Nodes that are known from a palette only, so that trees of other engines can be checked.
 
 A palette is a TreeNodesModel, as Groot2 exports it and BehaviorTree.CPP writes it. It has each
-node's kind and its ports, and each port's direction, type and default. It leaves open which
-ports must be given, how many children a node takes, or what a node does: none of that is checked,
-and such a node cannot be ticked.
+node's kind and its ports, and each port's direction, type and default. It does not
+describe which ports are required, how many children a node takes or how a node works. None of that
+is checked, and such a node cannot be ticked.
 """
 
 from __future__ import annotations
@@ -90,11 +90,10 @@ class Palette:
 
 
 def read_palette(path: Path, odd: Findings | None = None) -> Palette:
-    """Return node classes for what a file's TreeNodesModel describes, and its enumerations.
+    """Return node classes and enumerations from the TreeNodesModel of a file.
 
-    Trees and includes in the file are passed over, subtrees in the model, too: they are no nodes
-    of their own. A port's type or default that cannot be read is passed over likewise; the node
-    and the port stay.
+    Trees and includes in the file are ignored, as are subtrees in the model, which are not nodes.
+    An unreadable type or default of a port is ignored, too; the node and the port stay.
 
     Args:
         path: the file; its root is a TreeNodesModel, or holds one or several.

@@ -1,11 +1,11 @@
 """An XML Schema (XSD 1.0) of tree files, for editors: it completes, explains and underlines.
 
-It allows all that the loader takes without a warning, and refuses most of what the loader refuses
-or warns of: unknown nodes and attributes, missing ones, literals of another type, wrong counts of
+It allows everything that the loader accepts without a warning. It refuses most errors and warnings
+of the loader: unknown nodes and attributes, missing ones, literals of another type, wrong counts of
 children. What no XSD can say is left to `uav-bt check`: scripts, subtrees that do not exist, what a
 variable holds, the attributes of a SubTree and of the explicit form `<Action ID="..."/>`.
 
-An editor finds the schema by its own settings, or by a line at the head of the tree file, which the
+An editor finds the schema by its settings or by a line at the head of the tree file, which the
 loader passes over: `<?xml-model href="uav-bt.xsd"?>`.
 """
 

@@ -157,7 +157,7 @@ def read_source(path: Path) -> bytes:
     """Return a tree file's bytes.
 
     Raises:
-        TreeError: there is no such file, it cannot be read or it is too large.
+        TreeError: the file does not exist, cannot be read or is too large.
     """
     return read_bounded(path, MAX_BYTES, _refused, cure=_SMALLER)
 

@@ -35,7 +35,7 @@ class DecoratorNode(Node):
         given: values of the ports.
 
     Raises:
-        TypeError: the child is none of this package's nodes.
+        TypeError: the child is not a node of this package.
     """
 
     kind = NodeKind.DECORATOR

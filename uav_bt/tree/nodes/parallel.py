@@ -63,7 +63,7 @@ class Parallel(_Counting):
         self.set_status(RUNNING)
         skipped = 0
         for child in children:
-            # A child that finished keeps its status until all are reset, and is passed over.
+            # A finished child keeps its status until all are reset and is not ticked again.
             if child.node_status is not SUCCESS and child.node_status is not FAILURE:
                 status = child.execute_tick()
                 if status is SKIPPED:

@@ -1,4 +1,4 @@
-"""The format's own leaves, but for those that wait, and the decorator that asks a script."""
+"""The format's leaves, except those that wait, and the decorator that evaluates a script."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class SetBlackboard(Leaf):
     ports = (VALUE, OUTPUT_KEY)
 
     def update(self) -> Status:
-        """Write the variable, in the type it has when it exists."""
+        """Write the variable; an existing variable keeps its type."""
         key = self.port(self.OUTPUT_KEY)
         value = self.port(self.VALUE)
         if isinstance(value, (int, float, str)):
@@ -141,6 +141,6 @@ class UnsetBlackboard(Leaf):
     ports = (KEY,)
 
     def update(self) -> Status:
-        """Remove it; one that does not exist is fine."""
+        """Remove the variable; a missing one is not an error."""
         del self.variables[self.port(self.KEY)]
         return SUCCESS

@@ -1,4 +1,4 @@
-"""Nodes that wait. They read the mission's clock, at every tick."""
+"""Nodes that wait. They read the mission's clock at every tick."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SUCCESS, Status
 
-# Times are sums of ticks: their last digits are rounding.
+# Times are sums of tick durations, so their last digits carry rounding errors.
 _EPSILON_S = 1e-9
 
 
@@ -29,7 +29,7 @@ class Timeout(DecoratorNode):
             self._expired = False
             self.set_status(RUNNING)
         if not self._expired and now_s >= self._deadline_s - _EPSILON_S:
-            # The engine's timer strikes once; a child that is not running then is left alone.
+            # As in the engine, the timer expires once; a child not running then is left alone.
             self._expired = True
             if self.child.node_status is RUNNING:
                 self.child.reset()
@@ -81,9 +81,9 @@ class Sleep(Leaf):
     _end_s = 0.0
 
     def initialise(self) -> None:
-        """Note when to wake."""
+        """Store the end time."""
         self._end_s = self.clock.now() + self.port(self.MSEC) / 1000
 
     def update(self) -> Status:
-        """Succeed when the time has come."""
+        """Succeed when the time has passed."""
         return RUNNING if self.clock.now() < self._end_s - _EPSILON_S else SUCCESS

@@ -1,4 +1,4 @@
-"""Nodes that look whether a variable was written since they last looked."""
+"""Nodes that check whether a variable was written since their last check."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ ENTRY = Port("entry", object, doc="the variable, as {name}", check=_check_entry)
 
 
 class _Watch:
-    """Remembers how a variable, or a key of the board, was found at the last look."""
+    """Remembers the state of a variable or board key at the last check."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._seen: object = None
 
     def updated(self) -> bool:
-        """Return whether it was written since the last look."""
+        """Return whether it was written since the last check."""
         now = self._look()
         if now is None:
             return False
@@ -41,7 +41,7 @@ class _Watch:
         board_key = key if on_board else self._node.variables.board_key(key)
         if board_key is not None:
             held = self._node.mission.board.snapshot().get(board_key)
-            # The board does not count: a value written again is another object, or captured later.
+            # The board counts no writes; a new one is another object or has a later capture time.
             return None if held is None else (id(held[0]), held[1])
         entry = self._node.variables.entry(key)
         return None if entry is None else entry.writes
@@ -57,7 +57,7 @@ class WasEntryUpdated(Leaf):
         self._watch = _Watch(self)
 
     def update(self) -> Status:
-        """Look."""
+        """Check the variable."""
         return SUCCESS if self._watch.updated() else FAILURE
 
 
@@ -65,7 +65,7 @@ class _UnlessUpdated(DecoratorNode):
     ports = (ENTRY,)
     _otherwise: ClassVar[Status]
 
-    _busy = False  # the child runs, and is ticked without looking
+    _busy = False  # the child is running and is ticked without a check
 
     def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
         super().__init__(name, child, **given)
@@ -80,7 +80,7 @@ class _UnlessUpdated(DecoratorNode):
         return status
 
     def _halt(self) -> None:
-        # As the engine has it: the halt is not passed on to the child.
+        # As in the engine, the halt is not passed on to the child.
         self._busy = False
 
 

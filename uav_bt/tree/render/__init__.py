@@ -36,7 +36,7 @@ def _summary(box: Box) -> str:
 
 
 FORMATS: Final[dict[str, Callable[[Box, str], str]]] = {"ascii": ascii_art, "svg": svg}
-"""What draws a tree's root box under a title, by the format's name."""
+"""Functions that draw a tree from its root box and a title, by the name of the format."""
 
 
 class Drawable(Protocol):
@@ -54,6 +54,6 @@ def render(tree: Drawable, format_: str) -> str:
         format_: one of `FORMATS`.
 
     Raises:
-        KeyError: there is no such format.
+        KeyError: `format_` is not one of `FORMATS`.
     """
     return FORMATS[format_](sketch(tree.root), tree.name)

@@ -1,7 +1,7 @@
-"""Values of scripts: numbers and texts, what becomes of them when they meet, and where they live.
+"""Values of scripts: numbers and texts, their conversion, and the variables that hold them.
 
-As in BehaviorTree.CPP: arithmetic gives reals, comparisons give 1 or 0, a variable keeps the type
-it began with.
+As in BehaviorTree.CPP, arithmetic gives reals, comparisons give 1 or 0, and a variable keeps the
+type of its first value.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from uav_bt.tree.variables import Variables
 Value = int | float | str
 
 ONLY_LEAVES_WRITE: Final = "leaves write those, scripts only read"  # of board keys, in messages
-MAX_TEXT: Final = 100_000  # characters; `s += s` at every tick would fill the memory
-MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree: thousands of scripts make many
-_EPSILON: Final = 2.0**-23  # reals closer than this are equal: the engine's, of a C float
+MAX_TEXT: Final = 100_000  # characters; limits scripts such as `s += s` at every tick
+MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree together
+_EPSILON: Final = 2.0**-23  # reals closer than this are equal; the engine uses it, from C float
 _WORDS: Final = {"true": 1.0, "false": 0.0}
 # The spellings that the format's engine reads as truth values, and `!` of a text takes.
 _TRUTHS: Final = {
@@ -28,14 +28,14 @@ _TRUTHS: Final = {
 
 
 class ScriptError(ValueError):
-    """A script cannot be read, or fails when it runs."""
+    """A script cannot be parsed or fails when it runs."""
 
 
 def number(value: object) -> float:
     """Return a value as a real; a text must be a number, `true` or `false`.
 
     Raises:
-        ScriptError: it is none.
+        ScriptError: the value is not a number.
     """
     if isinstance(value, (int, float)):
         return float(value)
@@ -55,7 +55,7 @@ def truth(value: object) -> bool:
     """Return a value as true or false.
 
     Raises:
-        ScriptError: it is neither: only 1, 0 and texts that spell a truth value are.
+        ScriptError: the value is neither 1, 0 nor a text that spells a truth value.
     """
     if isinstance(value, str) and value in _TRUTHS:
         return _TRUTHS[value]
@@ -132,10 +132,10 @@ class Environment:
         """Return the value of a name.
 
         Raises:
-            ScriptError: nothing, nothing fresh, or nothing that a script can use.
+            ScriptError: the value is missing, stale, or of a type that scripts cannot use.
         """
         members = self.members
-        if name in members:  # before a variable of the same name, as in the engine
+        if name in members:  # an enumeration comes before a variable, as in the engine
             return float(members[name])
         key = self._board_key(name)
         value = self._variables.get(name) if key is None else self._read_board(key)
