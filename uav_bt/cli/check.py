@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -143,7 +144,7 @@ def _piped(
 ) -> tuple[Path, tuple[Finding, ...]]:
     """Return what findings call a text from a pipe, and its findings. A pipe is read once."""
     if tree == _STDIN:
-        path, source = Path("<stdin>"), click.get_binary_stream("stdin").read(MAX_BYTES + 1)
+        path, source = Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1)
     else:
         path = Path(tree)
         try:
