@@ -48,7 +48,7 @@ class ForeignLeaf(Leaf):
 
     It is constructed and set up with the tree, and ticked by py_trees' own `tick`, so that its
     methods are called when py_trees promises; when the leaf is halted it is stopped with INVALID.
-    INVALID as the answer of a tick is SKIPPED. An answer that is no status raises, because py_trees
+    INVALID as the answer of a tick is SKIPPED. An answer of another type raises, because py_trees
     makes INVALID of it.
     """
 
@@ -116,7 +116,7 @@ class ForeignLeaf(Leaf):
 
 
 def _checked(behaviour: Behaviour) -> Callable[[], common.Status]:
-    """Return a behaviour's `update`, which raises MissionError for an answer that is no status."""
+    """Return a behaviour's `update`, which raises MissionError for an answer of another type."""
     update = behaviour.update
 
     def answer() -> common.Status:
