@@ -142,7 +142,7 @@ def _piped(
     tree_id: str | None,
     lookup: Lookup,
 ) -> tuple[Path, tuple[Finding, ...]]:
-    """Return what findings call a text from a pipe, and its findings. A pipe is read once."""
+    """Return the name and the findings of a text from a pipe, which is read once."""
     if tree == _STDIN:
         path, source = Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1)
     else:

@@ -9,16 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
 from uav_bt import testing
 from uav_bt.testing.tree_files import is_tree_file
 
-_COLLECTED: Final = pytest.StashKey[list[Path]]()
-_TOGETHER: Final = pytest.StashKey[Any]()  # a FilesTogether, imported where it is used
+if TYPE_CHECKING:
+    from uav_bt.tree.loading.together import FilesTogether
 
+_COLLECTED: Final = pytest.StashKey[list[Path]]()
+_TOGETHER: Final[pytest.StashKey[FilesTogether]] = pytest.StashKey()
 
 _LOOKUP_OPTIONS: Final = {
     "folder": (

@@ -116,7 +116,7 @@ class ForeignLeaf(Leaf):
 
 
 def _checked(behaviour: Behaviour) -> Callable[[], common.Status]:
-    """Return a behaviour's `update`, which raises MissionError for an answer that is no status."""
+    """Return a behaviour's `update`, which raises MissionError for an answer of another type."""
     update = behaviour.update
 
     def answer() -> common.Status:

@@ -1,4 +1,4 @@
-"""What a file calls good can be flown: values, board keys, policies and movers of a whole tree."""
+"""A file that check calls good can be flown: values, keys, policies and movers of a whole tree."""
 
 from __future__ import annotations
 

@@ -115,6 +115,7 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
         ("'open", "column 1: unexpected '''"),
         ("3x", "'3x' is no number"),
         ("a.b", r"column 2: unexpected '\.'"),
+        ("@state.battery", r"column 7: unexpected '\.'; a script reads whole values, no members"),
         ("x := [1]", r"unexpected '\['"),
         ("(" * 50 + "1" + ")" * 50, "nested deeper than 40"),
         ("-" * 50 + "1", "nested deeper than 40"),

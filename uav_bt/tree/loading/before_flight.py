@@ -118,7 +118,7 @@ def _two_movers(tree: MissionTree) -> Iterator[Finding]:
 
 
 def _first_leaf(node: Node) -> Leaf | None:
-    """Return the leaf that a node's first tick certainly reaches; None where that depends."""
+    """Return the leaf that a node's first tick always reaches; None when it may reach none."""
     while not isinstance(node, Leaf):
         starts = isinstance(node, ControlNode) or (
             isinstance(node, DecoratorNode) and node.node_id not in _LATER

@@ -298,7 +298,8 @@ def tokenize(source: str) -> list[Token]:
     while at < len(source):
         match = _TOKEN.match(source, at)
         if match is None or match.lastgroup is None:
-            raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'")
+            members = "; a script reads whole values, no members" if source[at] == "." else ""
+            raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'{members}")
         if match.lastgroup != "space":
             glued = tokens and tokens[-1].column - 1 + len(tokens[-1].text) == at
             if glued and match.lastgroup == "name" and tokens[-1].kind in NUMBERS:
