@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 
+PERCENTILE_FLIGHTS: Final = 3
+"""Smallest number of flights with a 5th and a 95th percentile (chosen)."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Distribution:
@@ -24,8 +27,8 @@ class Distribution:
     count: int  # flights that reached it
     mean: float
     median: float
-    p5: float
-    p95: float
+    p5: float | None  # None for fewer than `PERCENTILE_FLIGHTS`
+    p95: float | None
     least: float
     most: float
 
@@ -36,12 +39,13 @@ class Distribution:
             return None
         array = np.asarray(values, dtype=np.float64)
         p5, median, p95 = (float(value) for value in np.percentile(array, [5, 50, 95]))
+        enough = len(values) >= PERCENTILE_FLIGHTS
         return cls(
             count=len(values),
             mean=float(array.mean()),
             median=median,
-            p5=p5,
-            p95=p95,
+            p5=p5 if enough else None,
+            p95=p95 if enough else None,
             least=float(array.min()),
             most=float(array.max()),
         )
