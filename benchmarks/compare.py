@@ -173,8 +173,10 @@ def differences_table(pairs: Sequence[tuple[Flight, Flight]]) -> list[str]:
     lost = sum(successes(pair) == 1 and successes(pair[:1]) == 1 for pair in pairs)
     won = sum(successes(pair) == 1 and successes(pair[1:]) == 1 for pair in pairs)
     lines = [
-        f"{len(pairs)} pairs: {won} successes gained, {lost} lost "
-        f"(McNemar, p = {mcnemar(won, lost):.3f})",
+        (
+            f"{len(pairs)} pairs: {won} successes gained, {lost} lost "
+            f"(McNemar, p = {mcnemar(won, lost):.3f})"
+        ),
         "",
         "| difference | pairs | mean (95 %) | median |",
         "| --- | --- | --- | --- |",
