@@ -8,7 +8,8 @@
 A set of flights is the folder of a campaign, or FOLDER:TREE for one of its missions. Flights are
 paired by scene and seed, and by mission where a set has several. Differences are the later set
 minus the first. Intervals are 95 % intervals: Wilson's for shares, the percentile bootstrap's for
-means. `--not-worse` ends with exit code 1 if a later set is worse than the first: two more failures
+means; the p value is that of McNemar's exact test.
+`--not-worse` ends with exit code 1 if a later set is worse than the first: two more failures
 among the pairs, median coverage 2 points lower, or the 5th percentile of clearance 2 cm lower.
 """
 
@@ -22,17 +23,15 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from scipy.stats import bootstrap
 
 from uav_bt.campaign.flight_lines import key_of, read_flights
-from uav_bt.campaign.report.statistics import wilson
+from uav_bt.campaign.report.statistics import mcnemar, mean_interval, wilson
 from uav_bt.campaign.store import FLIGHTS_FILE
 from uav_bt.errors import InputError, UavBtError
 
 Flight = Mapping[str, Any]
 Key = tuple[Any, ...]  # scene, seed, and the mission where a set has several
 
-_RESAMPLES: Final = 4_000  # chosen: the interval's ends repeat to a few percent of its width
 # Allowed loss: chosen, about the difference between flights of equal code.
 _MORE_FAILURES: Final = 1
 _LESS_COVERAGE: Final = 0.02
@@ -125,19 +124,6 @@ def values_of(flights: Sequence[Flight], metric: Metric) -> np.ndarray:
     return np.array([value for value in values if value is not None], dtype=np.float64)
 
 
-def mean_interval(values: np.ndarray) -> tuple[float, ...]:
-    """Return the ends of a mean's 95 % interval, by the percentile bootstrap with a fixed seed.
-
-    Args:
-        values: (N,). One value has no interval; equal values have one of width 0.
-    """
-    if np.ptp(values) == 0.0:
-        return (float(values[0]),) * 2 if values.size > 1 else ()
-    rng = np.random.default_rng(0)
-    found = bootstrap((values,), np.mean, n_resamples=_RESAMPLES, method="percentile", rng=rng)
-    return tuple(float(end) for end in found.confidence_interval)
-
-
 def successes(flights: Sequence[Flight]) -> int:
     """Return the number of successful flights."""
     return sum(flight["outcome"] == "success" for flight in flights)
@@ -187,7 +173,10 @@ def differences_table(pairs: Sequence[tuple[Flight, Flight]]) -> list[str]:
     lost = sum(successes(pair) == 1 and successes(pair[:1]) == 1 for pair in pairs)
     won = sum(successes(pair) == 1 and successes(pair[1:]) == 1 for pair in pairs)
     lines = [
-        f"{len(pairs)} pairs: {won} successes gained, {lost} lost",
+        (
+            f"{len(pairs)} pairs: {won} successes gained, {lost} lost "
+            f"(McNemar, p = {mcnemar(won, lost):.3f})"
+        ),
         "",
         "| difference | pairs | mean (95 %) | median |",
         "| --- | --- | --- | --- |",

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.compare import main, mean_interval
+from benchmarks.compare import main
+from uav_bt.campaign.report.statistics import mcnemar, mean_interval
 from uav_bt.campaign.store import FLIGHTS_FILE
 
 
@@ -127,3 +128,9 @@ def test_what_cannot_be_compared_is_refused(
             main(words)
         assert end.value.code == 2
         assert message in capsys.readouterr().err
+
+
+def test_mcnemars_exact_test() -> None:
+    """One of five different pairs: 2 x (1 + 5) / 2**5; equal sets give no evidence."""
+    assert mcnemar(1, 4) == pytest.approx(0.375)
+    assert mcnemar(0, 0) == 1.0

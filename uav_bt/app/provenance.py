@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.metadata
+import os
 import platform
 import shutil
 import subprocess
@@ -55,6 +56,27 @@ def _output(git: str, folder: Path, *arguments: str) -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None  # a record without a commit is better than no flight
     return done.stdout.strip()
+
+
+def hardware(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
+    """Return processor, cores, VNNI, operating system and Python of this machine, in one line.
+
+    Args:
+        cpu_info: Linux's description of the processor. Other systems have no such file.
+    """
+    lines = cpu_info.read_text(encoding="utf-8").splitlines() if cpu_info.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    flags = {word for line in lines if line.startswith("flags") for word in line.split()}
+    vnni = "VNNI" if flags & {"avx_vnni", "avx512_vnni"} else "no VNNI"
+    return ", ".join(
+        (
+            names[0] if names else platform.machine(),
+            f"{os.cpu_count()} cores",
+            vnni if flags else "VNNI unknown",
+            f"{platform.system()} {platform.release()}",
+            f"Python {platform.python_version()}",
+        )
+    )
 
 
 def package_versions() -> dict[str, str]:

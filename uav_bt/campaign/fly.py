@@ -68,6 +68,7 @@ def run(
     run = {
         "began": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
         "machine": platform.node(),
+        "hardware": provenance.hardware(),
         "backend": str(backend),
         "code": provenance.commit(),
     }

@@ -19,6 +19,7 @@ from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.map_table import map_table
 from uav_bt.campaign.report.paper import paper_success
 from uav_bt.campaign.report.sources import Provenance, Sources, read_sources
+from uav_bt.campaign.report.statistics import PERCENTILE_FLIGHTS
 from uav_bt.campaign.report.table import Table
 from uav_bt.campaign.report.tables import tables_of
 from uav_bt.campaign.store import FLIGHTS_FILE
@@ -36,7 +37,8 @@ _ABOUT_SCENES: Final = (
 _ABOUT_COVERAGE: Final = (
     f"Passed is the free ground within {PASSED_M:g} m of the flown path, seen is what was in view, "
     f"not hidden, within {SEEN_M:g} m of the lens. The line is the mean of a tree's flights, the "
-    "band their 5th to 95th percentile; a flight that has ended counts on with what it had covered."
+    f"band their 5th to 95th percentile, from {PERCENTILE_FLIGHTS} flights on. At each time both "
+    "count the flights that have not ended."
 )
 
 
@@ -218,6 +220,9 @@ def _origin(source: Provenance) -> Table:
     rows += [
         (f"run {run.get('began', '')}", f"{run.get('backend', '')}, code {run.get('code', '')}")
         for run in source.runs
+    ]
+    rows += [
+        ("machine", name) for name in dict.fromkeys(r.get("hardware") for r in source.runs) if name
     ]
     if not rows:
         rows.append(("file", "a plain file of flights: nothing more is known"))

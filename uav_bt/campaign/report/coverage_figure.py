@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uav_bt.campaign.report.figures import new_figure, png, set_colours, style
 from uav_bt.campaign.report.sources import FlightSet
+from uav_bt.campaign.report.statistics import PERCENTILE_FLIGHTS
 from uav_bt.mission.covered_ground import CURVE_S
 from uav_bt.mission.flight_report import EXPLORE_S
 
@@ -37,10 +38,18 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> bytes | None:
         for axes, what in zip(panels, _PANELS, strict=True):
             for some, colour in zip(measured, set_colours(sets), strict=True):
                 if some:
-                    shares = 100.0 * np.array([held(flight, what, steps) for flight in some])
-                    low, high = np.percentile(shares, [5, 95], axis=0)
-                    axes.fill_between(at, low, high, color=colour, alpha=0.12, linewidth=0)
-                    axes.plot(at, shares.mean(axis=0), color=colour, linewidth=1.8)
+                    shares = 100.0 * np.array(
+                        [curve_to_end(flight, what, steps) for flight in some]
+                    )
+                    flying = np.count_nonzero(np.isfinite(shares), axis=0)
+                    enough = flying >= PERCENTILE_FLIGHTS
+                    if enough.any():
+                        low, high = np.nanpercentile(shares[:, enough], [5, 95], axis=0)
+                        axes.fill_between(
+                            at[enough], low, high, color=colour, alpha=0.12, linewidth=0
+                        )
+                    mean = np.nanmean(shares[:, flying > 0], axis=0)
+                    axes.plot(at[flying > 0], mean, color=colour, linewidth=1.8)
             axes.axvline(EXPLORE_S, color="#adb5bd", linewidth=0.8, linestyle=":")
             axes.set_title(f"free ground {what}, %")
             axes.set_xlabel("from the take-off command, s")
@@ -59,14 +68,14 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> bytes | None:
         return png(figure)
 
 
-def held(flight: Mapping[str, Any], what: str, steps: int) -> NDArray[np.float64]:
-    """Return a flight's share from 0 s on, (steps + 1,); after its end it stays as it was.
+def curve_to_end(flight: Mapping[str, Any], what: str, steps: int) -> NDArray[np.float64]:
+    """Return a flight's share from 0 s on, (steps + 1,), 0 to 1; NaN after the flight's end.
 
     Args:
         flight: its line, with its coverage.
         what: `passed` or `seen`.
-        steps: how many of ten seconds are wanted.
+        steps: number of steps of `CURVE_S`.
     """
     column = 1 + _PANELS.index(what)
     curve = [point[column] for point in flight["coverage_curve"]]
-    return np.array([0.0, *curve, *[flight[f"coverage_{what}"]] * (steps - len(curve))])
+    return np.array([0.0, *curve, *[np.nan] * (steps - len(curve))])

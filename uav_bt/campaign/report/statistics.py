@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest, gaussian_kde
+from scipy.stats import binomtest, bootstrap, gaussian_kde
 
 from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
+
+_RESAMPLES: Final = 4_000  # chosen: the interval's ends repeat to a few percent of its width
+PERCENTILE_FLIGHTS: Final = 3
+"""Smallest number of flights with a 5th and a 95th percentile (chosen)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,8 +28,8 @@ class Distribution:
     count: int  # flights that reached it
     mean: float
     median: float
-    p5: float
-    p95: float
+    p5: float | None  # None for fewer than `PERCENTILE_FLIGHTS`
+    p95: float | None
     least: float
     most: float
 
@@ -36,12 +40,13 @@ class Distribution:
             return None
         array = np.asarray(values, dtype=np.float64)
         p5, median, p95 = (float(value) for value in np.percentile(array, [5, 50, 95]))
+        enough = len(values) >= PERCENTILE_FLIGHTS
         return cls(
             count=len(values),
             mean=float(array.mean()),
             median=median,
-            p5=p5,
-            p95=p95,
+            p5=p5 if enough else None,
+            p95=p95 if enough else None,
             least=float(array.min()),
             most=float(array.max()),
         )
@@ -122,6 +127,32 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
         )
     ends = binomtest(successes, trials).proportion_ci(method="wilson")
     return float(ends.low), float(ends.high)
+
+
+def mean_interval(values: NDArray[np.float64]) -> tuple[float, ...]:
+    """Return the ends of a mean's 95 % interval, by the percentile bootstrap with a fixed seed.
+
+    Args:
+        values: (N,). One value has no interval; equal values have one of width 0.
+    """
+    if np.ptp(values) == 0.0:
+        return (float(values[0]),) * 2 if values.size > 1 else ()
+    rng = np.random.default_rng(0)
+    found = bootstrap((values,), np.mean, n_resamples=_RESAMPLES, method="percentile", rng=rng)
+    return tuple(float(end) for end in found.confidence_interval)
+
+
+def mcnemar(gained: int, lost: int) -> float:
+    """Return the two-sided p value of McNemar's exact test of paired successes, 0 to 1.
+
+    Q. McNemar, Note on the sampling error of the difference between correlated proportions or
+    percentages, Psychometrika 12 (1947), with the binomial distribution.
+
+    Args:
+        gained: pairs in which only the second flight succeeded.
+        lost: pairs in which only the first flight succeeded.
+    """
+    return float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
 
 
 def bandwidth(values: Sequence[float]) -> float:

@@ -101,7 +101,7 @@ def _metrics(sets: Sequence[FlightSet]) -> Table:
             found = summary.metrics[name]
             if found is not None:
                 numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
-                rounded = (round(number, 3) for number in numbers)
+                rounded = (None if number is None else round(number, 3) for number in numbers)
                 row: tuple[Cell, ...] = (
                     Term(text=words, key=name),
                     one.label,

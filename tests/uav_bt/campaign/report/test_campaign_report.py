@@ -75,7 +75,8 @@ def campaign(folder: Path, *flights: dict[str, Any], **how: Any) -> Path:
         options=FlightOptions(**shared),
         **how,
     )
-    with CampaignStore.opened(folder, plan, {"code": "abc"}) as store:
+    about = {"code": "abc", "hardware": "Chip 9, 2 cores, VNNI"}
+    with CampaignStore.opened(folder, plan, about) as store:
         for one in flights:
             store.keep(one)
     return folder
@@ -140,6 +141,11 @@ def test_the_page_stands_alone(tmp_path: Path) -> None:
     assert len(page.references) == 3
     assert all(one.startswith("data:image/png;base64,") for one in page.references)
     assert not {"script", "link", "iframe"} & set(page.tags)
+
+
+def test_the_page_names_the_machine(tmp_path: Path) -> None:
+    page = Page(write(tmp_path / "r.html", campaign(tmp_path / "c", flight(0))).page.read_text())
+    assert "Chip 9, 2 cores, VNNI" in page.texts
 
 
 def test_the_same_flights_make_the_same_report(tmp_path: Path) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from uav_bt.campaign.report.coverage_figure import held
+from uav_bt.app.provenance import hardware
+from uav_bt.campaign.report.coverage_figure import curve_to_end
 from uav_bt.campaign.report.lab_figures import ground_of, visited_cells
-from uav_bt.campaign.report.statistics import bandwidth, density, summarise, wilson
+from uav_bt.campaign.report.statistics import Distribution, bandwidth, density, summarise, wilson
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.covered_ground import GroundCells
@@ -110,11 +112,29 @@ def test_the_ground_of_a_map_is_free_of_boxes_and_helipad() -> None:
     assert [item.height_m for item in ground.standing] == [1.9, 0.4]
 
 
-def test_the_curve_of_a_flight_that_ended_stays_as_it_was() -> None:
+def test_the_curve_of_a_flight_ends_with_the_flight() -> None:
     flight = {
         "coverage_passed": 0.4,
         "coverage_seen": 0.7,
         "coverage_curve": [[10.0, 0.1, 0.2], [20.0, 0.3, 0.6]],
     }
-    assert held(flight, "passed", 4).tolist() == [0.0, 0.1, 0.3, 0.4, 0.4]
-    assert held(flight, "seen", 2).tolist() == [0.0, 0.2, 0.6]
+    passed = curve_to_end(flight, "passed", 4)
+    assert passed[:3].tolist() == [0.0, 0.1, 0.3]
+    assert np.isnan(passed[3:]).all()
+    assert curve_to_end(flight, "seen", 2).tolist() == [0.0, 0.2, 0.6]
+
+
+@pytest.mark.parametrize(("count", "has"), [(2, False), (3, True)])
+def test_two_flights_have_no_percentiles(count: int, *, has: bool) -> None:
+    found = Distribution.of([1.0] * count)
+    assert found is not None
+    assert (found.p5 is not None, found.p95 is not None) == (has, has)
+
+
+def test_the_hardware_names_processor_and_vnni(tmp_path: Path) -> None:
+    info = tmp_path / "cpuinfo"
+    info.write_text("model name\t: Chip 9\nflags\t\t: fpu avx512_vnni\n")
+    assert hardware(info).startswith("Chip 9, ")
+    assert ", VNNI, " in hardware(info)
+    info.write_text("model name\t: Chip 8\nflags\t\t: fpu avx2\n")
+    assert ", no VNNI, " in hardware(info)
