@@ -70,8 +70,8 @@ make_venv() {
 # Open a context and close it again: a library that is there need not work.
 draws() {
     "$venv/bin/python" -c '
-from sim_bridge.twin.gl import context_class
-context = context_class()(64, 64)
+from sim_bridge.twin.gl import open_context
+context = open_context(64, 64)
 context.make_current()
 context.free()' >>"$log" 2>&1
 }

@@ -115,6 +115,9 @@ class RecordScan:
                     self._note(offset, "the file is cut within a record")
                 return
             except Exception as error:  # noqa: BLE001 - a damaged record raises anything
+                if size - offset < _HEAD_BYTES:
+                    self._note(offset, "the file is cut within a record")
+                    return
                 self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
                 return
             if isinstance(record, DataEnd):

@@ -351,7 +351,14 @@ def test_a_drone_left_in_the_air_is_the_last_line(
 ) -> None:
     report = app.fly(tree_file(tmp_path, HOP), app.FlightOptions(image_size_px=(160, 90)))
     left = replace(report, outcome="aborted", airborne_at_end=True)
-    monkeypatch.setattr(app, "fly", lambda *_, **__: left)
+
+    def fly(tree: str, options: app.FlightOptions, *, listeners: list[Any], **_: object) -> object:
+        flight = app.assemble(tree, options)
+        for listen in listeners:
+            listen(flight)
+        return left
+
+    monkeypatch.setattr(app, "fly", fly)
     result = run("fly", "land_only")
     assert result.exit_code == 1
     assert result.stderr.splitlines()[-1] == app.STILL_IN_THE_AIR

@@ -118,7 +118,7 @@ CASES = {
         "view flight.mcap --save old.rrd",
         "old.rrd.*.part",
         "stopped by Ctrl-C",
-        after_s=1.0,
+        after_s=0.2,
         kept=("old.rrd", "flight.mcap"),
     ),
     "view, saving, SIGTERM": Case(
@@ -126,7 +126,7 @@ CASES = {
         "old.rrd.*.part",
         "stopped by SIGTERM",
         by=(TERM,),
-        after_s=1.0,
+        after_s=0.2,
         kept=("old.rrd", "flight.mcap"),
     ),
     "replay, importing": Case(
