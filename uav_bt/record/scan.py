@@ -6,6 +6,7 @@ how far they may grow.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -110,14 +111,13 @@ class RecordScan:
             offset = stream.tell()
             try:
                 record = next(records)
-            except (EndOfFile, RecordLengthLimitExceeded):
+            except (EndOfFile, RecordLengthLimitExceeded, struct.error) as error:
                 if offset < size:
-                    self._note(offset, "the file is cut within a record")
+                    cut = not isinstance(error, struct.error) or stream.tell() >= size
+                    what = "the file is cut within a record" if cut else "a damaged record"
+                    self._note(offset, what)
                 return
             except Exception as error:  # noqa: BLE001 - a damaged record raises anything
-                if size - offset < _HEAD_BYTES:
-                    self._note(offset, "the file is cut within a record")
-                    return
                 self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
                 return
             if isinstance(record, DataEnd):

@@ -59,7 +59,7 @@ def valid(schema: etree.XMLSchema, text: str) -> bool:
 
 
 def loads(text: str) -> bool:
-    """Return whether the loader accepts a text as a part of a mission, whose variables come later."""
+    """Return whether the loader accepts a text whose variables may come from elsewhere."""
     text = text.replace(' main_tree_to_execute="Main"', "")
     return not check_text(text, REGISTRY, path=Path("m.xml"))
 
