@@ -58,7 +58,7 @@ def _finite(text: str) -> float:
 
 
 def _refuse(name: str) -> NoReturn:
-    raise InputError(f"{name} is no JSON")
+    raise InputError(f"{name} is not JSON")
 
 
 _DECODER: Final = json.JSONDecoder(parse_float=_finite, parse_constant=_refuse)

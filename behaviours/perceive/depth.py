@@ -46,7 +46,7 @@ class EstimateDepth(Leaf):
             "source",
             str,
             default="fused",
-            doc="'network', or 'fused': by what things stand on where that is known",
+            doc="'network', or 'fused': by ground contact where that is known",
         ),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP, ODOMETRY)
@@ -144,7 +144,7 @@ class BuildCorridor(Leaf):
         Port(
             "focal_factor", float, default=1.0, least=0.5, most=2, doc="the paper's f, 0.8 to 1.2"
         ),
-        Port("background", bool, default=False, doc="count what is no box and no helipad, too"),
+        Port("background", bool, default=False, doc="count the background, too"),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, METRIC_DEPTH)
     writes = (CORRIDOR,)

@@ -134,7 +134,7 @@ class OnnxControlStudent:
 
 def _config_of(model: Any, path: Path) -> ControlNetConfig:
     if not model.has_rt_info(_ABOUT):
-        raise WeightsError(path, f"is no control student; {_COMMAND} makes one")
+        raise WeightsError(path, f"is not a control student; {_COMMAND} makes one")
     try:
         about = json.loads(model.get_rt_info(_ABOUT).astype(str))
         if about["version"] != VERSION:

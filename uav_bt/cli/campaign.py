@@ -50,7 +50,7 @@ class Place:
 
     def __post_init__(self) -> None:
         if self.backend == "dask" and self.workers is not None:
-            raise click.UsageError("--workers is for this machine; a cluster knows its own")
+            raise click.UsageError("--workers is for this machine; a cluster has its workers")
         if (self.backend == "dask") != (self.address is not None):
             raise click.UsageError("--backend dask and --address belong together")
 

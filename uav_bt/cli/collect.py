@@ -106,7 +106,7 @@ def collect(
                 on_note=progress.note,
             )
         except KeyboardInterrupt:
-            progress.note(f"stopped; the same command continues from what is kept in {folder}")
+            progress.note(f"stopped; the same command continues from the files in {folder}")
             ctx.exit(MissionError.exit_code)
     size_mb = sum(record.stat().st_size for record in records) / 1e6
     click.echo(f"{len(records)} records, {size_mb:.0f} MB: {folder}")

@@ -78,7 +78,7 @@ def _distance(rows: Sequence[_Row]) -> Iterator[str]:
 
 
 def _sensitivity(rows: Sequence[_Row]) -> Iterator[str]:
-    yield "What is wrong: mean error (median) of edges without a patch, and of distances"
+    yield "Sensitivity: mean error (median) of edges without a patch, and of distances"
     methods = list(dict.fromkeys(row["method"] for row in rows))
     yield f"  {'':<16}" + "".join(f"{method:^38}" for method in methods)
     yield f"  {'':<16}" + f"{'edges':>18}{'distances':>20}" * len(methods)

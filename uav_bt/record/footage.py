@@ -78,7 +78,7 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
         raise FileError(reader.path, f"a message of the record is damaged: {error}") from error
     if reader.damages:
         raise FileError(
-            reader.path, f"is damaged ({reader.damages[0]}); `mcap recover` saves what is whole"
+            reader.path, f"is damaged ({reader.damages[0]}); `mcap recover` saves the intact part"
         )
 
 

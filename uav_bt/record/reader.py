@@ -230,7 +230,7 @@ class RecordReader:
                         yield StoredMessage(topic=topic, time_ns=record.log_time, data=record.data)
             except Exception as error:  # a damaged file can raise anything in the parser
                 raise FileError(
-                    self.path, f"is damaged ({error}); `mcap recover` saves what is whole"
+                    self.path, f"is damaged ({error}); `mcap recover` saves the intact part"
                 ) from error
 
     @staticmethod

@@ -196,4 +196,4 @@ class _Allowance:
 
 def _check_magic(stream: IO[bytes], path: Path) -> None:
     if stream.read(len(_MAGIC)) != _MAGIC:
-        raise FileError(path, "is no flight record: expected an MCAP file (*.mcap)")
+        raise FileError(path, "is not a flight record: expected an MCAP file (*.mcap)")

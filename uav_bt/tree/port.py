@@ -74,7 +74,7 @@ def parse_reference(text: str, port_name: str) -> Reference | None:
         return Reference(port_name if key == "=" else key, on_board=bool(match["board"]))
     stripped = text.strip()
     if stripped.startswith("{") and stripped.endswith("}"):
-        raise ValueError(f"'{text}' is no reference: write {{key}} or {{@board_key}}")
+        raise ValueError(f"'{text}' is not a reference: write {{key}} or {{@board_key}}")
     return None
 
 

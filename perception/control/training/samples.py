@@ -108,7 +108,7 @@ class FlightBuilder:
             ValueRangeError: the flight has no views.
         """
         if not self._images:
-            raise ValueRangeError("a flight without a labelled view is none to learn from")
+            raise ValueRangeError("a flight without labelled views cannot be learned from")
         return ControlFlight(
             size_px=np.array(self._size_px),
             images=np.concatenate(self._images),
@@ -152,7 +152,7 @@ def read_flight(path: Path) -> ControlFlight:
                 **{item.name: content[item.name] for item in fields(ControlFlight)}
             )
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise FileError(path, f"is no file of labelled views ({error}); delete it") from error
+        raise FileError(path, f"is not a file of labelled views ({error}); delete it") from error
 
 
 # --- windows --------------------------------------------------------------------------------------

@@ -100,7 +100,9 @@ class NetworkFiles(Generic[Net]):
             known = {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
             net.load_state_dict({**counts, **known})
         except (KeyError, TypeError, RuntimeError) as error:
-            raise WeightsError(path, f"is no whole network ({error}); {self.remedy}") from error
+            raise WeightsError(
+                path, f"is not a complete network ({error}); {self.remedy}"
+            ) from error
         return net.eval(), details.get("notes", {})
 
     def export(

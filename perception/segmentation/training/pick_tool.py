@@ -37,7 +37,7 @@ class PickSession:
             FileError: the folder holds no photographs, or the picks file is malformed.
         """
         if not folder.is_dir():
-            raise FileError(folder, "is no folder; give the one that holds the photographs")
+            raise FileError(folder, "is not a folder; give the one that holds the photographs")
         self._folder = folder
         self._path = picks_path
         self.names = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in _MEDIA)
@@ -79,7 +79,7 @@ class PickSession:
         if name not in self._sizes_px:
             image = cv2.imread(str(path))  # with the EXIF orientation, as in training
             if image is None:
-                raise FileError(path, "is no image that can be read")
+                raise FileError(path, "is not a readable image")
             self._sizes_px[name] = (image.shape[1], image.shape[0])
         return self._sizes_px[name]
 

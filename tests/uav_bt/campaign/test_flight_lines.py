@@ -44,7 +44,7 @@ def test_what_depends_on_the_machine_is_not_compared() -> None:
         ('{"more": ' + "[" * 70 + "]" * 70 + "}", "nested deeper than 64"),
         ('{"seed": 1e999}', "1e999 is beyond a double's range"),
         ('{"seed": ' + "9" * 5000 + "}", "no JSON: Exceeds the limit"),
-        (json.dumps(line(duration_s=float("nan"))), "NaN is no JSON"),
+        (json.dumps(line(duration_s=float("nan"))), "NaN is not JSON"),
         ("{}", "needs 'tree' and 'scene'"),
         (json.dumps(line(scene=3)), "needs 'tree' and 'scene'"),
         (json.dumps(line() | {"seed": True}), "'seed' is a whole number from 0, got True"),

@@ -118,7 +118,7 @@ MISTAKES = [
     ("lab tune-heading absent.mcap", "absent.mcap"),
     ("lab tune-heading binary.bin", "binary.bin"),
     ("net perceive absent.mp4", "there is no such video file"),
-    ("net perceive binary.bin", "is no video that can be read"),
+    ("net perceive binary.bin", "is not a readable video"),
     ("net perceive empty", "no images"),
     ("net perceive camera:x", "expected a camera such as camera:0, got 'camera:x'"),
     ("net perceive photos --model absent.onnx", "absent.onnx: there is no such network"),

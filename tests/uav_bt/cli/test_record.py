@@ -100,7 +100,7 @@ def test_all_differences_are_there_for_machines(record: Path, tmp_path: Path) ->
 def test_what_is_no_record_is_refused(command: tuple[str, ...], tmp_path: Path) -> None:
     text = tmp_path / "text.mcap"
     text.write_text("Once upon a time")
-    assert_refused(run(*command, text), "is no flight record", "MCAP")
+    assert_refused(run(*command, text), "is not a flight record", "MCAP")
     assert_refused(run(*command, tmp_path / "absent.mcap"), "No such file")
 
 

@@ -207,7 +207,7 @@ def test_masks_of_another_plan_are_not_taken_for_these(
         ),
         (["evaluate", "segmentation", "--classes", "x.yaml"], ["--classes"]),
         (["evaluate", "segmentation", "--views", "0"], ["--views"]),
-        (["pick", "absent"], ["absent: is no folder"]),
+        (["pick", "absent"], ["absent: is not a folder"]),
         (["pick", "."], ["holds no photographs"]),
     ],
 )

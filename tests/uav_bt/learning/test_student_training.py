@@ -192,7 +192,7 @@ def test_a_network_of_another_kind_is_not_evaluated(record: Path) -> None:
         ["net", "evaluate", "student", str(record), "--model", str(SHIPPED_WEIGHTS / "unet.onnx")],
     )
     assert result.exit_code == 2
-    assert "is no control student" in result.output
+    assert "is not a control student" in result.output
 
 
 def test_training_may_begin_with_a_segmentation_networks_encoder(tmp_path: Path) -> None:

@@ -409,7 +409,7 @@ def test_the_file_is_one_json_object_with_every_field_and_null_for_none(tmp_path
     tale.take_off()
     write_report(tale.report(), path)
     text = path.read_text(encoding="utf-8")
-    told = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    told = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     assert set(told) == FIELDS
     assert told["time_to_land_s"] is None
     assert told["tick_ms"] == {"p50": 1.0, "p99": 1.0, "max": 1.0}

@@ -157,7 +157,7 @@ def test_a_newer_record_is_refused_with_what_to_do(
 def test_other_files_are_refused_by_what_they_are(tmp_path: Path) -> None:
     text = tmp_path / "text.mcap"
     text.write_text("Once upon a time")
-    with pytest.raises(FileError, match="is no flight record: expected an MCAP file"):
+    with pytest.raises(FileError, match="is not a flight record: expected an MCAP file"):
         RecordReader(text)
     with pytest.raises(FileError, match="cannot be read: No such file"):
         RecordReader(tmp_path / "absent.mcap")

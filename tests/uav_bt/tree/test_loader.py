@@ -133,7 +133,7 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<SubTree ID="Other"><Safe/></SubTree>', "needs no children, has 1"),
         ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
         ('<SubTree ID="Other" x="{@helipd}"/>', "no key 'helipd'; did you mean 'helipad'"),
-        ('<SubTree ID="Other" x="{a b}"/>', "is no reference"),
+        ('<SubTree ID="Other" x="{a b}"/>', "is not a reference"),
         (
             '<SubTree ID="Other" _onHalted="x )"/>',
             "attribute '_onHalted': column 3: expected a value",
@@ -562,7 +562,7 @@ def test_overrides_replace_attributes() -> None:
         ("explore", {"height_m": "{@hight}"}, "the board has no key 'hight'"),
         ("explore", {"_skipIf": "1 +"}, "attribute '_skipIf': column 4: expected a value"),
         ("explore", {"name": "x"}, "'name' cannot be replaced"),
-        ("Other", {"x": "{a b}"}, "is no reference"),
+        ("Other", {"x": "{a b}"}, "is not a reference"),
         ("Other", {"x": "{@helipd}"}, "the board has no key 'helipd'; did you mean 'helipad'"),
         ("Other", {"_autoremap": "true"}, "'_autoremap' cannot be replaced"),
     ],

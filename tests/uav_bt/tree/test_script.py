@@ -113,7 +113,7 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
         ("1 = 2", "column 1: only a variable can stand left of '='"),
         ("a $ b", r"column 3: unexpected '\$'"),
         ("'open", "column 1: unexpected '''"),
-        ("3x", "'3x' is no number"),
+        ("3x", "'3x' is not a number"),
         ("a.b", r"column 2: unexpected '\.'"),
         ("@state.battery", r"column 7: unexpected '\.'; a script reads whole values, no members"),
         ("x := [1]", r"unexpected '\['"),

@@ -110,7 +110,7 @@ def _keep_apart(written: list[Path], read: list[Path | None]) -> None:
     for path in written:
         for other in read:
             if other is not None and other.exists() and path.exists() and path.samefile(other):
-                raise InputError(f"{path} would be written over what is read; name another file")
+                raise InputError(f"{path} would overwrite an input; name another file")
 
 
 @contextmanager

@@ -102,9 +102,7 @@ class VideoSource:
             # An absolute path: FFmpeg takes the part before a colon for a protocol.
             container = av.open(str(self._path.absolute()))
         except (av.FFmpegError, OSError) as error:
-            raise FileError(
-                self._path, f"is no video that can be read ({_reason(error)})"
-            ) from error
+            raise FileError(self._path, f"is not a readable video ({_reason(error)})") from error
         if not container.streams.video:
             container.close()
             raise FileError(self._path, "holds no video")

@@ -146,7 +146,7 @@ def _check_root(root: Element, findings: Findings) -> bool:
     check_attributes(root, _ROOT_ATTRIBUTES, findings)
     check_no_text(root, findings)
     for position in root.raw:
-        message = "a raw '&' or '<' in an attribute is no XML: write &amp; or &lt;"
+        message = "a raw '&' or '<' in an attribute is not XML: write &amp; or &lt;"
         findings.add(path, position, message, severity=WARNING, rule=Rule.FILE)
     version = root.attributes.get("BTCPP_format")
     expected = 'expected BTCPP_format="4", got'

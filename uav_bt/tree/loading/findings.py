@@ -18,7 +18,7 @@ WARNING: Final = "warning"
 class Rule(Enum):
     """Subject of a finding: a name that does not change between versions, and a line of text."""
 
-    FILE = "file", "A file cannot be read, is no XML, or is larger than a tree file may be."
+    FILE = "file", "A file cannot be read, is not XML, or is larger than a tree file may be."
     ROOT = "root", "The root element, its format and the tree to be flown."
     INCLUDE = "include", "Included files are found, and lie where they may."
     TREE_ID = "tree-id", "Trees have IDs that the engine takes, each its own."
@@ -26,7 +26,7 @@ class Rule(Enum):
     UNKNOWN_NODE = "unknown-node", "A node is of the format, installed, or of a palette."
     CHILDREN = "children", "A node has as many children, and of the kinds, that it can have."
     ATTRIBUTE = "attribute", "A node has the attributes that its ports need, with values that fit."
-    SCRIPT = "script", "Scripts and conditions can be parsed and do what they seem to do."
+    SCRIPT = "script", "Scripts and conditions can be parsed and have an effect."
     BOARD_KEY = "board-key", "Keys of the mission board exist and hold what the port takes."
     VARIABLE = "variable", "Variables are written before they are read, with types that fit."
     NODE_MODEL = "node-model", "A TreeNodesModel describes nodes as they are."

@@ -96,7 +96,7 @@ def read_enumerations(models: Element, enum_members: dict[str, int], findings: F
 def _wrong_member(member: Element, known: dict[str, int]) -> str:
     name, value = (member.attributes.get(key, "") for key in ("name", "value"))
     if member.tag != MEMBER:
-        return f"<{member.tag}> is no member of an enumeration: write <{MEMBER} name= value=/>"
+        return f"<{member.tag}> is not a member of an enumeration: write <{MEMBER} name= value=/>"
     if not _MEMBER_NAME.fullmatch(name) or name in {"true", "false"}:
         return f"attribute 'name': expected a name that scripts can use, got '{name}'"
     if not _MEMBER_VALUE.fullmatch(value):
@@ -113,7 +113,7 @@ def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
             continue
         if port.tag not in PORT_DIRECTIONS:
             hint = did_you_mean(port.tag, PORT_DIRECTIONS)
-            message = f"<{port.tag}> is no port: what it describes is not known{hint}"
+            message = f"<{port.tag}> is not a port: its meaning is unknown{hint}"
             _warn(model, port, message, findings)
             continue
         check_attributes(port, _PORT_ATTRIBUTES, findings)

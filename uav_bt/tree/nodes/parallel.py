@@ -95,7 +95,7 @@ class ParallelAll(_Counting):
     """Ticks all its children until all have finished; fails when too many of them failed."""
 
     MAX_FAILURES = Port(
-        "max_failures", int, default=1, doc="so many failures fail it; -1: all, -2: all but one"
+        "max_failures", int, default=1, doc="failures that make it fail; -1: all, -2: all but one"
     )
     ports = (MAX_FAILURES,)
 

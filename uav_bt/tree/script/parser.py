@@ -303,7 +303,7 @@ def tokenize(source: str) -> list[Token]:
         if match.lastgroup != "space":
             glued = tokens and tokens[-1].column - 1 + len(tokens[-1].text) == at
             if glued and match.lastgroup == "name" and tokens[-1].kind in NUMBERS:
-                raise ScriptError(f"column {at + 1}: '{tokens[-1].text}{match[0]}' is no number")
+                raise ScriptError(f"column {at + 1}: '{tokens[-1].text}{match[0]}' is not a number")
             tokens.append(Token(match.lastgroup, match[0], at + 1))
         at = match.end()
     return [*tokens, Token("end", "the end", len(source) + 1)]

@@ -147,7 +147,7 @@ def test_weights_that_lack_a_layer_are_refused(weights: Path, tmp_path: Path) ->
         part, {k: v for k, v in tensors.items() if k != "head.bias"}, kind="control-student",
         details=details,
     )  # fmt: skip
-    with pytest.raises(WeightsError, match=r"(?s)is no whole network .*head\.bias"):
+    with pytest.raises(WeightsError, match=r"(?s)is not a complete network .*head\.bias"):
         STUDENT_FILES.export(part, tmp_path / "part.onnx")
 
 
@@ -164,7 +164,7 @@ def test_another_network_is_no_student(tmp_path: Path) -> None:
     path = tmp_path / "unet.safetensors"
     UNET_FILES.save(path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8))), notes={})
     UNET_FILES.export(path, path.with_suffix(".onnx"))
-    with pytest.raises(WeightsError, match="is no control student; `uav-bt net train student`"):
+    with pytest.raises(WeightsError, match="is not a control student; `uav-bt net train student`"):
         OnnxControlStudent(path.with_suffix(".onnx"))
 
 

@@ -123,7 +123,7 @@ def test_a_flight_survives_its_file(tmp_path: Path) -> None:
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.npz").write_bytes(b"no zip")
-    with pytest.raises(FileError, match=r"a\.npz: is no file of labelled views .* delete it"):
+    with pytest.raises(FileError, match=r"a\.npz: is not a file of labelled views .* delete it"):
         read_flight(tmp_path / "a.npz")
 
 

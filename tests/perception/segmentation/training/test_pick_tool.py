@@ -144,7 +144,7 @@ def test_a_folder_without_photographs_is_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(FileError, match="holds no photographs"):
         PickSession(tmp_path / "empty", tmp_path / "picks.csv")
-    with pytest.raises(FileError, match="is no folder"):
+    with pytest.raises(FileError, match="is not a folder"):
         PickSession(tmp_path / "none", tmp_path / "picks.csv")
 
 

@@ -178,7 +178,7 @@ def test_every_third_image_keeps_its_number_and_time(tmp_path: Path) -> None:
 def test_what_is_no_video_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "flight.mp4"
     path.write_bytes(content)
-    with pytest.raises(FileError, match="is no video that can be read"):
+    with pytest.raises(FileError, match="is not a readable video"):
         open_source(str(path))
 
 
