@@ -224,5 +224,6 @@ def _print_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
         if found is not None:
             numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
             click.echo(
-                f"  {name:<23}{found.count:>5}" + "".join(f"{value:>8.2f}" for value in numbers)
+                f"  {name:<23}{found.count:>5}"
+                + "".join(f"{'':>8}" if value is None else f"{value:>8.2f}" for value in numbers)
             )

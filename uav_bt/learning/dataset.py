@@ -55,7 +55,7 @@ def records_of(paths: Sequence[Path]) -> list[Path]:
     for path in paths:
         records = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
         if not records:
-            raise FileError(path, "there is not a flight record in this folder")
+            raise FileError(path, "there is no flight record in this folder")
         found |= dict.fromkeys(records)
     return list(found)
 

@@ -78,7 +78,7 @@ def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
     assert_refused(perceive(tmp_path / "no.mp4"), "there is no such video file")
     assert_refused(perceive(tmp_path), "holds no images")
     (tmp_path / "broken.mp4").write_bytes(b"no video" * 100)
-    assert_refused(perceive(tmp_path / "broken.mp4"), "is no video that can be")
+    assert_refused(perceive(tmp_path / "broken.mp4"), "is not a readable video")
     (tmp_path / "broken.mcap").write_bytes(b"no record")
     assert_refused(perceive(tmp_path / "broken.mcap"), "broken.mcap")
     assert_refused(perceive("flight.npz"), "uav-bt fly ... --record FILE.mcap")

@@ -108,7 +108,7 @@ def test_a_single_tree_needs_no_id() -> None:
         ('<Condition ID="Steer"/>', "described as Condition, but the node is of kind Action"),
         ('<Action ID="Steer"><input_port name="polcy"/></Action>', "has no port 'polcy'; did you"),
         ('<Action ID="Steer"><input_port/></Action>', "attribute 'name' is missing"),
-        ('<Action ID="Steer"><port name="policy"/></Action>', "<port> is no port"),
+        ('<Action ID="Steer"><port name="policy"/></Action>', "<port> is not a port"),
         ('<Action ID="X"/><Action ID="X"/>', "described twice; the first counts"),
     ],
 )

@@ -90,7 +90,7 @@ def test_references(text: str, reference: Reference | None) -> None:
 @pytest.mark.parametrize("text", ["{}", "{a b}", "{@}", "{1x}"])
 def test_broken_references_are_refused(text: str) -> None:
     """An invalid reference does not become a literal."""
-    with pytest.raises(ValueError, match="no reference"):
+    with pytest.raises(ValueError, match="not a reference"):
         parse_reference(text, "p")
 
 

@@ -129,7 +129,7 @@ def test_connections_that_say_nothing_keep_nobody_out(page: HTTPConnection) -> N
 def test_an_image_that_cannot_be_read_takes_no_click(page: HTTPConnection, folder: Path) -> None:
     (folder / "a.png").write_bytes(b"no image")
     status, answer = _ask(page, "/pick", _click())
-    assert (status, b"no image that can be read" in answer) == (400, True)
+    assert (status, b"is not a readable image" in answer) == (400, True)
 
 
 def test_earlier_picks_are_gone_on_with(folder: Path, tmp_path: Path) -> None:

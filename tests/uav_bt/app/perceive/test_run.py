@@ -200,7 +200,7 @@ def test_a_folder_of_unreadable_images_is_refused(tmp_path: Path) -> None:
 def test_what_is_read_is_never_written_over(tmp_path: Path, images: list[Image], what: str) -> None:
     source = write_video(tmp_path / "flight.mp4", images)
     before = source.read_bytes()
-    with pytest.raises(InputError, match="would be written over what is read"):
+    with pytest.raises(InputError, match="would overwrite an input"):
         perceive.perceive(str(source), CONTACT, **{what: source})
     assert source.read_bytes() == before
 
