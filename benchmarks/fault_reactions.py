@@ -104,7 +104,7 @@ EXPECTED: Final = {
 
 
 def flown_through(expected: Expected, phase: str, facts: Facts) -> bool:
-    """Return whether the mission ended as without the fault, where that is right."""
+    """Return whether the mission ended as without the fault, if that is right."""
     bearable = expected.bearable or (phase == MissionPhase.LAND and not expected.may_fall)
     landed = not facts.motors_on and facts.on_helipad is not False
     done = facts.outcome == Outcome.SUCCESS.value and not facts.emergency_landing

@@ -18,6 +18,10 @@ from pathlib import Path
 
 import av
 import cv2
+from rerun.experimental import ViewerClient
+
+from uav_bt.display.rerun.setting import TIMELINE
+from uav_bt.display.rerun.sinks import viewer_command
 
 PORT = 9911
 TIMEOUT_S = 30.0
@@ -27,11 +31,6 @@ _SHOWN_MS = 150  # of one image of an animation
 
 def view(file: Path, at_s: float, size: str, out: Path) -> None:
     """Show a Rerun file off screen, go to a time, and take a screenshot."""
-    from rerun.experimental import ViewerClient  # noqa: PLC0415  (an extra)
-
-    from uav_bt.display.rerun.setting import TIMELINE  # noqa: PLC0415  (as above)
-    from uav_bt.display.rerun.sinks import viewer_command  # noqa: PLC0415  (as above)
-
     if not file.is_file():
         sys.exit(f"{file}: there is no such file")
     viewer = subprocess.Popen(  # noqa: S603 - Rerun's own program

@@ -25,7 +25,7 @@ class CoverageGrows(Leaf):
     condition = True
     ports = (
         Port(
-            "least_share",
+            "min_share",
             float,
             default=0.01,
             least=0,
@@ -60,5 +60,5 @@ class CoverageGrows(Leaf):
         known = int(np.count_nonzero(site_map.ground))
         gained = (self._history[-1][1] - before) / max(known, 1)
         self.feedback_message = f"{100 * gained:.1f} % in {now_s - since_s:.0f} s"
-        least = self.port_value("least_share")
+        least = self.port_value("min_share")
         return Status.SUCCESS if least == 0 or gained >= least else Status.FAILURE

@@ -46,7 +46,7 @@ class EstimateDepth(Leaf):
             "source",
             str,
             default="fused",
-            doc="'network', or 'fused': by ground contact where that is known",
+            doc="'network', or 'fused': by ground contact where it is known",
         ),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP, ODOMETRY)

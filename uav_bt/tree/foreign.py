@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import inspect
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from typing import Any, ClassVar, Final, get_type_hints
 
@@ -49,7 +49,8 @@ class ForeignLeaf(Leaf):
     The behaviour is constructed and set up with the tree. The `tick` of py_trees ticks it, so its
     methods are called in the order that py_trees documents. Halting the leaf stops the behaviour
     with INVALID. A tick that answers INVALID counts as SKIPPED. An answer that is not a status
-    raises, because py_trees would turn it into INVALID.
+    raises, because py_trees would turn it into INVALID. Inside a composite of py_trees, which
+    cannot pass INVALID on, that answer raises, too.
     """
 
     behaviour_class: ClassVar[type[Behaviour]]
@@ -64,7 +65,7 @@ class ForeignLeaf(Leaf):
         if "name" in inspect.signature(self.behaviour_class).parameters:
             arguments["name"] = self.name
         try:
-            self.behaviour = self.behaviour_class(**arguments)
+            self.behaviour = _answering(self.behaviour_class)(**arguments)
         except Exception as error:
             raise InputError(
                 f"node '{self.name}' ({self.node_id}) cannot be constructed: "
@@ -90,7 +91,6 @@ class ForeignLeaf(Leaf):
                     self.path,
                     type(behaviour).__name__,
                 )
-            behaviour.update = _checked(behaviour)  # type: ignore[method-assign]
 
     def on_shutdown(self) -> None:
         """Shut down the behaviour and its descendants."""
@@ -100,7 +100,10 @@ class ForeignLeaf(Leaf):
     def update(self) -> Status:
         """Tick the behaviour and return its answer."""
         self._active = True
-        self.behaviour.tick_once()
+        for ticked in self.behaviour.tick():
+            inside = ticked is not self.behaviour and not isinstance(ticked, Node)
+            if inside and ticked.status is common.Status.INVALID:
+                raise _no_status(ticked, "INVALID or another value")
         self.feedback_message = self.behaviour.feedback_message
         answered = self.behaviour.status
         status = SKIPPED if answered is common.Status.INVALID else Status[answered.name]
@@ -115,20 +118,22 @@ class ForeignLeaf(Leaf):
             self.behaviour.stop(common.Status.INVALID)
 
 
-def _checked(behaviour: Behaviour) -> Callable[[], common.Status]:
-    """Return a behaviour's `update`, which raises MissionError for an answer of another type."""
-    update = behaviour.update
+def _answering(behaviour: type[Behaviour]) -> type[Behaviour]:
+    """Return a subclass whose `update` raises MissionError for an answer that is not a status."""
 
-    def answer() -> common.Status:
-        status = update()
+    def update(self: Behaviour) -> common.Status:
+        status = behaviour.update(self)
         if not isinstance(status, common.Status):
-            raise MissionError(
-                f"update() of {type(behaviour).__qualname__} must return a status of py_trees, "
-                f"got {status!r}"
-            )
+            raise _no_status(self, repr(status))
         return status
 
-    return answer
+    body = {"__module__": behaviour.__module__, "__qualname__": behaviour.__qualname__}
+    return type(behaviour.__name__, (behaviour,), {**body, "update": update})
+
+
+def _no_status(behaviour: Behaviour, answer: str) -> MissionError:
+    name = type(behaviour).__qualname__
+    return MissionError(f"update() of {name} must return a status of py_trees, got {answer}")
 
 
 @cache

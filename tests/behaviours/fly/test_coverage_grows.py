@@ -34,7 +34,7 @@ def answers(bench: LeafBench, covered: list[int]) -> list[Status]:
 
 
 def test_it_fails_when_a_window_brought_less_than_asked() -> None:
-    bench = LeafBench(CoverageGrows, least_share=0.02, window_s=2.5)
+    bench = LeafBench(CoverageGrows, min_share=0.02, window_s=2.5)
     growing = [10, 12, 14, 16, 18, 20, 22]
     assert set(answers(bench, growing)) == {Status.SUCCESS}
     # After a window at 22 to 23 cells the window has brought 1 of 100.
@@ -43,25 +43,25 @@ def test_it_fails_when_a_window_brought_less_than_asked() -> None:
 
 
 def test_it_waits_for_the_first_window() -> None:
-    bench = LeafBench(CoverageGrows, least_share=0.02, window_s=2.5)
+    bench = LeafBench(CoverageGrows, min_share=0.02, window_s=2.5)
     assert answers(bench, [10] * 6) == [*[Status.SUCCESS] * 5, Status.FAILURE]
 
 
 def test_a_pause_restarts_the_window() -> None:
     """A pilot's take-over does not end the survey."""
-    bench = LeafBench(CoverageGrows, least_share=0.02, window_s=2.5)
+    bench = LeafBench(CoverageGrows, min_share=0.02, window_s=2.5)
     answers(bench, [10] * 4)
     bench.clock.advance(20.0)
     assert answers(bench, [10] * 5) == [Status.SUCCESS] * 5
 
 
 def test_with_a_share_of_zero_it_never_fails() -> None:
-    assert set(answers(LeafBench(CoverageGrows, least_share=0, window_s=1), [10] * 9)) == {
+    assert set(answers(LeafBench(CoverageGrows, min_share=0, window_s=1), [10] * 9)) == {
         Status.SUCCESS
     }
 
 
 def test_without_a_map_it_succeeds() -> None:
-    bench = LeafBench(CoverageGrows, least_share=0.5, window_s=1)
+    bench = LeafBench(CoverageGrows, min_share=0.5, window_s=1)
     bench.allow_stale()
     assert [bench.tick(advance_s=1.0) for _ in range(5)] == [Status.SUCCESS] * 5

@@ -181,8 +181,8 @@ def test_scores_in_an_unclear_place_are_refused_until_the_mapping_says_it(tmp_pa
     path = _save(tmp_path / "n.onnx", nodes, [1, 3, 3, 3], [1, 3, 3, 3])
     with pytest.raises(WeightsError, match=r"the output 1x3x3x3 does not show .* `output: nhwc`"):
         runtime.OnnxSegmenter(path, THREE)
-    said = ClassMapping(classes=THREE.classes, output="nchw")
-    assert (runtime.OnnxSegmenter(path, said).ids(_halves()[:3, :3]) == 1).all()
+    stated = ClassMapping(classes=THREE.classes, output="nchw")
+    assert (runtime.OnnxSegmenter(path, stated).ids(_halves()[:3, :3]) == 1).all()
 
 
 def test_the_class_list_decides_where_both_places_fit(tmp_path: Path) -> None:
@@ -219,8 +219,8 @@ def test_scores_of_one_class_want_a_threshold(tmp_path: Path) -> None:
     segmenter = runtime.OnnxSegmenter(path, ClassMapping(classes={0: 1}))
     with pytest.raises(WeightsError, match=r"within 0 and 1, got 0 to 1\.57.*`threshold: 0`"):
         segmenter.ids(_halves())
-    said = ClassMapping(classes={0: 1}, default=4, threshold=1.0)
-    ids = runtime.OnnxSegmenter(path, said).ids(_halves())
+    stated = ClassMapping(classes={0: 1}, default=4, threshold=1.0)
+    ids = runtime.OnnxSegmenter(path, stated).ids(_halves())
     assert (ids[:, :8] == 1).all()
     assert (ids[:, 8:] == 4).all()
     with pytest.raises(WeightsError, match="the network is not one of one class"):

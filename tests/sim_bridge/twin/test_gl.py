@@ -99,9 +99,9 @@ def test_a_device_of_another_machine_names_its_variable(
     """EGL works: nothing is to be installed."""
     monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "7")
     monkeypatch.setattr(gl, "choose_gl", lambda: "egl")
-    said = str(gl.no_gl(error))
-    assert "MUJOCO_EGL_DEVICE_ID=7 names a device that this machine does not have" in said
-    assert "Install" not in said
+    message = str(gl.no_gl(error))
+    assert "MUJOCO_EGL_DEVICE_ID=7 names a device that this machine does not have" in message
+    assert "Install" not in message
     assert "Install" in str(gl.no_gl(RuntimeError("no display")))
 
 
