@@ -45,12 +45,13 @@ from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, LandingMark
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, LandingMark, Pose2D
 
 
 def map_of_scene(scene: Scene) -> LabMap:
     """Return the map of a scene of the twin, boxes in the colours of their class."""
-    pad = scene.helipad
+    pad, start = scene.helipad, scene.take_off
+    x_m, y_m = start.position_m or pad.position_m
     return LabMap(
         carpet_size_m=scene.ground.size_m,
         boxes=tuple(
@@ -66,6 +67,9 @@ def map_of_scene(scene: Scene) -> LabMap:
             )
             for mover in scene.movers
         ),
+        take_off=None
+        if start.random
+        else Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(start.yaw_deg)),
     )
 
 
@@ -80,6 +84,7 @@ def _item(
         size_m=size_m,
         yaw_rad=math.radians(yaw_deg),
         colour=colour,
+        name=CLASS_NAMES[class_],
     )
 
 

@@ -20,11 +20,12 @@ from perception.camera.image_files import image_files, read_image
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app.film import map_of_scene
+from uav_bt.classes import BOXES, CLASS_NAMES
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, output_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.values import Number
-from uav_bt.display.lab_map import draw_path_map
+from uav_bt.display.lab_drawing import draw_lab_with_axes
 from uav_bt.errors import FileError
 from uav_bt.files import writing
 
@@ -35,7 +36,7 @@ _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach 
 @click.option("--show", "shown", metavar="SCENE", help="A scene, by name or file, to draw.")
 @output_option("--out", "The PNG file for the map; SCENE.png if not given.", suffix=".png")
 def scenes(*, shown: str | None, out: Path | None) -> None:
-    """List the scenes that ship with uav-bt, or draw the map of one."""
+    """List the scenes that ship with uav-bt, or list the boxes of one and draw its map."""
     if shown is None:
         if out is not None:
             raise click.UsageError("--out needs --show SCENE")
@@ -44,11 +45,23 @@ def scenes(*, shown: str | None, out: Path | None) -> None:
         return
     scene = load_scene(shown)
     path = Path(f"{scene.name}.png") if out is None else out
-    drawn = draw_path_map(map_of_scene(scene), [], title=scene.name)
+    drawn = draw_lab_with_axes(map_of_scene(scene), title=scene.name)
     _, png = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))
     with writing(path):
         path.write_bytes(png.tobytes())
-    click.echo(f"{scene.name}: {_line(scene)}\nmap: {path}")
+    click.echo(f"{scene.name}: {_line(scene)}\n{_table(scene)}map: {path}")
+
+
+def _table(scene: Scene) -> str:
+    """Return the boxes of a scene, a line for each."""
+    lines = ["pattern  class   x, m   y, m  yaw, deg  size, m      height, m"]
+    for box in scene.boxes:
+        (x_m, y_m), (length_m, width_m, height_m) = box.position_m, box.size_m
+        lines.append(
+            f"{box.pattern:<7}  {CLASS_NAMES[BOXES[box.pattern - 1]]}  {x_m:5.2f}  {y_m:5.2f}"
+            f"  {box.yaw_deg:8.1f}  {f'{length_m:.2f} x {width_m:.2f}':<11}  {height_m:9.2f}"
+        )
+    return "".join(f"{line}\n" for line in lines) if scene.boxes else ""
 
 
 def _line(scene: Scene) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +10,6 @@ from typing import Final
 import numpy as np
 
 from uav_bt.display.canvas import (
-    ACCENT,
     BACKDROP,
     DIM,
     INK,
@@ -23,7 +21,6 @@ from uav_bt.display.canvas import (
     put,
     text_width_px,
 )
-from uav_bt.display.flown_path import PathPoint
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Image
@@ -32,7 +29,6 @@ CARPET_COLOUR: Final[Colour] = (52, 66, 54)
 _CARPET_GRID: Final[Colour] = (63, 79, 65)
 _FLOOR_GRID: Final[Colour] = (30, 33, 40)
 HEADER_PX: Final = 32  # height of a map's title and scale
-_FOOTER_PX: Final = 32  # height of the legend of a path map
 _LEGEND_LEFT_PX: Final = 18
 _UNNAMED: Final[Colour] = (150, 156, 166)  # colour before the first phase
 # Bright and distinct colours, used in the order in which phases appear.
@@ -54,6 +50,7 @@ class MapItem(Pose2D):
     size_m: tuple[float, float, float]  # along the object's x and y, and its height
     yaw_rad: float = 0.0  # counter-clockwise from +x
     colour: Colour = (160, 120, 80)  # RGB colour of the sides in class maps
+    name: str = ""  # class of the sides, such as box_3
 
     def corners(self) -> list[Point]:
         """Return the four corners in world metres, counter-clockwise."""
@@ -89,6 +86,7 @@ class LabMap:
     boxes: tuple[MapItem, ...] = ()
     helipad: MapItem | None = None
     movers: tuple[MapMover, ...] = ()
+    take_off: Pose2D | None = None  # None: random or unknown
 
     def __post_init__(self) -> None:
         if min(self.carpet_size_m) <= 0.0:
@@ -173,7 +171,7 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
         if lab_map.helipad is not None:
             _draw_helipad(image, frame, lab_map.helipad)
         for mover in lab_map.movers:
-            line(image, frame.all_to_px(mover.path_m), _mixed(mover.item.colour, BACKDROP, 0.4))
+            line(image, frame.all_to_px(mover.path_m), _mixed(mover.item.colour, INK, 0.3))
         for box in lab_map.boxes:
             _draw_box(image, frame, box)
     draw_scale(image, frame)
@@ -191,7 +189,7 @@ def _grid(image: Image, frame: MapFrame, size_m: tuple[float, float], colour: Co
 def _draw_box(image: Image, frame: MapFrame, box: MapItem) -> None:
     edge = _mixed(box.colour, INK, 0.45)
     polygon(image, frame.all_to_px(box.corners()), box.colour, edge)
-    _label(image, frame, box, f"{box.size_m[2]:.1f}")
+    _label(image, frame, box, f"{box.size_m[2]:.3g}")
 
 
 def draw_movers(
@@ -230,49 +228,6 @@ def _mixed(one: Colour, other: Colour, share: float) -> Colour:
     """Return `one` with a share of `other`."""
     red, green, blue = (round((1 - share) * a + share * b) for a, b in zip(one, other, strict=True))
     return red, green, blue
-
-
-def draw_path_map(
-    lab_map: LabMap | None,
-    path: Sequence[PathPoint],
-    *,
-    size_px: tuple[int, int] = (960, 780),
-    title: str = "",
-) -> Image:
-    """Return a map of a path, coloured by phase, with a legend.
-
-    Args:
-        lab_map: the content; None draws only the grid.
-        path: points from the first tick to the last.
-        size_px: width and height of the image.
-        title: line of text at the top.
-
-    Returns:
-        (H, W, 3) uint8 RGB.
-    """
-    carpet_m = lab_map.carpet_size_m if lab_map is not None else (6.0, 6.0)
-    frame = MapFrame.around(
-        carpet_m, size_px, margin_m=0.3, header_px=HEADER_PX, footer_px=_FOOTER_PX
-    )
-    image = draw_lab(lab_map, frame)
-    if lab_map is not None:
-        draw_movers(image, frame, lab_map)
-    colours = phase_colours([point.phase for point in path])
-    width_px = max(2, round(0.025 * frame.scale_px_per_m))
-    for before, after in itertools.pairwise(path):
-        ends = frame.all_to_px([(before.x_m, before.y_m), (after.x_m, after.y_m)])
-        line(image, ends, colours[after.phase], width_px)
-    if path:
-        _dot(image, frame, path[0], _UNNAMED)
-        _dot(image, frame, path[-1], ACCENT)
-    put(image, title, (14, 24), scale=0.55)
-    draw_legend(image, colours, base_px=size_px[1] - 12)
-    return image
-
-
-def _dot(image: Image, frame: MapFrame, point: PathPoint, colour: Colour) -> None:
-    at_px = frame.to_px(point.x_m, point.y_m)
-    polygon(image, circle(*at_px, 0.045 * frame.scale_px_per_m), colour, BACKDROP)
 
 
 def draw_legend(image: Image, colours: Mapping[str, Colour], *, base_px: int) -> None:

@@ -3,6 +3,7 @@
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -11,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from sim_bridge.twin.movers import MoverSpec
-from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.scene import BoxSpec, Helipad, Scene, TakeOffSpec
 from uav_bt import app
 from uav_bt.app import film
 from uav_bt.board import CLASS_MAP
@@ -21,7 +22,7 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Status, load_tree
-from uav_bt.types import HOVER, ClassMap, DepthMap, Frame
+from uav_bt.types import HOVER, ClassMap, DepthMap, Frame, Pose2D
 
 SCENE = Scene(
     name="small",
@@ -76,6 +77,21 @@ def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
     assert mover.round
     assert mover.path_m == ((0.0, -1.0), (0.0, 1.0), (-1.0, 1.0), (0.0, -1.0))
     assert mover.item.colour == tuple(CLASS_COLOURS[class_id("box_8")])
+    assert (box.name, mover.item.name) == ("box_3", "box_8")
+
+
+@pytest.mark.parametrize(
+    ("take_off", "expected"),
+    [
+        (TakeOffSpec(yaw_deg=90.0), Pose2D(x_m=-1.5, y_m=-1.0, yaw_rad=math.pi / 2)),
+        (TakeOffSpec(position_m=(0.0, 0.0)), Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)),
+        (TakeOffSpec(random=True), None),
+    ],
+    ids=["from the helipad", "from a point", "random"],
+)
+def test_the_map_has_the_take_off_pose(take_off: TakeOffSpec, expected: Pose2D | None) -> None:
+    scene = replace(SCENE, movers=(), take_off=take_off)
+    assert film.map_of_scene(scene).take_off == expected
 
 
 def test_a_drone_that_knows_no_scene_has_no_map() -> None:

@@ -149,6 +149,23 @@ def test_a_scene_is_drawn(tmp_path: Path) -> None:
     assert picture.std() > 10.0
 
 
+def test_the_boxes_of_a_drawn_scene_are_listed(tmp_path: Path) -> None:
+    result = run("lab", "scenes", "--show", "train-a", "--out", tmp_path / "map.png")
+    header, *rows = [line.split() for line in result.stdout.splitlines()[1:-1]]
+    assert header[:3] == ["pattern", "class", "x,"]
+    # train-a.yaml: {pattern: 4, position_m: [-1.5, 1.1], yaw_deg: 5, size_m: [0.50, 0.40, 0.80]}
+    assert rows[3] == ["4", "box_4", "-1.50", "1.10", "5.0", "0.50", "x", "0.40", "0.80"]
+    assert len(rows) == 8
+
+
+def test_a_scene_without_boxes_has_no_table(tmp_path: Path) -> None:
+    scene = tmp_path / "bare.yaml"
+    scene.write_text("helipad: {position_m: [0, 0]}\n", encoding="utf-8")
+    result = run("lab", "scenes", "--show", scene, "--out", tmp_path / "map.png")
+    assert result.exit_code == 0, result.output
+    assert len(result.stdout.splitlines()) == 2
+
+
 def test_scenes_refuses_what_it_cannot_draw(tmp_path: Path) -> None:
     assert_refused(run("lab", "scenes", "--show", "val-bb"), "unknown scene 'val-bb'")
     assert_refused(run("lab", "scenes", "--out", tmp_path / "map.png"), "--show")

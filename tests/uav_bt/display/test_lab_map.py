@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from tests.uav_bt.display.display_world import LAB, World
-from uav_bt.display.flown_path import FlownPath, PathPoint
+from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import (
-    CARPET_COLOUR,
     LabMap,
     MapFrame,
     MapItem,
     draw_lab,
     draw_legend,
-    draw_path_map,
     phase_colours,
 )
 from uav_bt.errors import ValueRangeError
@@ -77,19 +75,6 @@ def test_phases_get_colours_of_their_own_in_the_order_they_appear() -> None:
     assert phase_colours(["explore"])["explore"] == colours["explore"]
 
 
-def test_a_path_is_drawn_along_its_points_in_the_colour_of_its_phase() -> None:
-    path = [PathPoint(x_m=x, y_m=0.5, phase="explore") for x in (-1.0, 0.0, 1.0)]
-    image = draw_path_map(LAB, path, size_px=(500, 400))
-    frame = MapFrame.around(LAB.carpet_size_m, (500, 400), margin_m=0.3, header_px=32, footer_px=32)
-    x, y = (round(v) for v in frame.to_px(0.3, 0.5))
-    assert tuple(image[y, x]) == phase_colours(["explore"])["explore"]
-    assert image.shape == (400, 500, 3)
-
-
-def test_the_map_of_a_path_without_points_is_the_empty_lab() -> None:
-    assert draw_path_map(LAB, [], size_px=(200, 160)).shape == (160, 200, 3)
-
-
 def test_with_a_referee_the_path_is_the_true_one() -> None:
     world, flown = World(), FlownPath()
     for x in (0.0, 0.3, 0.6):
@@ -110,20 +95,6 @@ def test_without_one_the_telemetry_is_added_up_from_where_it_looked_first() -> N
     assert (pose.x_m, pose.y_m) == (pytest.approx(0.2 + eighth_m), pytest.approx(-eighth_m))
     assert pose.yaw_rad == pytest.approx(-math.pi / 2)
     assert flown.distance_m == pytest.approx(0.3)
-
-
-@pytest.mark.parametrize("size_m", [(5.0, 4.0), (10.0, 10.0)])
-def test_title_and_legend_lie_beside_the_carpet(size_m: tuple[float, float]) -> None:
-    path = [PathPoint(x_m=0.1 * i, y_m=0.0, phase=f"phase {i}") for i in range(8)]
-    lab = LabMap(carpet_size_m=size_m)
-    with_words = draw_path_map(lab, path, size_px=(638, 420), title="a mission in a scene")
-    without = draw_path_map(lab, [], size_px=(638, 420))
-    rows = np.flatnonzero((without == CARPET_COLOUR).all(axis=2).any(axis=1))
-    differs = (with_words != without).any(axis=2)
-    differs[200:240] = False  # the path
-    changed = np.flatnonzero(differs.any(axis=1))
-    assert changed.size > 0
-    assert not ((changed >= rows.min()) & (changed <= rows.max())).any()
 
 
 def test_a_legend_that_is_too_long_keeps_its_last_phases() -> None:

@@ -29,9 +29,10 @@ from uav_bt.files import write_whole
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 
 _ABOUT_SCENES: Final = (
-    "On the left, where every flight went, from the referee; a dot where it began, a cross where "
-    "it failed. Beside it, which share of the flights came by. Numbers on boxes are their heights "
-    "in metres."
+    "Left: the true path of every flight. A dot is its start, a cross its failure. Right: the "
+    "share of the flights that covered each place. Axes are those of the scene file. The number "
+    "in a box is its height in metres, the arrow the take-off heading, a dotted line the path of "
+    "a mover."
 )
 
 _ABOUT_COVERAGE: Final = (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
+from matplotlib.patheffects import withStroke
 
 from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, png, style
 from uav_bt.campaign.report.sources import FlightSet
@@ -22,7 +23,10 @@ if TYPE_CHECKING:
 _STEP_M: Final = 0.1  # between points of the path that are looked at; a tick's flight at 1 m/s
 _CARPET: Final = "#f1f3f0"
 _INK_PAD: Final = "#a61e1e"
+_INK_NAME: Final = "#343a40"
+_HALO: Final = (withStroke(linewidth=2.0, foreground="white"),)  # readable on dark cells
 _MARGIN_M: Final = 0.35
+_ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
 _SUCCESS: Final = "success"
 
 Flights = Sequence[dict[str, Any]]
@@ -34,12 +38,12 @@ def _flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
 
 
 def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | None:
-    """Draw what happened in a scene: paths on the left, coverage beside, a row for each set.
+    """Draw the flights in a scene: paths on the left, coverage beside, a row for each set.
 
     Args:
-        sets: what is compared; those without kept paths in this scene are left out.
+        sets: the compared sets; those without kept paths in this scene are left out.
         scene: its name.
-        lab: what stands there.
+        lab: the map of the scene.
 
     Returns:
         A PNG; None when no path was kept.
@@ -75,7 +79,7 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | 
 def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
     _lab(axes, lab)
     alpha = float(np.clip(6.0 / len(flown), 0.15, 0.8))
-    # Failures on top, for they are few and what one looks for.
+    # The few failures are drawn on top.
     for flight in sorted(flown, key=lambda one: one["outcome"] != _SUCCESS):
         path = np.asarray(flight["path"], dtype=np.float64)
         good = flight["outcome"] == _SUCCESS
@@ -110,7 +114,7 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
     title = f"a flight passes {float(np.mean(shares)):.0f} % of the free ground"
     spread = f" ({min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
     axes.set_title(title + spread)
-    axes.set_xlabel(f"passed: the body's centre came within {PASSED_M:g} m", fontsize=8)
+    axes.set_xlabel(f"x, m\npassed: the body's centre came within {PASSED_M:g} m", fontsize=8)
     return image
 
 
@@ -138,12 +142,42 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
         axes.text(
             box.x_m,
             box.y_m,
-            f"{box.size_m[2]:.1f}",
+            f"{box.size_m[2]:.3g}",
             ha="center",
             va="center",
             fontsize=7,
             color="white",
         )
+        lowest_m = min(y_m for _, y_m in box.corners())
+        axes.annotate(
+            box.name,
+            (box.x_m, lowest_m),
+            xytext=(0, -1),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            fontsize=6,
+            color=_INK_NAME,
+            path_effects=_HALO,
+        )
+    for mover in lab.movers:
+        colour = tuple(channel / 255 for channel in mover.item.colour)
+        axes.plot(*zip(*mover.path_m, strict=True), color=colour, linewidth=0.8, linestyle=":")
+    if lab.take_off is not None:
+        axes.annotate(
+            "",
+            lab.take_off.to_world(_ARROW_M, 0.0),
+            (lab.take_off.x_m, lab.take_off.y_m),
+            arrowprops={
+                "arrowstyle": "-|>",
+                "color": _INK_NAME,
+                "shrinkA": 0,
+                "shrinkB": 0,
+                "path_effects": _HALO,
+            },
+        )
+    axes.set_xlabel("x, m", fontsize=8)
+    axes.set_ylabel("y, m", fontsize=8)
     axes.set_aspect("equal")
     axes.set_xlim(-half_x - _MARGIN_M, half_x + _MARGIN_M)
     axes.set_ylim(-half_y - _MARGIN_M, half_y + _MARGIN_M)

@@ -1,0 +1,94 @@
+"""The drawing of a lab: axes in metres, names of the boxes, take-off pose."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uav_bt.display.canvas import INK
+from uav_bt.display.lab_drawing import draw_lab_with_axes
+from uav_bt.display.lab_map import CARPET_COLOUR, LabMap, MapItem
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import Pose2D
+
+# 1000 x 828 pixels: 872 x 700 are left for the carpet, which is 174.4 pixels a metre in width and
+# 175 in height. The lower scale is used.
+LAB, SIZE_PX, PX_PER_M = LabMap(carpet_size_m=(5.0, 4.0)), (1000, 828), 174.4
+MIDDLE_X, MIDDLE_Y = 500.0, 56.0 + 700.0 / 2
+
+
+def pixel(x_m: float, y_m: float) -> tuple[int, int]:
+    return round(MIDDLE_X + PX_PER_M * x_m), round(MIDDLE_Y - PX_PER_M * y_m)
+
+
+def changed(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows and columns that differ."""
+    differs = (one != other).any(axis=2)
+    return np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
+
+
+@pytest.mark.parametrize("metre", [-2, -1, 0, 1, 2])
+def test_each_metre_has_a_tick_on_both_axes(metre: int) -> None:
+    image = draw_lab_with_axes(LAB, size_px=SIZE_PX)
+    column, below = pixel(metre, -2.0)
+    assert image[below + 4, column - 1 : column + 2].max() > 130
+    assert image[below + 4, column + 10 : column + 13].max() < 60
+    left, row = pixel(-2.5, metre)
+    assert image[row - 1 : row + 2, left - 4].max() > 130
+    assert image[row + 10 : row + 13, left - 4].max() < 60
+
+
+def test_the_numbers_lie_outside_the_carpet() -> None:
+    image = draw_lab_with_axes(LAB, size_px=SIZE_PX, title="a scene")
+    left, top = pixel(-2.5, 2.0)
+    right, bottom = pixel(2.5, -2.0)
+    assert image[top + 2 : bottom - 2, left + 2 : right - 2].max() < 80, "carpet and grid only"
+    assert (image[bottom + 10 : bottom + 26] > 180).any()
+    assert (image[top:bottom, left - 30 : left - 8] > 180).any()
+
+
+def test_the_arrow_points_along_the_take_off_heading() -> None:
+    start = Pose2D(x_m=1.0, y_m=-1.0, yaw_rad=math.pi / 2)
+    image = draw_lab_with_axes(replace(LAB, take_off=start), size_px=SIZE_PX)
+    column, row = pixel(1.0, -0.75)
+    assert tuple(image[row, column]) == INK, "up: y grows"
+    column, row = pixel(1.25, -0.9)
+    assert tuple(image[row, column]) == CARPET_COLOUR
+
+
+def test_a_random_take_off_has_no_arrow() -> None:
+    image = draw_lab_with_axes(LAB, size_px=SIZE_PX)
+    left, top = pixel(-2.5, 2.0)
+    right, bottom = pixel(2.5, -2.0)
+    assert not (image[top + 2 : bottom - 2, left + 2 : right - 2] == INK).all(axis=2).any()
+
+
+@pytest.mark.parametrize(
+    ("y_m", "side"),
+    [(0.5, "below"), (-1.75, "above")],  # at the edge there is no room below
+)
+def test_a_name_is_written_beside_its_box(y_m: float, side: str) -> None:
+    box = MapItem(x_m=1.5, y_m=y_m, size_m=(0.4, 0.4, 1.9))
+    without = draw_lab_with_axes(replace(LAB, boxes=(box,)), size_px=SIZE_PX)
+    with_name = draw_lab_with_axes(
+        replace(LAB, boxes=(replace(box, name="box_4"),)), size_px=SIZE_PX
+    )
+    rows, columns = changed(with_name, without)
+    low, high = (pixel(1.5, y_m - 0.2)[1], pixel(1.5, y_m + 0.2)[1])
+    assert rows.min() > low if side == "below" else rows.max() < high
+    assert columns.mean() == pytest.approx(pixel(1.5, y_m)[0], abs=5)
+
+
+def test_a_name_keeps_off_a_neighbouring_box() -> None:
+    box = MapItem(x_m=0.5, y_m=0.5, size_m=(0.4, 0.4, 1.9))
+    neighbour = replace(box, y_m=0.08)  # 2 cm below
+    without = draw_lab_with_axes(replace(LAB, boxes=(box, neighbour)), size_px=SIZE_PX)
+    named = (replace(box, name="box_4"), neighbour)
+    rows, _ = changed(draw_lab_with_axes(replace(LAB, boxes=named), size_px=SIZE_PX), without)
+    assert rows.max() < pixel(0.5, 0.7)[1]
+
+
+def test_an_image_without_room_for_the_axes_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="cannot show"):
+        draw_lab_with_axes(LAB, size_px=(120, 120))
