@@ -60,7 +60,7 @@ def served(
         InputError: it could not be served.
     """
     arguments = [
-        *(python, "-m", "uav_bt.cli", "serve-anafi", "--address", address, "--scene", scene),
+        *(python, "-m", "uav_bt", "serve-anafi", "--address", address, "--scene", scene),
         *("--seed", str(seed), "--rate", f"{rate_hz:g}", *options),
     ]
     server = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)  # noqa: S603

@@ -26,7 +26,7 @@ async def served(
 ) -> AsyncIterator[Process]:
     """Run a loopback ANAFI."""
     server = await asyncio.create_subprocess_exec(
-        python, "-m", "uav_bt.cli", "serve-anafi", "--address", address, *options, stdout=PIPE
+        python, "-m", "uav_bt", "serve-anafi", "--address", address, *options, stdout=PIPE
     )
     try:
         if server.stdout is None or not (await server.stdout.readline()).startswith(b"'ANAFI"):

@@ -36,7 +36,7 @@ FLOOR_ONE = {
     )
 }
 # The top floor composes everything: it may import all, and only the top floor may import it.
-FLOOR_FOUR = {f"uav_bt.{name}" for name in ("app", "campaign", "cli", "learning")}
+FLOOR_FOUR = {f"uav_bt.{name}" for name in ("__main__", "app", "campaign", "cli", "learning")}
 # Packages that build and train networks. Flights do not need torch.
 TRAINERS = tuple(
     f"perception.{room}.training" for room in ("segmentation", "depth", "control", "networks")

@@ -57,7 +57,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def uav_bt(installed: Path, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run the installed package in a folder far from the checkout."""
     return subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-m", "uav_bt.cli", *arguments],
+        [sys.executable, "-m", "uav_bt", *arguments],
         env={**os.environ, "PYTHONPATH": str(installed)},
         capture_output=True,
         text=True,

@@ -8,9 +8,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from uav_bt.errors import FileError
+from uav_bt.errors import FileError, did_you_mean
 
 Failure = Callable[[Path, str], FileError]  # makes the error of a path and a message
+
+
+def did_you_mean_file(path: Path) -> str:
+    """Return ``"; did you mean 'x'?"`` for a missing file, or an empty string.
+
+    The suggestion is a file or a folder in the same folder, with the same suffix.
+    """
+    beside = path.parent.iterdir() if path.parent.is_dir() else ()
+    stems = [one.stem for one in beside if one.suffix == path.suffix]
+    return did_you_mean(path.stem, stems, suffix=path.suffix)
 
 
 @contextmanager
@@ -28,6 +38,8 @@ def reading(path: Path, error: Failure = FileError) -> Iterator[None]:
         yield
     except UnicodeDecodeError as cause:
         raise error(path, f"cannot be read as UTF-8 text: {cause}") from cause
+    except FileNotFoundError as cause:
+        raise error(path, f"no such file{did_you_mean_file(path)}") from cause
     except OSError as cause:
         raise error(path, f"cannot be read: {cause.strerror or cause}") from cause
 
@@ -47,9 +59,7 @@ def read_bounded(
         FileError: the file is absent, not regular, too large, or cannot be read.
     """
     with reading(path, error):
-        if not path.exists():
-            raise error(path, "no such file")
-        if not path.is_file():
+        if path.exists() and not path.is_file():
             raise error(path, f"is a {'folder' if path.is_dir() else 'device or a pipe'}, no file")
         with path.open("rb") as file:
             data = file.read(max_bytes + 1)

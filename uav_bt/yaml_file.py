@@ -24,7 +24,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from uav_bt.errors import FileError, did_you_mean
-from uav_bt.files import read_bounded, reading
+from uav_bt.files import did_you_mean_file, read_bounded, reading
 from uav_bt.yaml_values import BoundedLoader, Places, RefusedValueError, Steps, located
 
 T = TypeVar("T")
@@ -89,7 +89,10 @@ def read_yaml(
     """
     with reading(path, failure):
         if not path.exists():
-            raise failure(path, f"there is no such {what}{'; ' if remedy else ''}{remedy}")
+            raise failure(
+                path,
+                f"there is no such {what}{did_you_mean_file(path)}{'; ' if remedy else ''}{remedy}",
+            )
         text = read_bounded(path, MAX_BYTES, failure).decode()
     places = Places()
     try:

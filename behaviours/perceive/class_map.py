@@ -18,13 +18,16 @@ from uav_bt.board import (
 )
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import FileError
+from uav_bt.files import did_you_mean_file
 from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
 
 
 def _mapping_file(classes: str) -> None:
     if classes and not Path(classes).is_file():
-        raise FileError(classes, "there is no such class-mapping file")
+        raise FileError(
+            classes, f"there is no such class-mapping file{did_you_mean_file(Path(classes))}"
+        )
 
 
 class Segment(Leaf):

@@ -7,7 +7,7 @@ from typing import Final
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS, where_from
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
-from uav_bt.files import reading
+from uav_bt.files import did_you_mean_file, reading
 
 SHIPPED_UNETS: Final = ("unet", "unet-fp32")
 """The shipped U-Nets: in 8-bit integers, and in floats."""
@@ -70,7 +70,9 @@ def check_onnx(path: Path, remedy: str) -> None:
     """
     if not path.is_file():
         made_by = f"{remedy} makes the shipped one"
-        raise WeightsError(path, f"there is no such network; {where_from(path, made_by)}")
+        raise WeightsError(
+            path, f"there is no such network{did_you_mean_file(path)}; {where_from(path, made_by)}"
+        )
     with reading(path, WeightsError), path.open("rb") as file:
         head = file.read(len(_IR_VERSION))
     if path.suffix.lower() == ".safetensors":

@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from uav_bt.errors import InputError, WeightsError
-from uav_bt.files import write_whole
+from uav_bt.files import did_you_mean_file, write_whole
 from uav_bt.json_text import parse_json
 
 SHIPPED_WEIGHTS: Final = Path(__file__).parents[1] / "weights"
@@ -75,7 +75,9 @@ def read_weights(
         WeightsError: the file is absent, damaged or of another kind.
     """
     if not path.is_file():
-        raise WeightsError(path, f"there are no weights here; {where_from(path, remedy)}")
+        raise WeightsError(
+            path, f"there are no weights here{did_you_mean_file(path)}; {where_from(path, remedy)}"
+        )
     try:
         with safe_open(path, framework="numpy") as file:
             note = file.metadata() or {}

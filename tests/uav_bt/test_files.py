@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from uav_bt.errors import FileError, SceneError
-from uav_bt.files import reading, whole_file, write_whole, writing
+from uav_bt.files import did_you_mean_file, reading, whole_file, write_whole, writing
 
 
 @pytest.mark.parametrize("content", ["größer\n", b"\x00\xff"])
@@ -60,9 +60,28 @@ def test_an_error_without_the_systems_words_tells_its_own(tmp_path: Path) -> Non
         raise OSError("encoder gave up")
 
 
+@pytest.mark.parametrize(
+    ("missing", "hint"),
+    [
+        ("peak.xml", "; did you mean 'peek.xml'?"),
+        ("peak.yaml", ""),  # other suffix
+        ("survey.xml", ""),  # unlike, though the suffix is shared
+        ("peak", ""),
+        ("run", "; did you mean 'runs'?"),
+        ("absent/peak.xml", ""),
+    ],
+)
+def test_a_missing_file_is_compared_with_the_files_beside_it(
+    missing: str, hint: str, tmp_path: Path
+) -> None:
+    (tmp_path / "peek.xml").touch()
+    (tmp_path / "runs").mkdir()
+    assert did_you_mean_file(tmp_path / missing) == hint
+
+
 def test_reading_raises_the_error_that_is_asked_for(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
-    with pytest.raises(SceneError, match="cannot be read: No such file"), reading(path, SceneError):
+    with pytest.raises(SceneError, match="no such file"), reading(path, SceneError):
         path.read_text()
     path.write_bytes(b"\xff")
     with pytest.raises(FileError, match="cannot be read as UTF-8 text"), reading(path):

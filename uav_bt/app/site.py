@@ -29,6 +29,7 @@ from typing_extensions import TypedDict
 
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.files import did_you_mean_file
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark
@@ -153,7 +154,7 @@ def _beside(value: Path, info: ValidationInfo) -> Path:
     context: Any = info.context
     file: Path = context["folder"] / value
     if not file.is_file():
-        raise ValueError(f"there is no file {file}")
+        raise ValueError(f"there is no file {file}{did_you_mean_file(file)}")
     return file
 
 

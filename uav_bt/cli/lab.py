@@ -27,7 +27,7 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.values import Number
 from uav_bt.display.lab_drawing import draw_lab_with_axes
 from uav_bt.errors import FileError
-from uav_bt.files import writing
+from uav_bt.files import did_you_mean_file, writing
 
 _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach it are in their way
 
@@ -134,7 +134,7 @@ def _files(paths: tuple[Path, ...]) -> tuple[list[Path], list[str]]:
         elif path.is_file():
             found[path] = None
         else:
-            raise FileError(path, "there is no such image")
+            raise FileError(path, f"there is no such image{did_you_mean_file(path)}")
     return list(found), foreign
 
 

@@ -64,7 +64,7 @@ class LazyGroup(click.Group):
             hint = (
                 f"; '{cmd_name}' is {' or '.join(places)}"
                 if places
-                else did_you_mean(cmd_name, self.list_commands(ctx))
+                else _did_you_mean(cmd_name, self.list_commands(ctx))
             )
             ctx.fail(f"there is no command '{cmd_name}'{hint}")
         module, _, attribute = self._lazy[cmd_name][0].partition(":")
@@ -89,6 +89,13 @@ class LazyGroup(click.Group):
             if rows:
                 with formatter.section(title):
                     formatter.write_dl(rows)
+
+
+def _did_you_mean(name: str, commands: Sequence[str]) -> str:
+    alike = [command for command in commands if command[:2] == name[:2]]
+    # 'flight' is 0.44 similar to 'fly'. At that ratio most unlike names match, so the first two
+    # letters must be equal.
+    return did_you_mean(name, commands) or did_you_mean(name, alike, least_ratio=0.4)
 
 
 class _Root(LazyGroup):

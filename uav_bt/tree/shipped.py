@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import FileError, UnknownNameError, did_you_mean
-from uav_bt.files import writing
+from uav_bt.files import did_you_mean_file, writing
 from uav_bt.tree.loading.lookup import files_in, shipped_trees
 
 
@@ -18,9 +18,15 @@ def resolve_tree(tree: str | Path) -> Path:
     shipped mission instead.
 
     Raises:
-        FileError: neither a file nor a shipped mission has that name.
+        FileError: neither a file nor a shipped mission has that name, or it is a YAML file.
     """
     path = Path(tree)
+    if path.suffix in (".yaml", ".yml"):
+        raise FileError(
+            path,
+            "expected a tree file (*.xml), got a YAML file: `--scene` flies in a scene file, and "
+            f"`uav-bt lab scenes --show {path}` draws it",
+        )
     if path.is_file():
         return path
     shipped = shipped_missions()
@@ -28,10 +34,9 @@ def resolve_tree(tree: str | Path) -> Path:
     if bare and path.name in shipped:
         return shipped[path.name]
     what = "nor a shipped mission of that name" if bare else "and a shipped mission has no suffix"
-    raise FileError(
-        path,
-        f"no such tree file, {what}{did_you_mean(path.stem, shipped)} ({', '.join(shipped)})",
-    )
+    hint = did_you_mean_file(path.with_suffix(".xml")) if path.name else ""
+    hint = hint or did_you_mean(path.stem, shipped)
+    raise FileError(path, f"no such tree file, {what}{hint} ({', '.join(shipped)})")
 
 
 def shipped_missions() -> dict[str, Path]:

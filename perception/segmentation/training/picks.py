@@ -27,7 +27,7 @@ from perception.segmentation.features import (
 )
 from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
-from uav_bt.files import read_bounded, reading, write_whole
+from uav_bt.files import did_you_mean_file, read_bounded, reading, write_whole
 
 Origin = Literal["hand", "simulated"]
 _MAX_BYTES: Final = 50_000_000  # a pick takes about 50
@@ -74,7 +74,7 @@ def read_picks(path: Path) -> list[Pick]:
     """
     with reading(path):
         if not path.exists():
-            raise FileError(path, "there is no such picks file")
+            raise FileError(path, f"there is no such picks file{did_you_mean_file(path)}")
         text = read_bounded(path, _MAX_BYTES).decode()
     reader = csv.reader(io.StringIO(text))
     picks: list[Pick] = []

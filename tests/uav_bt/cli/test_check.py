@@ -444,7 +444,7 @@ GOOD = '<root BTCPP_format="4"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTr
 @pytest.mark.parametrize("name", ["-", "/dev/stdin"])
 def test_standard_input_is_checked(name: str) -> None:
     def check(text: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "uav_bt.cli", "check", name]
+        command = [sys.executable, "-m", "uav_bt", "check", name]
         return subprocess.run(  # noqa: S603 - our own program
             command, check=False, input=text, text=True, capture_output=True
         )

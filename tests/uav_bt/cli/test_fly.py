@@ -272,7 +272,7 @@ def test_an_old_report_survives_a_refusal(tmp_path: Path) -> None:
 def test_without_opengl_it_says_what_to_install(tmp_path: Path) -> None:
     """OpenGL is chosen once per process, so a second process runs without it."""
     done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-m", "uav_bt.cli", "fly", str(tree_file(tmp_path, HOP))],
+        [sys.executable, "-m", "uav_bt", "fly", str(tree_file(tmp_path, HOP))],
         env={**os.environ, "MUJOCO_GL": "off"},
         capture_output=True,
         text=True,
@@ -291,7 +291,7 @@ def test_an_interrupt_lands_the_drone_and_writes_the_report(
     report = tmp_path / "report.json"
     arguments = ["fly", str(tree_file(tmp_path, body)), *SMALL, "--report", str(report)]
     with subprocess.Popen(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-m", "uav_bt.cli", *arguments],
+        [sys.executable, "-m", "uav_bt", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -339,7 +339,7 @@ def test_a_reader_that_goes_away_does_not_end_the_flight(tmp_path: Path) -> None
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-m", "uav_bt.cli", *arguments], stdout=write, stderr=write, check=False
+        [sys.executable, "-m", "uav_bt", *arguments], stdout=write, stderr=write, check=False
     )
     os.close(write)
     assert done.returncode == 1  # the requested display failed

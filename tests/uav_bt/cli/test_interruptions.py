@@ -288,7 +288,7 @@ def closed() -> Iterator[int]:
 def test_a_closed_pipe_ends_a_command_quietly(line: str, world: Path, closed: int) -> None:
     tree_file(world, '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>', "hop.xml")
     done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-        [sys.executable, "-m", "uav_bt.cli", *line.split()],
+        [sys.executable, "-m", "uav_bt", *line.split()],
         cwd=world,
         stdout=closed,
         stderr=subprocess.PIPE,

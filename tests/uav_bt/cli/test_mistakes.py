@@ -15,6 +15,9 @@ from tests.uav_bt.cli.cli_world import HOP, run, tree_file
 MISTAKES = [
     # --- names
     ("fyl land_only", "did you mean 'fly'"),
+    ("fligh land_only", "there is no command 'fligh'; did you mean 'fly'"),
+    ("flight land_only", "there is no command 'flight'; did you mean 'fly'"),
+    ("start", "there is no command 'start' $"),
     ("train student", "'train' is 'uav-bt net train'"),
     ("net evaluate detph", "did you mean 'depth'"),
     ("fly", "Missing argument 'TREE'"),
@@ -112,6 +115,23 @@ MISTAKES = [
     ("campaign --resume photos", "photos"),
     ("campaign --resume absent", "absent"),
     ("lab scenes --show broken.yaml", "broken.yaml"),
+    # --- names of files beside the missing one
+    ("fly misson.xml", "misson.xml: no such tree file.*; did you mean 'mission.xml'"),
+    ("check mision", "mision: no such tree file.*; did you mean 'mission.xml'"),
+    ("fly mission.xml --scene brokn.yaml", "no such scene file; did you mean 'broken.yaml'"),
+    ("fly mission.xml --site brokn.yaml", "no such site file; did you mean 'broken.yaml'"),
+    ("fly mission.xml --camera kys.yaml", "no such camera file; did you mean 'keys.yaml'"),
+    ("replay recrd.mcap", "recrd.mcap: no such file; did you mean 'record.mcap'"),
+    ("record info recrd.mcap", "no such file; did you mean 'record.mcap'"),
+    ("simulate mission.xml --script scrpt.yaml", "did you mean 'script.yaml'"),
+    ("net perceive photo", "there is no such video file or folder.*; did you mean 'photos'"),
+    ("lab calibrate photo", "there is no such image; did you mean 'photos'"),
+    # --- a YAML file where a tree file is expected
+    ("fly keys.yaml", "keys.yaml: expected a tree file.*got a YAML file.*scenes --show keys.yaml"),
+    ("check keys.yaml", "keys.yaml: expected a tree file"),
+    ("simulate keys.yaml --script script.yaml", "keys.yaml: expected a tree file"),
+    ("tree render keys.yaml", "keys.yaml: expected a tree file"),
+    ("campaign keys.yaml --out out", "keys.yaml: expected a tree file"),
     ("lab calibrate absent", "there is no such image"),
     ("lab calibrate empty", "the folder holds no images"),
     ("lab calibrate binary.bin", "binary.bin"),

@@ -101,7 +101,7 @@ def test_what_is_no_record_is_refused(command: tuple[str, ...], tmp_path: Path) 
     text = tmp_path / "text.mcap"
     text.write_text("Once upon a time")
     assert_refused(run(*command, text), "is not a flight record", "MCAP")
-    assert_refused(run(*command, tmp_path / "absent.mcap"), "No such file")
+    assert_refused(run(*command, tmp_path / "absent.mcap"), "no such file")
 
 
 def test_a_bad_tree_for_a_replay_is_refused(record: Path, tmp_path: Path) -> None:

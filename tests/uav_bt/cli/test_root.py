@@ -77,6 +77,14 @@ def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], he
     assert done.stdout.splitlines()[-1] == ">"
 
 
+def test_python_runs_the_package() -> None:
+    done = subprocess.run(  # our own interpreter and code
+        [sys.executable, "-m", "uav_bt", "--version"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("uav-bt, version")
+
+
 def test_help_has_a_line_for_each_command_and_then_for_each_group() -> None:
     result = run("--help")
     assert result.exit_code == 0
@@ -239,7 +247,7 @@ def test_the_command_refuses_to_start_among_someone_elses_folders(tmp_path: Path
     (tmp_path / "behaviours").mkdir()
     (tmp_path / "behaviours" / "__init__.py").touch()
     done = subprocess.run(
-        [sys.executable, "-m", "uav_bt.cli", "tree", "nodes"],
+        [sys.executable, "-m", "uav_bt", "tree", "nodes"],
         capture_output=True,
         text=True,
         cwd=tmp_path,

@@ -128,7 +128,7 @@ def test_a_foreign_or_damaged_file_is_refused_with_the_byte(
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"absent.btlog: cannot be read: No such file"):
+    with pytest.raises(FileError, match=r"absent.btlog: no such file"):
         BtlogReader(tmp_path / "absent.btlog")
     with pytest.raises(FileError, match="cannot be read"):
         BtlogReader(tmp_path)

@@ -50,7 +50,7 @@ class Editor:
         published(lambda params: self._published.put(params))  # noqa: PLW0108 - it is marked, too
         registered = self._client.feature(types.CLIENT_REGISTER_CAPABILITY)
         registered(lambda params: self._registered(params))  # noqa: PLW0108 - it is marked, too
-        command = ("-m", "uav_bt.cli", "lsp", *self._arguments)
+        command = ("-m", "uav_bt", "lsp", *self._arguments)
         await self._client.start_io(sys.executable, *command)
         item = types.ClientCompletionItemOptions(snippet_support=snippets)
         completion = types.CompletionClientCapabilities(completion_item=item)

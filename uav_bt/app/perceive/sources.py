@@ -27,6 +27,7 @@ from uav_bt.app.perceive.streams import (
 )
 from uav_bt.clock import WallClock
 from uav_bt.errors import FileError, InputError, ShapeError
+from uav_bt.files import did_you_mean_file
 from uav_bt.protocols import Clock
 from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
@@ -59,7 +60,9 @@ def open_source(
         return FolderSource(path, times_s=times_s)
     if not path.is_file():
         raise FileError(
-            path, "there is no such video file or folder of images (a live camera is camera:0)"
+            path,
+            f"there is no such video file or folder of images{did_you_mean_file(path)} "
+            "(a live camera is camera:0)",
         )
     if path.suffix.lower() in (*IMAGE_SUFFIXES, *FOREIGN_SUFFIXES):
         return FolderSource(path, times_s=times_s)

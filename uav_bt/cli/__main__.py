@@ -1,5 +1,0 @@
-"""`python -m uav_bt.cli`, for where the `uav-bt` script is not on the path."""
-
-from uav_bt.cli import main
-
-main()
