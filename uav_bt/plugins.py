@@ -148,9 +148,13 @@ def missing_extra(error: ModuleNotFoundError) -> Exception:
 
 
 def _missing(what: str, modules: Sequence[str], extra: str) -> MissingDependencyError:
-    return MissingDependencyError(
-        f"{what} needs {' and '.join(modules)}; install with `pip install 'uav-bt[{extra}]'`"
-    )
+    return MissingDependencyError(f"{what} needs {' and '.join(modules)}; {how_to_install(extra)}")
+
+
+def how_to_install(extra: str) -> str:
+    """Return how to install an extra, for messages. uav-bt is not on a package index."""
+    constraints = "constraints-olympe.txt" if extra == "olympe" else "constraints.txt"
+    return f'run `pip install -c {constraints} -e ".[{extra}]"` in the folder of uav-bt\'s source'
 
 
 def _is_installed(module: str) -> bool:

@@ -19,5 +19,6 @@ def test_everything_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(MissingDependencyError) as missing:
         need("view", "json", "xml", "no_such_package", what="a view")
     assert str(missing.value) == (
-        "a view needs json and no_such_package; install with `pip install 'uav-bt[view]'`"
+        "a view needs json and no_such_package; "
+        'run `pip install -c constraints.txt -e ".[view]"` in the folder of uav-bt\'s source'
     )

@@ -5,14 +5,18 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import platform
+import shutil
 import sys
+import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Final
 
 from packaging.requirements import Requirement
 
 from uav_bt import __version__, plugins
+from uav_bt.app.provenance import hardware
 from uav_bt.errors import UavBtError
 from uav_bt.mission.preflight import Check
 from uav_bt.tree import NodeRegistry
@@ -21,6 +25,8 @@ _PACKAGE: Final = "uav-bt"
 _NEEDED: Final = (3, 11)
 _SDK: Final = "parrot-olympe"
 _SDK_BEYOND: Final = (3, 13)  # fails on import from there on
+_LINE_WIDTH: Final = 100  # characters
+_NO_BREAK: Final = "\N{NO-BREAK SPACE}"  # keeps a package and its version in one line
 _NOT_FOR_USERS: Final = frozenset({"dev"})
 
 
@@ -31,6 +37,7 @@ def examine(draws: Callable[[], str]) -> Iterator[Check]:
         draws: draws an image of the lab and says with what; raises when it cannot.
     """
     yield _python()
+    yield _machine()
     yield Check(what="uav-bt", good=True, found=__version__)
     yield from _packages()
     yield _olympe_python()
@@ -47,6 +54,13 @@ def _python() -> Check:
         found=f"{platform.python_version()} on {platform.system()} {platform.machine()}"
         f" (supported: {_supported()})",
         remedy="install Python 3.11 or newer",
+    )
+
+
+def _machine() -> Check:
+    free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
+    return Check(
+        what="machine", good=True, found=f"{hardware()}; {free_gb:.1f} GB free in this folder"
     )
 
 
@@ -74,17 +88,29 @@ def _belongs(requirement: Requirement, extra: str) -> bool:
 def _extra(extra: str, names: Iterable[str]) -> Check:
     versions = {name: _version(name) for name in dict.fromkeys(names)}
     missing = [name for name, version in versions.items() if version is None]
+    what = f"extra {extra}" if extra else "needed packages"
     found = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
     if missing:
-        found = ", ".join(missing) + (f" (there: {found})" if found else "")
+        found = ", ".join(missing) + (f" (installed: {found})" if found else "")
     return Check(
-        what=f"extra {extra}" if extra else "needed packages",
+        what=what,
         good=not missing,
-        found=found,
-        # The quotes are for the shell, which takes brackets for a pattern.
-        remedy=f"pip install 'uav-bt[{extra}]'" if extra else "install uav-bt again",
+        found=_wrapped(found, len(f"{what}: ok, ")),
+        remedy=plugins.how_to_install(extra) if extra else "install uav-bt again",
         optional=bool(extra),
     )
+
+
+def _wrapped(text: str, begin: int) -> str:
+    """Return a list in lines of limited width; the first one begins in a given column."""
+    lines = textwrap.fill(
+        text.replace(" ", _NO_BREAK).replace(f",{_NO_BREAK}", ", "),
+        _LINE_WIDTH,
+        initial_indent=" " * begin,
+        subsequent_indent="  ",
+        break_on_hyphens=False,
+    )
+    return lines[begin:].replace(_NO_BREAK, " ")
 
 
 def _version(name: str) -> str | None:
@@ -102,8 +128,8 @@ def _olympe_python() -> Check:
             what="Parrot's SDK",
             good=False,
             found=f"{_SDK}, which flies ANAFIs"
-            + ("" if fits else "; there is none for this Python: it wants 3.10 to 3.12"),
-            remedy="pip install 'uav-bt[olympe]'" if fits else "",
+            + ("" if fits else "; it needs Python 3.10 to 3.12"),
+            remedy=plugins.how_to_install("olympe") if fits else "",
             optional=True,
         )
     return Check(

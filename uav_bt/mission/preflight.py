@@ -58,9 +58,12 @@ class Check:
     optional: bool = False  # whether a flight is possible without it
 
     def __str__(self) -> str:
-        mark = "ok" if self.good else "missing" if self.optional else "NOT READY"
-        remedy = f": {self.remedy}" if self.remedy and not self.good else ""
-        return f"{self.what}: {mark}, {self.found}{remedy}"
+        if self.good:
+            return f"{self.what}: ok, {self.found}"
+        parts = [self.found, *filter(None, [self.remedy])]
+        if self.optional:
+            return f"{self.what}: optional, not installed: {'; '.join(parts)}"
+        return f"{self.what}: NOT READY, {': '.join(parts)}"
 
 
 def check_drone(

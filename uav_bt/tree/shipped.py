@@ -33,10 +33,13 @@ def resolve_tree(tree: str | Path) -> Path:
     bare = not path.suffix and path.parent == Path()
     if bare and path.name in shipped:
         return shipped[path.name]
-    what = "nor a shipped mission of that name" if bare else "and a shipped mission has no suffix"
     hint = did_you_mean_file(path.with_suffix(".xml")) if path.name else ""
-    hint = hint or did_you_mean(path.stem, shipped)
-    raise FileError(path, f"no such tree file, {what}{hint} ({', '.join(shipped)})")
+    if not hint:
+        what = (
+            "nor a shipped mission of that name" if bare else "and a shipped mission has no suffix"
+        )
+        hint = f", {what}{did_you_mean(path.stem, shipped)} ({', '.join(shipped)})"
+    raise FileError(path, f"no such tree file{hint}")
 
 
 def shipped_missions() -> dict[str, Path]:

@@ -219,7 +219,7 @@ def test_without_the_extra_recording_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "foxglove", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'uav-bt\[record\]'"):
+    with pytest.raises(MissingDependencyError, match=r'pip install .* -e "\.\[record\]"'):
         fly_noisy(tmp_path, monkeypatch)
 
 

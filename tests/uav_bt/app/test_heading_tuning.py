@@ -232,4 +232,4 @@ def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.delattr(app, "heading_tuning", raising=False)
     monkeypatch.setitem(sys.modules, "control", None)
     result = run("lab", "tune-heading", tmp_path / "any.mcap")
-    assert_refused(result, "pip install 'uav-bt[design]'")
+    assert_refused(result, 'pip install -c constraints.txt -e ".[design]"')

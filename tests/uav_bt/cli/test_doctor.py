@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import re
 import socket
 from pathlib import Path
 
@@ -31,9 +32,11 @@ SMALL = ("--image-size", "160x90", "--profile", "ideal")
 def test_the_doctor_tells_what_is_installed_and_what_works() -> None:
     result = run("doctor")
     assert result.exit_code == 0, result.output
-    lines = dict(line.split(": ", maxsplit=1) for line in result.stdout.splitlines())
+    whole = result.stdout.replace("\n  ", " ").splitlines()
+    lines = dict(line.split(": ", maxsplit=1) for line in whole)
     assert lines["Python"].startswith("ok, 3.")
     assert "mujoco" in lines["needed packages"]
+    assert re.search(r"\d+ cores, (no )?VNNI.*; \d+\.\d GB free in this folder", lines["machine"])
     assert lines["drawing the lab"] == "ok, OpenGL works"
     assert lines["behaviours"].startswith("ok, behaviours (")
     assert lines["drones"] == "ok, anafi, sphinx, twin"
@@ -55,10 +58,24 @@ def test_a_missing_extra_is_named_with_its_pip_line_and_is_no_fault(
     assert result.exit_code == 0, result.output
     msgpack = version("msgpack")
     assert (
-        f"extra live: missing, pyzmq (there: msgpack {msgpack}): pip install 'uav-bt[live]'\n"
-        in result.stdout
-    )
-    assert "extra view: missing, rerun-sdk: pip install 'uav-bt[view]'\n" in result.stdout
+        f"extra live: optional, not installed: pyzmq (installed: msgpack {msgpack}); "
+        'run `pip install -c constraints.txt -e ".[live]"` in the folder of uav-bt\'s source\n'
+    ) in result.stdout
+    assert "extra view: optional, not installed: rerun-sdk; run `pip " in result.stdout
+
+
+def test_the_needed_packages_are_lines_of_a_terminals_width() -> None:
+    lines = run("doctor").stdout.splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("needed packages: ok, "))
+    listed = [lines[first]]
+    for line in lines[first + 1 :]:
+        if not line.startswith("  "):
+            break
+        listed.append(line)
+    assert len(listed) > 1
+    assert all(len(line) <= 100 for line in listed)
+    # A package and its version stand in one line.
+    assert all(re.fullmatch(r".*[\w.+]+ [\w.+]+,?", line) for line in listed)
 
 
 def test_the_doctor_sends_nothing_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -162,7 +162,8 @@ def test_a_missing_package_is_named_with_its_extra(
     )
     assert done.returncode == 2
     assert done.stderr == (
-        f"Error: this needs {module}; install with `pip install 'uav-bt[{extra}]'`\n"
+        f'Error: this needs {module}; run `pip install -c constraints.txt -e ".[{extra}]"` in the '
+        "folder of uav-bt's source\n"
     )
 
 
