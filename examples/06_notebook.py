@@ -40,4 +40,6 @@ path.plot([pose.x_m for pose in poses], [pose.y_m for pose in poses])
 path.set(xlabel="x, m", ylabel="y, m", aspect="equal")
 
 # %% Save the figure.
-figure.savefig(Path("hover_and_look.png"), dpi=120)
+out = Path("out")
+out.mkdir(exist_ok=True)
+figure.savefig(out / "hover_and_look.png", dpi=120)

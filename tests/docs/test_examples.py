@@ -41,6 +41,8 @@ def test_an_example_flies(name: str, printed: str, tmp_path: Path) -> None:
     output = run(tmp_path, str(EXAMPLES / name))
     assert output.startswith("success"), output
     assert printed in output
+    # Run from the checkout, an example leaves no file beside those of git: /out/ is ignored.
+    assert {path.name for path in tmp_path.iterdir()} <= {"out"}
 
 
 def test_the_example_of_a_test_passes(tmp_path: Path) -> None:

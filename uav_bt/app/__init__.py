@@ -40,3 +40,8 @@ __all__ = [
     "make_policy",
     "resolve_tree",
 ]
+
+
+def __dir__() -> list[str]:
+    """Return the public names; submodules, which completion would list too, are left out."""
+    return __all__

@@ -250,3 +250,9 @@ def check_help(documented: Any) -> None:
 
 def test_dir_shows_what_there_is() -> None:
     assert {"fly", "FlightOptions", "JudgeConfig", "Site"} <= set(dir(app))
+
+
+def test_completion_offers_the_public_names_of_app() -> None:
+    """Submodules such as `app.assembly` are left out, also after their import."""
+    assert dir(app) == sorted(app.__all__)
+    assert {"fly", "check", "FlightOptions"} <= set(dir(app))
