@@ -148,13 +148,15 @@ def missing_extra(error: ModuleNotFoundError) -> Exception:
 
 
 def _missing(what: str, modules: Sequence[str], extra: str) -> MissingDependencyError:
-    return MissingDependencyError(f"{what} needs {' and '.join(modules)}; {how_to_install(extra)}")
+    return MissingDependencyError(
+        f"{what} needs {' and '.join(modules)}; run {install_command(extra)}"
+    )
 
 
-def how_to_install(extra: str) -> str:
-    """Return how to install an extra, for messages. uav-bt is not on a package index."""
+def install_command(extra: str) -> str:
+    """Return the command that installs an extra, for messages; uav-bt is on no package index."""
     constraints = "constraints-olympe.txt" if extra == "olympe" else "constraints.txt"
-    return f'run `pip install -c {constraints} -e ".[{extra}]"` in the folder of uav-bt\'s source'
+    return f'`pip install -c {constraints} -e ".[{extra}]"` in the folder of uav-bt\'s source'
 
 
 def _is_installed(module: str) -> bool:

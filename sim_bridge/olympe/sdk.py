@@ -27,7 +27,7 @@ from typing import Any, Final
 
 from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
-from uav_bt.plugins import how_to_install
+from uav_bt.plugins import install_command
 
 _NEW_API: Final = 8  # major version with the differences above
 _LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # the SDK adds handlers to them
@@ -112,7 +112,7 @@ def load_sdk() -> Sdk:
         hint = (
             "it runs with Python 3.10 to 3.12 on Linux x86-64"
             if sys.version_info >= (3, 13) or sys.platform != "linux"
-            else f"{how_to_install('olympe')} (docs/anafi.md)"
+            else f"run {install_command('olympe')} (docs/anafi.md)"
         )
         raise MissingDependencyError(
             f"Parrot's SDK cannot be imported with Python {python} "

@@ -96,7 +96,7 @@ def _extra(extra: str, names: Iterable[str]) -> Check:
         what=what,
         good=not missing,
         found=_wrapped(found, len(f"{what}: ok, ")),
-        remedy=plugins.how_to_install(extra) if extra else "install uav-bt again",
+        remedy=f"run {plugins.install_command(extra)}" if extra else "install uav-bt again",
         optional=bool(extra),
     )
 
@@ -129,7 +129,7 @@ def _olympe_python() -> Check:
             good=False,
             found=f"{_SDK}, which flies ANAFIs"
             + ("" if fits else "; it needs Python 3.10 to 3.12"),
-            remedy=plugins.how_to_install("olympe") if fits else "",
+            remedy=f"run {plugins.install_command('olympe')}" if fits else "",
             optional=True,
         )
     return Check(
