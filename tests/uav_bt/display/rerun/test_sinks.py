@@ -145,7 +145,9 @@ def test_a_display_is_what_the_environment_says(
 
 def test_a_missing_rerun_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(MissingDependencyError, match=r"a view needs rerun.*uav-bt\[view\]"):
+    with pytest.raises(
+        MissingDependencyError, match=r"a view needs rerun; run `pip install .*\[view\]"
+    ):
         sinks.Viewer(web=True)
     monkeypatch.setattr(sinks.importlib.util, "find_spec", lambda _: None)
     with pytest.raises(MissingDependencyError, match="rerun-sdk"):
