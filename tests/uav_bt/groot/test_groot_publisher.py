@@ -339,7 +339,9 @@ def test_a_port_without_a_neighbour_is_refused(port: int) -> None:
 @pytest.mark.parametrize("absent", ["zmq", "msgpack"])
 def test_a_missing_package_names_the_extra(absent: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, absent, None)
-    with pytest.raises(MissingDependencyError, match=rf"needs {absent}.*uav-bt\[live\]"):
+    with pytest.raises(
+        MissingDependencyError, match=rf"needs {absent}; run `pip install .*\[live\]"
+    ):
         GrootPublisher(ANY)
 
 
