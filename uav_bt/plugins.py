@@ -108,12 +108,12 @@ def load(group: str, name: str) -> Any:
     except (Exception, SystemExit) as error:  # a foreign module may raise anything when imported
         package = "" if point.dist is None else f" '{point.dist.name}'"
         raise InputError(
-            f"{kind} '{name}' ({point.value}) cannot be imported: {_described(error)}; "
+            f"{kind} '{name}' ({point.value}) cannot be imported: {describe_failure(error)}; "
             f"mend, reinstall or uninstall the package{package} that registers it"
         ) from error
 
 
-def _described(error: BaseException) -> str:
+def describe_failure(error: BaseException) -> str:
     """Return the text of an import error, with file and line of the module that raised it."""
     text = str(error) if isinstance(error, (ImportError, AttributeError)) else repr(error)
     machinery = (importlib.metadata.__file__, importlib.__file__)
@@ -203,7 +203,7 @@ def make_policy(name: str) -> LeafPolicy:
     except UavBtError:
         raise
     except Exception as error:  # a foreign class may raise anything when it is made
-        raise InputError(f"policy '{name}' cannot be made: {_described(error)}") from error
+        raise InputError(f"policy '{name}' cannot be made: {describe_failure(error)}") from error
     if not isinstance(policy, LeafPolicy):
         kind = f"{type(policy).__module__}.{type(policy).__qualname__}"
         raise InputError(f"policy '{name}' has no method `decide(view)`: {kind}")

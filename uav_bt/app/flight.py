@@ -39,7 +39,14 @@ STILL_IN_THE_AIR: Final = (
     "THE DRONE IS STILL IN THE AIR, as far as is known: take its remote control and land it"
 )
 
-_FILES_OF_OPTIONS: Final = ("scene", "camera", "site", "drone", "policies")  # that are read
+_FILES_OF_OPTIONS: Final = (
+    "scene",
+    "camera",
+    "site",
+    "drone",
+    "policies",
+    "leaves",
+)  # that are read
 
 
 def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
@@ -211,6 +218,7 @@ def _run(
             seed=options.seed,
             tree=flight.mission.origin,
             policies=_policies(flight.mission),
+            ports=options.ports,
             drone=options.drone_name,
             profile=_profile(flight),
             stage_times_s=flight.context.stage_times_s,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeGuard
@@ -14,6 +14,7 @@ from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
 from uav_bt.errors import InputError, TreeError
 from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
+from uav_bt.tree.leaves_file import nodes_of_files
 from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.lookup import Lookup
@@ -81,9 +82,7 @@ def read_mission(
         InputError: `tree` is not a mission or was set up before, or its leaves cannot take a
             setting of the site.
     """
-    overrides = {node: dict(given) for node, given in (replaced or {}).items()}
-    for node, policy in options.policy_names.items():
-        overrides.setdefault(node, {})["policy"] = policy
+    overrides = _overrides(options, replaced or {})
     by_key = _site_values(site_of(options))
     if isinstance(tree, MissionTree):
         if tree.is_set_up:
@@ -99,6 +98,9 @@ def read_mission(
             raise InputError(
                 f"tree_folders are for tree files; this is '{tree.name}', which is loaded already"
             )
+        if options.leaves:
+            raise InputError(f"leaves are for tree files; this is '{tree.name}', which has its own")
+        _check_single(tree, options.ports)
         tree.replace(overrides, by_key=by_key)
         _check_site_reaches(tree, by_key)
         return tree
@@ -108,6 +110,8 @@ def read_mission(
             f"NodeRegistry.installed().with_nodes(Peek); got {registry!r:.80}"
         )
     registry = (registry or NodeRegistry.installed()).with_policies(options.policy_objects)
+    if options.leaves:
+        registry = registry.with_nodes(*nodes_of_files([Path(file) for file in options.leaves]))
     if isinstance(tree, str | Path):
         load = (
             partial(parse_tree, tree) if is_text(tree) else partial(load_tree, resolve_tree(tree))
@@ -119,6 +123,7 @@ def read_mission(
             by_key=by_key,
             lookup=lookup or options.tree_folders.lookup(),
         )
+        _check_single(loaded, options.ports)
         _check_site_reaches(loaded, by_key)
         return loaded
     remedy = ": make a tree of it with MissionTree(...)" if isinstance(tree, Node) else ""
@@ -126,6 +131,41 @@ def read_mission(
         "expected a mission: a shipped one's name, a tree file, a MissionTree or a tree file's "
         f"text; got {tree!r:.80}{remedy}"
     )
+
+
+def _overrides(
+    options: FlightOptions, replaced: Mapping[str, Mapping[str, str]]
+) -> dict[str, dict[str, str]]:
+    """Return the attribute values that replace the tree's, by node.
+
+    Raises:
+        InputError: a port is given two values.
+    """
+    overrides = {node: dict(given) for node, given in replaced.items()}
+    for node, policy in options.policy_names.items():
+        overrides.setdefault(node, {})["policy"] = policy
+    for name, value in options.ports.items():
+        node, _, port = name.rpartition(".")
+        if port in overrides.setdefault(node, {}):
+            raise InputError(f"port '{name}' is given two values: leave one of them out")
+        overrides[node][port] = value
+    return overrides
+
+
+def _check_single(mission: MissionTree, ports: Iterable[str]) -> None:
+    """Refuse ports whose node's name fits several nodes.
+
+    Raises:
+        InputError: the name fits two nodes or more; the message has their paths.
+    """
+    for name in ports:
+        target = name.rpartition(".")[0]
+        paths = [node.path for node in mission.nodes() if target in (node.name, node.path)]
+        if len(paths) > 1:
+            raise InputError(
+                f"'{name}' fits {len(paths)} nodes: name one by its path, such as "
+                f"'{paths[0]}.{name.rpartition('.')[2]}' or '{paths[1]}.{name.rpartition('.')[2]}'"
+            )
 
 
 def _site_values(site: Site | None) -> _ByKey:

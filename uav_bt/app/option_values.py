@@ -96,6 +96,45 @@ def as_file(name: str, value: object, expected: str = "a file") -> Path | None:
     return Path(value)
 
 
+def files(name: str, value: object) -> tuple[Path, ...]:
+    """Return the paths of several files.
+
+    Args:
+        name: Name of the value in the message.
+        value: Sequence of texts and paths.
+
+    Raises:
+        InputError: The value is not a sequence of them.
+    """
+    if not isinstance(value, (tuple, list)):
+        refuse(name, "a list of files, such as ['my_leaves.py']", value)
+    return tuple(path for each in value if (path := as_file(name, each or "")) is not None)
+
+
+def port_values(ports: object) -> dict[str, str]:
+    """Return values of nodes' ports as the texts of a tree file.
+
+    Args:
+        ports: Mapping from NODE.PORT to a text, a number or a truth value.
+
+    Raises:
+        InputError: The value is not such a mapping.
+    """
+    expected = "values by node and port, such as {'ExploreFor.min_gain': 0.01}"
+    if not isinstance(ports, Mapping):
+        refuse("ports", expected, ports)
+    for name, value in ports.items():
+        node, _, port = name.rpartition(".") if isinstance(name, str) else ("", "", "")
+        if not (node and port):
+            refuse("ports", expected, name)
+        if not isinstance(value, str | int | float):
+            refuse(f"ports['{name}']", "a text, a number, True or False", value)
+    return {
+        name: str(value).lower() if isinstance(value, bool) else str(value)
+        for name, value in ports.items()
+    }
+
+
 def check_policies(policies: object) -> None:
     """Refuse a value that is not a mapping from nodes to leaf policies.
 

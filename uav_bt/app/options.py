@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +17,9 @@ from uav_bt.app.option_values import (
     check_policies,
     class_name,
     expect,
+    files,
     image_size,
+    port_values,
 )
 from uav_bt.app.site import Site, load_site
 from uav_bt.brief import brief_repr
@@ -27,6 +29,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.channels import Quality
+from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES
 from uav_bt.tree.loading.folders import WHICH_TREE, TreeFolders
 from uav_bt.types import LandingMark
 
@@ -113,6 +116,19 @@ class FlightOptions:
             metavar="NODE=NAME",
         ),
     )
+    ports: Mapping[str, str] = field(
+        default_factory=dict,
+        metadata=about(
+            "Let a port of one node, by name or path, have another value than in the tree file: "
+            "ExploreFor.min_gain=0.01. Repeatable.",
+            "--set",
+            metavar="NODE.PORT=VALUE",
+        ),
+    )
+    leaves: Sequence[str | Path] = field(
+        default=(),
+        metadata=about(WHICH_LEAVES, LEAVES_FLAG, metavar="FILE.py"),
+    )
     camera: str | Path | None = field(
         default=None,
         metadata=about(
@@ -179,7 +195,7 @@ class FlightOptions:
     )
     judge: JudgeConfig = field(
         default_factory=JudgeConfig,
-        metadata=about("When a flight is over, and what counts as a success."),
+        metadata=about("When a flight is over, and what counts as a success.", "--time-limit"),
     )
 
     __repr__ = brief_repr
@@ -201,6 +217,8 @@ class FlightOptions:
         scene = as_file("scene", self.scene)
         self._set("scene", None if scene is None else str(self.scene))
         self._set("image_size_px", image_size(self.image_size_px))
+        self._set("ports", port_values(self.ports))
+        self._set("leaves", files("leaves", self.leaves))
         check_policies(self.policies)
         check_drone(self.drone)
         if not isinstance(self.drone, str):

@@ -9,13 +9,20 @@ from typing import Any, Final
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.folders import TreeFolders
 
 SHARED: Final = (
     *("profile", "image_size_px", "exact_masks", "movers"),
-    *("tree_id", "tree_folders", "policies", "record_quality"),
+    *("tree_id", "tree_folders", "leaves", "ports", "policies", "judge", "record_quality"),
 )
 """Fields of `FlightOptions` that all flights of a campaign have in common."""
+
+# Values of a plan that must be the same when a campaign goes on.
+_COMPARED: Final = (
+    *("seed_from", "profile", "image_size_px", "exact_masks", "movers"),
+    *("tree_id", "judge"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +90,7 @@ class CampaignPlan:
         timeout_s: Wall time after which a flight counts as hung. A flight of 300 s takes two
             minutes on a busy core (chosen).
         weights: SHA-256 by file of the networks that the trees load.
+        leaves_sha256: SHA-256 by file of the Python files with leaves.
         versions: Versions of packages that flights depend on.
     """
 
@@ -94,6 +102,7 @@ class CampaignPlan:
     record: bool = False
     timeout_s: float = 900.0
     weights: dict[str, str] = field(default_factory=dict)
+    leaves_sha256: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -144,11 +153,20 @@ class CampaignPlan:
         for what in ("trees", "scenes"):
             now, then = ({f.name: f.sha256 for f in getattr(p, what)} for p in (self, before))
             found += _compared(what.removesuffix("s"), then, now)
-        for what in ("weights", "versions"):
+        for what in ("weights", "leaves_sha256", "versions"):
             found += _compared(what, getattr(before, what), getattr(self, what))
         found += _compared("policies", before.options.policy_names, self.options.policy_names)
+        found += _compared("ports", before.options.ports, self.options.ports)
         flat, flat_before = _flat(self), _flat(before)
-        for what in ("seed_from", "profile", "image_size_px", "exact_masks", "movers", "tree_id"):
+        for what in (
+            "seed_from",
+            "profile",
+            "image_size_px",
+            "exact_masks",
+            "movers",
+            "tree_id",
+            "judge",
+        ):
             now, then = flat[what], flat_before[what]
             if now != then:
                 found.append(f"{what}: was {then}, now {now}")
@@ -201,6 +219,8 @@ def _flat(planned: FlightTask | CampaignPlan) -> dict[str, Any]:
     shared |= {
         "policies": planned.options.policy_names,
         "tree_folders": planned.options.tree_folders.to_json(),
+        "leaves": [str(file) for file in planned.options.leaves],
+        "judge": asdict(planned.options.judge),
     }
     values = {each.name: getattr(planned, each.name) for each in fields(planned)}
     del values["options"]
@@ -214,8 +234,12 @@ def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what `_flat` wrote with one `options`; a plan of before may lack some."""
     shared = {name: values[name] for name in SHARED if name in values}
     folders = TreeFolders(**shared.pop("tree_folders", {}))
+    judge = shared.pop("judge", {})
+    if "landing_surfaces" in judge:
+        judge = {**judge, "landing_surfaces": tuple(judge["landing_surfaces"])}
+    options = FlightOptions(**shared, tree_folders=folders, judge=JudgeConfig(**judge))
     others = {name: value for name, value in values.items() if name not in SHARED}
-    return {**others, "options": FlightOptions(**shared, tree_folders=folders)}
+    return {**others, "options": options}
 
 
 def _compared(what: str, then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:

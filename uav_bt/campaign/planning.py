@@ -49,7 +49,10 @@ def make_plan(
         InputError: a tree, a scene or a policy cannot be used, or a number is out of range.
     """
     options = given_options(options, how)
-    options = replace(options, tree_folders=options.tree_folders.absolute())
+    leaves = [Path(file).resolve() for file in options.leaves]
+    options = replace(
+        options, tree_folders=options.tree_folders.absolute(), leaves=tuple(map(str, leaves))
+    )
     missions = [load_mission(tree, options) for tree in trees]
     return CampaignPlan(
         trees=tuple(map(_planned_tree, missions)),
@@ -60,6 +63,7 @@ def make_plan(
         record=record,
         timeout_s=timeout_s,
         weights=provenance.weights_of(*missions),
+        leaves_sha256={str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in leaves},
         versions=provenance.package_versions(),
     )
 
@@ -86,6 +90,7 @@ def plan_of(folder: Path) -> CampaignPlan:
             for now, then in zip(plan.scenes, before.scenes, strict=True)
         ),
         weights=plan.weights,
+        leaves_sha256=plan.leaves_sha256,
         versions=plan.versions,
     )
 

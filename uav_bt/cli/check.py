@@ -11,15 +11,15 @@ from typing import Final
 
 import click
 
-from uav_bt.cli.command import Command, note_input
-from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
+from uav_bt.cli.command import Command
+from uav_bt.cli.options import format_option, tree_folders_option, tree_option
+from uav_bt.cli.registry_options import registry_options
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Rule, errors_of
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Rule, errors_of
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.loader import check_text, findings_of
 from uav_bt.tree.loading.lookup import Lookup
-from uav_bt.tree.loading.palette import read_palette, with_palette
 from uav_bt.tree.loading.sarif import sarif_log
 from uav_bt.tree.loading.source import MAX_BYTES
 from uav_bt.tree.loading.together import FilesTogether
@@ -28,42 +28,10 @@ from uav_bt.tree.shipped import STARTERS, tree_files, write_starter
 _STDIN: Final = "-"  # as a TREE
 
 
-def _with_palette(ctx: click.Context, param: click.Parameter, value: Path | None) -> NodeRegistry:
-    """Return the installed nodes and those of a palette.
-
-    Raises:
-        TreeError: the palette cannot be read or makes no sense.
-    """
-    del param
-    installed = NodeRegistry.installed()
-    if value is None:
-        return installed
-    note_input(ctx, value)
-    odd = Findings()
-    palette = read_palette(value, odd)
-    for finding in odd:
-        click.echo(str(finding), err=True)
-    return with_palette(installed, palette)
-
-
-PALETTE_HELP: Final = (
-    "A file with a TreeNodesModel, such as Groot2 exports or saves in its tree files, of "
-    "nodes that are not installed here."
-)
-palette_option = click.option(
-    "--palette",
-    "registry",
-    metavar="FILE",
-    type=INPUT,
-    callback=_with_palette,
-    help=PALETTE_HELP,
-)
-
-
 @click.command(cls=Command)
 @click.argument("trees", metavar="TREE...", nargs=-1, required=True)
 @tree_option
-@palette_option
+@registry_options
 @tree_folders_option
 @format_option(
     "text",

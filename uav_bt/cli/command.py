@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import click
 
@@ -13,8 +14,6 @@ from uav_bt.errors import FileError
 from uav_bt.files import check_output, check_output_folder
 from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.tree.loading.lookup import shipped_trees
-
-_READ_WHILE_PARSING: Final = "uav_bt.cli.read_while_parsing"
 
 
 class OutputFile(click.Path):
@@ -37,7 +36,32 @@ class OutputFolder(click.Path):
 
 
 class Command(click.Command):
-    """A command that looks at its outputs first."""
+    """A command that checks its outputs first.
+
+    Args:
+        sections: names of parameters by the heading of the help under which they stand; the others
+            stand under "Options".
+        attributes: of `click.Command`, as are all others.
+    """
+
+    def __init__(
+        self, *attributes: Any, sections: Mapping[str, Sequence[str]] | None = None, **more: Any
+    ) -> None:
+        super().__init__(*attributes, **more)
+        self._sections = sections or {}
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options of each section, then the others."""
+        rows = {
+            str(param.name): row
+            for param in self.get_params(ctx)
+            if isinstance(param, click.Option) and (row := param.get_help_record(ctx))
+        }
+        for heading, names in self._sections.items():
+            with formatter.section(heading):
+                formatter.write_dl([rows.pop(name) for name in names])
+        with formatter.section("Options"):
+            formatter.write_dl(list(rows.values()))
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the command line.
@@ -61,11 +85,6 @@ class Command(click.Command):
         _check_outputs(ctx)
         let_work_clean_up()
         return super().invoke(ctx)
-
-
-def note_input(ctx: click.Context, path: Path) -> None:
-    """Remember an input that a callback has read, and whose path the command does not see."""
-    ctx.meta.setdefault(_READ_WHILE_PARSING, []).append(path)
 
 
 def _check_outputs(ctx: click.Context) -> None:
@@ -101,9 +120,8 @@ def _check_file(ctx: click.Context, param: click.Parameter, path: Path, suffix: 
 
 def _inputs(ctx: click.Context) -> list[object]:
     """Return everything that the command was given and does not write."""
-    given = [
+    return [
         ctx.params.get(str(param.name))
         for param in ctx.command.params
         if not isinstance(param.type, (OutputFile, OutputFolder))
     ]
-    return [*given, *ctx.meta.get(_READ_WHILE_PARSING, ())]

@@ -10,7 +10,8 @@ import click
 from uav_bt.app.options import FlightOptions, declared
 from uav_bt.cli.command import OutputFile
 from uav_bt.cli.options import INPUT, Decorator, grouped, tree_folders_option, tree_option
-from uav_bt.cli.values import WholeNumber, image_size, node_policies
+from uav_bt.cli.values import Number, WholeNumber, image_size, node_policies, node_ports
+from uav_bt.mission.judge import JudgeConfig
 
 
 def flight_options(*names: str) -> Decorator:
@@ -44,6 +45,11 @@ def flight_option(name: str, **changes: Any) -> Decorator:
     return click.option(str(about.flag), name, **{**attributes, **changes})
 
 
+def _judge(ctx: click.Context, param: click.Parameter, value: float) -> JudgeConfig:
+    del ctx, param
+    return JudgeConfig(time_limit_s=value)
+
+
 _OF_TREE_FILES: Final = {"tree_id": tree_option, "tree_folders": tree_folders_option}
 # Values that the command line writes otherwise than Python does.
 _FORMS: Final[Mapping[str, Mapping[str, Any]]] = {
@@ -52,4 +58,13 @@ _FORMS: Final[Mapping[str, Mapping[str, Any]]] = {
         "default": "{}x{}".format(*FlightOptions.image_size_px),
     },
     "policies": {"callback": node_policies, "multiple": True},
+    "ports": {"callback": node_ports, "multiple": True},
+    "leaves": {"type": INPUT, "multiple": True},
+    "judge": {
+        "callback": _judge,
+        "type": Number(min=0.0, min_open=True),
+        "metavar": "SECONDS",
+        "default": JudgeConfig.time_limit_s,
+        "help": "End the flight as a timeout this long after the take-off command.",
+    },
 }

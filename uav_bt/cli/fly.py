@@ -65,7 +65,21 @@ class Outputs:
     btlog: Path | None
 
 
-@click.command(cls=Command)
+_SECTIONS: Final = {
+    "Mission": (
+        *("tree_id", "libraries", "include_root", "packages"),
+        *("leaves", "ports", "policies", "judge"),
+    ),
+    "Outputs": ("report", "video", "record", "record_quality", "btlog"),
+    "Watching": ("view", "groot", "watch"),
+    "Simulated room": (
+        *("scene", "seed", "profile", "movers", "exact_masks", "realtime", "image_size_px"),
+    ),
+    "Real drone": ("drone", "site", "camera", "rehearse"),
+}
+
+
+@click.command(cls=Command, sections=_SECTIONS)
 @click.argument("tree")
 @grouped(
     "outputs",
@@ -77,9 +91,9 @@ class Outputs:
     ),
 )
 @flight_options(
-    *("tree_id", "tree_folders", "scene", "seed", "drone", "site", "rehearse", "profile"),
-    *("movers", "policies", "camera", "record", "record_quality", "realtime"),
-    *("image_size_px", "inference_threads"),
+    *("tree_id", "tree_folders", "leaves", "ports", "policies", "judge", "scene", "seed"),
+    *("profile", "movers", "exact_masks", "realtime", "drone", "site", "camera", "rehearse"),
+    *("record", "record_quality", "image_size_px", "inference_threads"),
 )
 @click.option(
     "--view",

@@ -7,15 +7,15 @@ from pathlib import Path
 import click
 
 from uav_bt import plugins
-from uav_bt.cli.check import PALETTE_HELP
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import INPUT
+from uav_bt.cli.registry_options import leaves_option, palette_option
 from uav_bt.tree import NodeRegistry
 
 
 @click.command(cls=Command)
-@click.option("--palette", metavar="FILE", type=INPUT, help=PALETTE_HELP)
-def lsp(*, palette: Path | None) -> None:
+@leaves_option
+@palette_option
+def lsp(*, registry: NodeRegistry, palette: Path | None) -> None:
     """Check and complete tree files in editors.
 
     An editor starts this and speaks the Language Server Protocol with it over standard input and
@@ -27,4 +27,4 @@ def lsp(*, palette: Path | None) -> None:
     plugins.need("lsp", "pygls", what="the language server")
     from uav_bt.lsp.server import serve  # noqa: PLC0415 - the extra may be missing
 
-    serve(NodeRegistry.installed(), palette)
+    serve(registry, palette)

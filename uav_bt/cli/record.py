@@ -18,10 +18,12 @@ from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_option
 from uav_bt.cli.options import INPUT, format_option, output_option, tree_folders_option
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.registry_options import leaves_option
 from uav_bt.cli.values import Number
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.record.info import RecordInfo, record_info
+from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.folders import TreeFolders
 
 _METADATA: Final = (
@@ -135,6 +137,7 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
 @_file_argument
 @click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
 @tree_folders_option
+@leaves_option
 @flight_option("policies")
 @click.option(
     "--masks",
@@ -150,6 +153,7 @@ def replay(
     file: Path,
     tree: str | None,
     tree_folders: TreeFolders,
+    registry: NodeRegistry,
     policies: dict[str, str],
     masks: Literal["network", "recorded"] | None,
     format_: str,
@@ -162,7 +166,9 @@ def replay(
     """
     if tree is None and tree_folders != TreeFolders():
         raise click.UsageError("a record has its own tree files: folders are for another --tree")
-    changes = ReplayOptions(tree=tree, tree_folders=tree_folders, policies=policies, masks=masks)
+    changes = ReplayOptions(
+        tree=tree, tree_folders=tree_folders, registry=registry, policies=policies, masks=masks
+    )
     report = replay_record(file, changes)
     if format_ == "json":
         click.echo(json.dumps(report.to_json(), indent=2))

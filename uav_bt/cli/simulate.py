@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
-from uav_bt.cli.check import palette_option
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
+from uav_bt.cli.registry_options import registry_options
 from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.tree import NodeRegistry
@@ -43,7 +43,7 @@ from uav_bt.tree.shipped import resolve_tree
 )
 @format_option("table", "json", help_="json: one object with all ticks.")
 @tree_option
-@palette_option
+@registry_options
 @tree_folders_option
 @click.pass_context
 def simulate(

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
-from uav_bt.cli.check import palette_option
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import format_option, output_option, tree_folders_option, tree_option
+from uav_bt.cli.registry_options import leaves_option, registry_options
 from uav_bt.files import writing
 from uav_bt.tree import NodeRegistry, load_tree
 from uav_bt.tree.describe import NodeInfo, PortInfo, describe, describe_all, palette_xml
@@ -31,7 +31,8 @@ from uav_bt.tree.shipped import resolve_tree
     help_="xml: a node model (TreeNodesModel) that graphical tree editors load; "
     "markdown: a page with a section for each node.",
 )
-def nodes(*, names: tuple[str, ...], format_: str) -> None:
+@leaves_option
+def nodes(*, names: tuple[str, ...], format_: str, registry: NodeRegistry) -> None:
     """List the nodes that tree files can use.
 
     With each node go its attributes and the board keys it reads and writes.
@@ -47,7 +48,6 @@ def nodes(*, names: tuple[str, ...], format_: str) -> None:
       builtin        true for nodes of the format itself
       origin         module and class
     """  # noqa: D301  (click needs the backspace)
-    registry = NodeRegistry.installed()
     if format_ in {"xml", "markdown"}:
         chosen = NodeRegistry(registry[name] for name in names) if names else registry
         click.echo((palette_xml if format_ == "xml" else node_page)(chosen), nl=False)
@@ -85,7 +85,7 @@ def _attribute(port: PortInfo) -> str:
 @format_option("ascii", "svg", help_="The form of the drawing.")
 @output_option("--out", "Write the drawing there; it is printed if not given.")
 @tree_option
-@palette_option
+@registry_options
 @tree_folders_option
 def render(
     *,
@@ -108,7 +108,7 @@ def render(
 
 @click.command(cls=Command)
 @output_option("--out", "Write the schema there; it is printed if not given.")
-@palette_option
+@registry_options
 def schema(*, out: Path | None, registry: NodeRegistry) -> None:
     """Write an XML Schema of tree files with all installed nodes.
 

@@ -84,6 +84,28 @@ def node_policies(
     return policies
 
 
+def node_ports(
+    ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
+) -> dict[str, str]:
+    """Return the values of several NODE.PORT=VALUE, by NODE.PORT.
+
+    Raises:
+        BadParameter: one is malformed, or two are about the same port.
+    """
+    ports: dict[str, str] = {}
+    for value in values:
+        name, equals, text = value.partition("=")
+        node, _, port = name.rpartition(".")
+        if not (node and port and equals):
+            raise click.BadParameter(
+                f"expected NODE.PORT=VALUE, such as TakeOff.height_m=1.2, got '{value}'", ctx, param
+            )
+        if name in ports:
+            raise click.BadParameter(f"port '{name}' is given two values", ctx, param)
+        ports[name] = text
+    return ports
+
+
 def ros_packages(
     ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
 ) -> dict[str, Path]:

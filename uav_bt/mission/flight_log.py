@@ -133,6 +133,7 @@ class FlightLog:
         policies: Mapping[str, str],
         drone: str,
         profile: str | None,
+        ports: Mapping[str, str] | None = None,
         stage_times_s: Mapping[str, Sequence[float]],
         slow_leaves_s: Mapping[str, float] | None = None,
         airborne_at_end: bool = False,
@@ -148,6 +149,7 @@ class FlightLog:
             policies: leaf policies, by node.
             drone: name of the drone.
             profile: imperfections of a simulated drone.
+            ports: values of ports that were changed for this flight, by NODE.PORT.
             stage_times_s: durations of each perception stage, seconds.
             slow_leaves_s: the longest time of leaves that blocked, seconds, by path.
             airborne_at_end: whether the drone was left in the air.
@@ -161,6 +163,7 @@ class FlightLog:
             seed=seed,
             tree=tree,
             policies=dict(policies),
+            ports=dict(ports or {}),
             drone=drone,
             profile=profile,
             outcome=verdict.outcome.value,

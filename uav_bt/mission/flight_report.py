@@ -44,6 +44,7 @@ class FlightReport:
     seed: int
     tree: str
     policies: dict[str, str]  # by node
+    ports: dict[str, str] = field(default_factory=dict)  # changed for this flight, by NODE.PORT
     drone: str
     profile: str | None
     outcome: str

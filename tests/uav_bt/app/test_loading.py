@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from uav_bt.app.loading import load_mission
@@ -35,3 +37,89 @@ def test_python_may_set_the_variables_of_a_tree() -> None:
     tree = parse_tree(mission('<HoverFor seconds="{t}"/>'))
     tree.variables["t"] = 2.0
     assert load_mission(tree, FlightOptions()) is tree
+
+
+# --- values of ports from outside -----------------------------------------------------------------
+
+
+def heights(body: str, ports: dict[str, object]) -> list[float]:
+    """Return the heights of the take-offs of a mission that is loaded with these values."""
+    text = mission(f"<Sequence>{body}<Land/></Sequence>")
+    loaded = load_mission(text, FlightOptions(ports=ports))  # type: ignore[arg-type]
+    return [leaf.port_value("height_m") for leaf in loaded.leaves() if leaf.name != "Land"]
+
+
+def test_a_value_from_outside_replaces_the_one_of_the_file() -> None:
+    assert heights('<TakeOff height_m="1"/>', {"TakeOff.height_m": 1.2}) == [1.2]
+    two = '<TakeOff name="a"/><TakeOff name="b.c"/>'
+    assert heights(two, {"M/Sequence/a.height_m": "0.9", "b.c.height_m": 1.1}) == [0.9, 1.1]
+
+
+@pytest.mark.parametrize(
+    ("ports", "message"),
+    [
+        ({"TakeOf.height_m": 1}, "no node of that name or path; did you mean 'TakeOff'"),
+        ({"TakeOff.height": 1}, "did you mean 'height_m'"),
+        ({"TakeOff.height_m": 30}, "0.3 to 20"),
+        ({"HoverFor.seconds": 1}, r"fits 2 nodes: .*'M/Sequence/HoverFor#2.seconds'"),
+        ({"Explore.policy": "coverage"}, "'Explore.policy' is given two values"),
+        ({"ExploreFor.min_gai": 1}, "no port 'min_gai'; did you mean 'min_gain'"),
+        ({"seconds": 1}, "ports: expected values by node and port"),
+        ({"HoverFor.": 1}, "ports: expected values by node and port"),
+        ({"TakeOff.height_m": None}, r"ports\['TakeOff.height_m'\]: expected a text, a number"),
+    ],
+)
+def test_a_wrong_value_from_outside_is_refused(ports: dict[str, str], message: str) -> None:
+    body = (
+        '<TakeOff/><HoverFor/><HoverFor/><Explore policy="corridor"/>'
+        '<SubTree ID="ExploreFor" policy="corridor" duration_ms="900"/>'
+    )
+    with pytest.raises(InputError, match=message):
+        load_mission(
+            mission(f"<Sequence>{body}<Land/></Sequence>"),
+            FlightOptions(ports=ports, policies={"Explore": "corridor"}),
+        )
+
+
+# --- leaves of a Python file ----------------------------------------------------------------------
+
+WAIT = """
+from uav_bt.tree import Leaf, Port, Status
+class Wait(Leaf):
+    ports = (Port("ticks", int, default=3, doc="how many"),)
+    def update(self):
+        return Status.SUCCESS
+class _Base(Leaf):
+    pass
+"""
+
+
+def test_a_tree_uses_the_leaves_of_a_python_file(tmp_path: Path) -> None:
+    file = tmp_path / "my_leaves.py"
+    file.write_text(WAIT)
+    text = mission('<Sequence><Wait ticks="4"/><Land/></Sequence>')
+    for _ in range(2):  # the file is run once; its classes stay the same
+        loaded = load_mission(text, FlightOptions(leaves=[file, str(file)][:1]))
+        assert next(loaded.leaves()).port_value("ticks") == 4
+    with pytest.raises(InputError, match="unknown node 'Wait'; --leaves FILE"):
+        load_mission(text, FlightOptions())
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("absent.py", None, "no such file"),
+        ("leaves.txt", WAIT, "whose name ends in .py"),
+        ("wrong.py", "class Wait(:\n", r"wrong.py:1: is not valid Python"),
+        ("raises.py", "\n1 / 0\n", r"cannot be run: .*raises.py:2: ZeroDivisionError"),
+        ("empty.py", "x = 1\n", "defines no leaf"),
+        ("taken.py", WAIT.replace("Wait", "Land"), "'Land' is registered twice"),
+    ],
+)
+def test_a_file_without_usable_leaves_is_refused(
+    tmp_path: Path, name: str, content: str | None, message: str
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(InputError, match=message):
+        load_mission(mission("<Land/>"), FlightOptions(leaves=[tmp_path / name]))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,10 +13,13 @@ import pytest
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin import scene_file
+from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.flight import PathKeeper
+from uav_bt.campaign.plan import CampaignPlan, FlightTask
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.errors import InputError, SceneError, TreeError, UnknownNameError
+from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.lookup import shipped_trees
 
 SCENES = Path(scene_file.__file__).parent / "scenes"
@@ -105,3 +110,31 @@ def test_the_way_is_kept_twice_a_second_to_the_millimetre() -> None:
     assert keeper.points == [
         *((0.0, 0.0, -1.0, 1.235), (0.5, 1.667, -1.0, 1.235), (1.0, 3.333, -1.0, 1.235))
     ]
+
+
+def test_ports_leaves_and_time_limit_travel_with_the_plan(tmp_path: Path) -> None:
+    leaves = tmp_path / "my_leaves.py"
+    leaves.write_text(
+        "from uav_bt.tree import Leaf, Status\n"
+        "class Wait(Leaf):\n"
+        "    def update(self):\n"
+        "        return Status.SUCCESS\n"
+    )
+    file = tree(tmp_path / "wait.xml", "<Sequence><TakeOff/><Wait/><Land/></Sequence>")
+    options = FlightOptions(
+        ports={"TakeOff.height_m": 1.1}, leaves=[leaves], judge=JudgeConfig(time_limit_s=50.0)
+    )
+    plan = make_plan([file], options, flights=1)
+    assert plan.leaves_sha256 == {str(leaves): hashlib.sha256(leaves.read_bytes()).hexdigest()}
+    again = CampaignPlan.from_json(json.loads(json.dumps(plan.to_json())))
+    assert not again.differences(plan)
+    task = FlightTask.from_json(json.loads(json.dumps(next(plan.tasks()).to_json())))
+    how = task.flight_options()
+    assert how.judge == options.judge
+    assert how.ports == {"TakeOff.height_m": "1.1"}
+    assert [str(each) for each in how.leaves] == [str(leaves)]
+
+    slower = make_plan([file], replace(options, ports={"TakeOff.height_m": 1.2}), flights=1)
+    assert slower.differences(plan) == ["ports: 'TakeOff.height_m' was 1.1, now 1.2"]
+    leaves.write_text(leaves.read_text() + "\n")
+    assert "leaves_sha256" in "".join(make_plan([file], options, flights=1).differences(plan))

@@ -276,3 +276,37 @@ def test_folders_in_python(mission: Mission, tmp_path: Path) -> None:
 def test_what_names_no_folder_is_refused(values: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         app.TreeFolders(**values)  # type: ignore[arg-type]
+
+
+def test_leaves_of_a_python_file_are_known_to_every_command(tmp_path: Path) -> None:
+    leaves = tmp_path / "my_leaves.py"
+    leaves.write_text(
+        "from uav_bt.tree import Leaf, Status\n"
+        "class Wait(Leaf):\n"
+        '    """SUCCESS at once."""\n'
+        "    def update(self):\n"
+        "        return Status.SUCCESS\n"
+    )
+    body = '<Sequence><TakeOff height_m="1.0"/><Wait/><Land/></Sequence>'
+    tree = write(tmp_path / "wait.xml", "Main", body)
+    script = tmp_path / "answers.yaml"
+    script.write_text("default: S\n")
+    report, record = tmp_path / "report.json", tmp_path / "flight.mcap"
+    given = ("--leaves", leaves)
+    flight = ("fly", tree, *given, *SMALL, "--exact-masks", "--set", "TakeOff.height_m=1.1")
+    assert_refused(run("check", tree), "unknown node 'Wait'; --leaves FILE.py")
+    for command in (
+        ("check", tree, *given),
+        ("simulate", tree, "--script", script, *given),
+        ("tree", "nodes", "Wait", *given),
+        ("tree", "render", tree, *given),
+        (*flight, "--time-limit", "90", "--report", report, "--record", record),
+        ("replay", record, *given),
+    ):
+        result = run(*command)
+        assert result.exit_code == 0, result.output
+    assert json.loads(report.read_text())["ports"] == {"TakeOff.height_m": "1.1"}
+    assert_refused(run(*flight, "--record", leaves), "--record")
+    late = run(*flight, "--time-limit", "2")
+    assert late.exit_code == 1
+    assert "timeout" in late.output

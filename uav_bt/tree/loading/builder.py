@@ -147,6 +147,8 @@ class Builder:
         choosing = {name for name, _ in node.variants} if issubclass(node, ExpandedNode) else set()
         for name in (_FIXED | choosing).intersection(attributes):
             self._findings.note(element, f"{lead}'{name}' cannot be replaced")
+        if node is SubTree:
+            self._check_entries(lead, attributes, plan)
         for name in attributes:
             if name.startswith("_") and name not in CONDITION_ATTRIBUTES | _FIXED:
                 hint = did_you_mean(name, CONDITION_ATTRIBUTES)
@@ -159,6 +161,15 @@ class Builder:
             self._findings.add(
                 finding.path, finding.position, f"{lead}{finding.message}", finding.node
             )
+
+    def _check_entries(self, lead: str, attributes: Mapping[str, str], plan: Plan) -> None:
+        """Refuse entries that neither the subtree's description nor the file knows."""
+        described = self._document.subtree_ports.get(plan.element.attributes.get("ID", "")) or {}
+        known = {*described, *plan.element.attributes}
+        for name in attributes:
+            if not name.startswith("_") and name not in known:
+                message = f"{lead}the tree has no port '{name}'{did_you_mean(name, known)}"
+                self._findings.note(plan.element, message)
 
     def _mock(self, mocks: Mapping[str, str | Mock], root: Plan, plans: list[Plan]) -> None:
         given = {name: Mock(one) if isinstance(one, str) else one for name, one in mocks.items()}

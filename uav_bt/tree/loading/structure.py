@@ -101,6 +101,7 @@ def _note_unknown(
     else:
         registry = document.registry
         hint = hint_for(node_id, registry, registry.successors(node_id))
+        hint = hint or "; --leaves FILE.py or an installed package adds nodes"
         hint += "".join(f"; not loaded: {fault}" for fault in registry.faults)
     attribute = "ID" if element.tag in KIND_TAGS else ""
     findings.note(element, f"unknown node '{node_id}'{hint}", attribute, rule=Rule.UNKNOWN_NODE)
