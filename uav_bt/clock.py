@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import time
+from typing import Final
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Clock
+
+TIME_LIMIT_S: Final = 300.0
+"""Default time limit of a mission, seconds from the take-off command. Chosen: a fifth of the time
+that an ANAFI's battery lasts."""
 
 
 class ManualClock:

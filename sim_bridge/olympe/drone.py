@@ -99,8 +99,8 @@ class OlympeDrone:
         if self._flight is not None:
             return
         config, clock = self._config, self.clock
+        sdk = self._sdk()  # first: without it nobody needs to switch a drone on
         config = replace(config, remote_control=self._probe(config))
-        sdk = self._sdk()  # takes seconds to import
         telemetry = Telemetry(
             clock.now,
             take_off_surface_m=config.take_off_surface_m,

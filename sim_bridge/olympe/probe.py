@@ -1,4 +1,4 @@
-"""Probe of an address for a drone or a remote control, before the SDK is imported."""
+"""Probe of an address for a drone or a remote control, before the SDK connects."""
 
 from __future__ import annotations
 

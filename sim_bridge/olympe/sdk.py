@@ -27,7 +27,6 @@ from typing import Any, Final
 
 from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
-from uav_bt.plugins import install_command
 
 _NEW_API: Final = 8  # major version with the differences above
 _LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # the SDK adds handlers to them
@@ -109,14 +108,10 @@ def load_sdk() -> Sdk:
         version = tuple(int(part) for part in str(olympe.__version__).split(".")[:3])
     except Exception as error:
         python = f"{sys.version_info.major}.{sys.version_info.minor}"
-        hint = (
-            "it runs with Python 3.10 to 3.12 on Linux x86-64"
-            if sys.version_info >= (3, 13) or sys.platform != "linux"
-            else f"run {install_command('olympe')} (docs/anafi.md)"
-        )
         raise MissingDependencyError(
             f"Parrot's SDK cannot be imported with Python {python} "
-            f"({type(error).__name__}: {error}); {hint}"
+            f"({type(error).__name__}: {error}); it runs with Python 3.10 to 3.12 on Linux x86-64: "
+            "docs/anafi.md lists the commands that install it in a separate environment"
         ) from error
     finally:
         logging.disable(disabled)

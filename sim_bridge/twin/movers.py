@@ -21,6 +21,8 @@ Point = tuple[float, float]
 KEPT_FREE_M = 0.25  # least distance from the take-off point to boxes and movers
 _SPEEDS_MPS = (0.2, 1.0)
 _SIZES_M = (0.1, 2.5)
+_LEAST_LEG_M = 0.1  # least distance between two corners of a path; chosen
+_ROUNDING_M = 1e-9  # 0.1 m between two decimal coordinates may come out a little shorter
 _ROUND_CORNERS = 32  # corners of the polygon around the outline of a cylinder
 _LONGEST_PAUSE_S = 60.0
 
@@ -69,10 +71,11 @@ class MoverSpec:
             )
         if not all(map(math.isfinite, (self.yaw_deg, *itertools.chain(*self.path_m)))):
             raise ValueRangeError("a mover's path and yaw must be finite numbers")
-        if any(math.dist(*ends) < 0.1 for ends in self.legs()) or len(self.path_m) < 2:
+        least_m = _LEAST_LEG_M - _ROUNDING_M
+        if any(math.dist(*ends) < least_m for ends in self.legs()) or len(self.path_m) < 2:
             raise ValueRangeError(
-                "a mover's path_m must have at least two corners, 0.1 m apart or more, got "
-                f"{[list(corner) for corner in self.path_m]}"
+                f"a mover's path_m must have at least two corners, {_LEAST_LEG_M} m apart or more, "
+                f"got {[list(corner) for corner in self.path_m]}"
             )
         self._check_pauses()
 

@@ -98,7 +98,7 @@ SITE_MAP: Final = Key(
 PHASE: Final = Key(
     "phase",
     str,  # a `Phase`, or its value in scripts and records
-    "phase of the mission: explore, search, approach, ...",
+    "phase of the mission, such as explore, or the name of a moving leaf that writes no phase",
     writer="mission leaves",
 )
 FLIGHT_HEIGHT: Final = Key(

@@ -7,6 +7,7 @@ the usage was wrong.
 from __future__ import annotations
 
 import importlib
+import sys
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
@@ -16,6 +17,7 @@ import click
 import uav_bt as package
 from uav_bt.cli.deleted import refuse_deleted
 from uav_bt.cli.interrupts import stopped_by
+from uav_bt.cli.standard_output import output_fault
 from uav_bt.errors import UavBtError, did_you_mean
 from uav_bt.plugins import check_packages, missing_extra
 
@@ -101,6 +103,17 @@ def _did_you_mean(name: str, commands: Sequence[str]) -> str:
 class _Root(LazyGroup):
     """The outermost group, where every error becomes one line and an exit code."""
 
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Run the command line of this process; `--help` and `--version` print in here."""
+        try:
+            return super().main(*args, **extra)
+        except OSError as error:
+            fault = output_fault(error)
+            if fault is None:
+                raise
+            click.echo(f"Error: {fault}", err=True)
+            sys.exit(fault.exit_code)
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command.
 
@@ -116,6 +129,7 @@ class _Root(LazyGroup):
             raise click.exceptions.Exit(UavBtError.exit_code) from stop
         except Exception as error:
             known = missing_extra(error) if isinstance(error, ModuleNotFoundError) else error
+            known = output_fault(error) or known
             if isinstance(known, UavBtError):
                 message, code = str(known), known.exit_code
             else:

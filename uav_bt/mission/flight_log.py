@@ -11,7 +11,9 @@ from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Verdict
 from uav_bt.mission.map_check import MapCheck
+from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
+from uav_bt.tree import Status
 from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
 
 
@@ -45,14 +47,18 @@ class FlightLog:
         self._last_s: float | None = None
         self._travelled_m = 0.0
         self._min_clearance_m = math.inf
-        self._tick_s: list[float] = []
+        self._ticks = 0
+        self._tick_s: list[float] = []  # computing times of the tree's ticks
         self._last_truth: Truth | None = None
         self._end_s: float | None = None
         self._warnings: dict[str, None] = {}  # in the order of their first time
 
     def on_tick(self, record: TickRecord) -> None:
         """Add a tick."""
-        self._tick_s.append(record.compute_s)
+        self._ticks += 1
+        # The tree is not ticked while a person flies and after an abort.
+        if record.override is not Override.MANUAL and record.tree_status is not Status.IDLE:
+            self._tick_s.append(record.compute_s)
         self._end_s = record.time_s
         self._warnings |= dict.fromkeys(record.warnings)
         marks = self._marks
@@ -105,6 +111,13 @@ class FlightLog:
             return None
         before = [metres for at, metres in self._path if at <= time_s + 1e-9]
         return before[-1] if before else 0.0
+
+    def _explored_m(self) -> float | None:
+        """Return the distance of the first 90 s. None: nothing was explored in this time."""
+        start_s, exploring_s = self._marks.take_off_s, self._marks.exploring_s
+        if start_s is None or exploring_s is None or exploring_s > start_s + EXPLORE_S:
+            return None
+        return self._travelled_at(start_s + EXPLORE_S)
 
     def _covered(self) -> dict[str, Any]:
         """Return the known fields of coverage."""
@@ -169,9 +182,7 @@ class FlightLog:
             outcome=verdict.outcome.value,
             reason=verdict.reason,
             duration_s=_span(start, self._end_s),
-            explore_distance_m=_rounded(
-                self._travelled_at(None if start is None else start + EXPLORE_S)
-            ),
+            explore_distance_m=_rounded(self._explored_m()),
             total_distance_m=_rounded(self._travelled_m if start is not None else None),
             search_distance_m=_rounded(
                 None if explored is None or found is None else found - explored
@@ -186,7 +197,7 @@ class FlightLog:
             ),
             **self._covered(),
             **({} if self._map_check is None else self._map_check.fields()),
-            ticks=len(self._tick_s),
+            ticks=self._ticks,
             tick_ms=Percentiles.of_seconds(self._tick_s),
             perception_ms={
                 stage: Percentiles.of_seconds(times) for stage, times in stage_times_s.items()

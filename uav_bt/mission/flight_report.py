@@ -50,7 +50,7 @@ class FlightReport:
     outcome: str
     reason: str
     duration_s: float | None  # from the take-off command
-    explore_distance_m: float | None  # the first 90 s after the take-off command
+    explore_distance_m: float | None  # the first 90 s after take-off; None without exploring
     total_distance_m: float | None
     search_distance_m: float | None  # from the end of exploration until the helipad is found
     time_to_find_helipad_s: float | None  # over the same span

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
+from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, Truth
@@ -35,7 +36,7 @@ class JudgeConfig:
 
     Attributes:
         time_limit_s: longest duration from the take-off command, seconds; a longer flight ends as a
-            timeout. Chosen: a fifth of an ANAFI's battery.
+            timeout.
         patience_s: longest time without a take-off command, seconds; then the mission ends as a
             timeout. Chosen: networks load within seconds.
         landing_surfaces: shapes of the simulation that the drone may touch while it takes off or
@@ -47,7 +48,7 @@ class JudgeConfig:
         ValueRangeError: the time limit is not positive.
     """
 
-    time_limit_s: float = 300.0
+    time_limit_s: float = TIME_LIMIT_S
     patience_s: float = 60.0
     landing_surfaces: tuple[str, ...] = ("helipad", "carpet")
     must_land_on_pad: bool = True

@@ -20,7 +20,7 @@ class TickRecord:
     time_s: float
     observation: Observation  # screened
     tree_status: Status
-    phase: str  # set by the mission leaves; empty before they set one
+    phase: str  # of the mission: board key `phase`; empty before the first one
     active: tuple[str, ...]  # names from the root to the deepest running node
     command: Command  # as the drone sent it
     proposed_by: str | None

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Self, TypeVar
 
 from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
+from uav_bt.board.keys import PHASE
 from uav_bt.errors import MissionError, NodeFailedError
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent, Observer
@@ -115,10 +116,15 @@ class Leaf(Node):
     def propose(self, movement: Movement) -> None:
         """Propose a movement for this tick; repeat it every tick while the movement is wanted.
 
+        The name of a leaf that does not declare `PHASE` among its `writes` becomes the mission's
+        phase.
+
         Raises:
             ProposalConflictError: another leaf has proposed a movement in this tick.
         """
         self.mission.proposals.propose(self.path, movement)
+        if PHASE not in self.writes:
+            self.mission.board.write(PHASE, self.name)
 
     def point(self, gimbal: GimbalTo) -> None:
         """Propose a camera direction for this tick."""
@@ -159,7 +165,7 @@ class Leaf(Node):
 
     def _setup(self) -> None:
         mission = self.mission
-        for key in (*self.reads, *self.writes):
+        for key in (*self.reads, *self.writes, PHASE):
             mission.board.declare(key)
         # A board key connected to a port counts as declared.
         reads, writes = [*self.reads], [*self.writes]

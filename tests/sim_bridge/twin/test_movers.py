@@ -150,6 +150,14 @@ def test_a_mover_that_cannot_be_is_refused_with_its_line(
     assert message in str(caught.value)
 
 
+def test_corners_of_a_path_may_be_exactly_a_tenth_of_a_metre_apart() -> None:
+    """Between -0.5 and -0.6 the floats are 0.0999... apart."""
+    assert math.dist((-0.5, -1.0), (-0.6, -1.0)) < 0.1
+    MoverSpec(path_m=((-0.5, -1.0), (-0.6, -1.0)), speed_mps=0.5)
+    with pytest.raises(ValueRangeError, match=r"0\.1 m apart or more, got"):
+        MoverSpec(path_m=((-0.5, -1.0), (-0.599, -1.0)), speed_mps=0.5)
+
+
 def test_a_round_mover_may_pass_a_corner_that_a_square_one_would_hit(tmp_path: Path) -> None:
     """Its radius is less than the gap to the box's corner; half a square's diagonal is more."""
     diagonal = "path_m: [[0.4, 1.018], [1.4, 0.018]], speed_mps: 0.3"

@@ -333,6 +333,35 @@ def test_a_disk_that_fills_up_hides_no_result(tmp_path: Path) -> None:
     assert json.loads(report.read_text())["outcome"] == "success"
 
 
+def test_a_full_disk_loses_the_video_and_not_the_summary(tmp_path: Path) -> None:
+    video, report = tmp_path / "flight.mp4", tmp_path / "report.json"
+    done = fly_in_a_process(tmp_path, "--video", video, "--report", report, limit_bytes=20_000)
+    assert done.returncode == 1, done.stderr
+    assert "success" in done.stdout
+    assert "Error: video was lost: " in done.stderr
+    assert str(video) in done.stderr
+    assert "video:" not in done.stdout
+    assert "video" in json.loads(report.read_text())["lost_outputs"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["mission.xml", "report.json"]
+
+
+def test_a_full_disk_cuts_the_log_and_keeps_the_summary(tmp_path: Path) -> None:
+    log = tmp_path / "flight.btlog"
+    done = fly_in_a_process(tmp_path, "--btlog", log, limit_bytes=100)
+    assert done.returncode == 1, done.stderr
+    assert "success" in done.stdout
+    assert f"{log}: the log ends early" in done.stderr
+
+
+def test_a_report_that_does_not_fit_keeps_the_summary(tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    done = fly_in_a_process(tmp_path, "--report", report, limit_bytes=100)
+    assert done.returncode == 1, done.stderr
+    assert "success" in done.stdout
+    assert "Error: report was lost: " in done.stderr
+    assert not report.exists()
+
+
 def test_a_reader_that_goes_away_does_not_end_the_flight(tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     arguments = ["fly", str(tree_file(tmp_path, HOP)), *SMALL, "--report", str(report)]

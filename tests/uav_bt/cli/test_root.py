@@ -55,6 +55,31 @@ def test_flying_needs_no_extra() -> None:
 
 
 @pytest.mark.parametrize(
+    "arguments",
+    [
+        ("tree", "nodes"),
+        ("--version",),
+        ("--help",),
+        ("tree", "--help"),
+        ("check", "land_only"),
+        ("doctor",),
+    ],
+    ids=" ".join,
+)
+def test_a_full_disk_behind_standard_output_is_one_clear_error(arguments: tuple[str, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
+            [sys.executable, "-m", "uav_bt.cli", *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    words = "Error: standard output cannot be written: No space left on device\n"
+    assert (done.returncode, done.stderr) == (1, words)
+
+
+@pytest.mark.parametrize(
     ("arguments", "heavy"),
     [
         (["--help"], f"{HEAVY} numpy py_trees uav_bt.app"),

@@ -68,6 +68,10 @@ def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
     assert_refused(run("view", text, "--web"), str(text))
     absent = tmp_path / "absent.mcap"
     assert_refused(run("view", absent, "--web"), str(absent))
+    # A window needs a display, which is missing, too.
+    refused = run("view", text)
+    assert_refused(refused, str(text))
+    assert "display" not in refused.stderr
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport, Percentiles, write_report
 from uav_bt.mission.judge import Outcome, Verdict
+from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -61,6 +62,8 @@ class Tale:
         clearance_m: float = math.inf,
         error_m: float = 3.0,
         compute_s: float = 0.001,
+        status: Status = Status.RUNNING,
+        override: Override | None = None,
         warnings: tuple[str, ...] = (),
     ) -> None:
         """Log a tick, displaced from the last one by (`dx_m`, `dy_m`)."""
@@ -89,12 +92,12 @@ class Tale:
                 index=self._index,
                 time_s=self.now_s,
                 observation=Observation(frame=None, state=state),
-                tree_status=Status.RUNNING,
+                tree_status=status,
                 phase=phase,
                 active=(),
                 command=Command(movement=movement or Hover()),
                 proposed_by=None,
-                override=None,
+                override=override,
                 compute_s=compute_s,
                 warnings=warnings,
                 truth=truth if self.referee else None,
@@ -268,6 +271,32 @@ def test_the_way_explored_ends_90_s_after_the_take_off_command() -> None:
     report = tale.report()
     assert report.explore_distance_m == pytest.approx(18.0)
     assert report.total_distance_m == pytest.approx(24.0)
+
+
+def test_a_patrol_counts_as_no_exploring() -> None:
+    tale = Tale()
+    tale.take_off()
+    for _ in range(200):
+        tale.tick("to the door", dx_m=0.1)  # 100 s
+    assert tale.report().explore_distance_m is None
+    tale.tick("explore", dx_m=0.1)  # begins after the first 90 s
+    assert tale.report().explore_distance_m is None
+    assert tale.report().total_distance_m == pytest.approx(20.1)
+
+
+def test_the_median_tick_time_counts_ticks_of_the_tree_only() -> None:
+    tale = Tale()
+    tale.take_off()
+    for _ in range(5):
+        tale.tick("explore", compute_s=0.020)
+    for _ in range(20):
+        tale.tick("explore", compute_s=0.0, override=Override.MANUAL)
+    for _ in range(50):
+        tale.tick("explore", compute_s=0.0, status=Status.IDLE, override=Override.ABORT)
+    report = tale.report()
+    assert report.ticks == 3 + 5 + 20 + 50
+    assert report.tick_ms is not None
+    assert report.tick_ms.p50 == 20.0  # of three ticks with 1 ms and five with 20 ms
 
 
 def test_what_happens_before_the_take_off_is_not_flown() -> None:

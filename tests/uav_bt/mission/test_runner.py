@@ -91,6 +91,31 @@ class Drift(Leaf):
             HALTED.append(self.path)
 
 
+class Slide(Leaf):
+    """Flies to the right for two ticks and writes no phase."""
+
+    def initialise(self) -> None:
+        self._left = 2
+
+    def update(self) -> Status:
+        if self._left == 0:
+            return Status.SUCCESS
+        self._left -= 1
+        self.propose(Velocity(right_mps=0.5))
+        return Status.RUNNING
+
+
+class Rest(Leaf):
+    """Proposes nothing for two ticks."""
+
+    def initialise(self) -> None:
+        self._left = 2
+
+    def update(self) -> Status:
+        self._left -= 1
+        return Status.SUCCESS if self._left < 0 else Status.RUNNING
+
+
 class Wait(Leaf):
     """Runs for ever without a proposal."""
 
@@ -155,7 +180,7 @@ class Count(Leaf):
         return Status.RUNNING
 
 
-REGISTRY = NodeRegistry([Up, Down, Drift, Wait, Break, Clumsy, Look, Count])
+REGISTRY = NodeRegistry([Up, Down, Drift, Slide, Rest, Wait, Break, Clumsy, Look, Count])
 
 
 class Records(list[TickRecord]):
@@ -304,9 +329,19 @@ def test_listeners_get_every_tick_with_what_was_sent() -> None:
     assert drifting.tree_status is Status.RUNNING
     assert drifting.override is None
     assert drifting.truth is None
-    assert records[0].phase == ""
+    assert records[0].phase == "Up"
     assert records[-1].tree_status is Status.SUCCESS
     assert records[-1].proposed_by is None
+
+
+def test_a_moving_leaf_that_writes_no_phase_is_the_phase_itself() -> None:
+    flight = Flight(
+        '<Sequence><Up/><Drift ticks="2"/><Slide name="to the door"/><Rest/><Down/></Sequence>'
+    )
+    flight.runner.run()
+    phases = [name for name, _ in itertools.groupby(record.phase for record in flight.records)]
+    # A leaf that proposes nothing leaves the phase as it is.
+    assert phases == ["Up", "drift", "to the door", "Down"]
 
 
 def test_all_listeners_are_told_in_their_order() -> None:

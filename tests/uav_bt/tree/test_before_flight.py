@@ -134,7 +134,7 @@ def test_two_leaves_that_ask_for_the_same_thing_at_once_are_refused(
     parallel: str, second: str, what: str
 ) -> None:
     one = f'<Sequence><{second} name="one"/></Sequence>'
-    two = f'<Timeout msec="9"><{second} name="two"/></Timeout>'
+    two = f'<Timeout msec="900"><{second} name="two"/></Timeout>'
     (message,) = findings(f"<{parallel}>{one}<AlwaysSuccess/>{two}</{parallel}>")
     assert message.startswith(f"'one' and 'two' ask for {what} in the same tick")
 

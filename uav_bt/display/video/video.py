@@ -250,9 +250,12 @@ class FlightVideo:
         Raises:
             FileError: the file could not be written completely; it is removed.
         """
-        self._file.close()
-        if self._failure is not None:
-            failure, self._failure = self._failure, None
+        failure, self._failure = self._failure, None
+        try:
+            self._file.close()
+        except FileError as error:
+            failure = failure or error  # the first one is the cause
+        if failure is not None:
             raise failure
 
     def __enter__(self) -> Self:

@@ -15,6 +15,7 @@ from uav_bt.tree.loading.elements import doors, expanded_class, node_attributes,
 from uav_bt.tree.loading.findings import Findings, Rule
 from uav_bt.tree.loading.source import Element, circles, walk
 from uav_bt.tree.loading.structure import check_structure
+from uav_bt.tree.loading.unit_doubts import unit_doubt
 from uav_bt.tree.loading.variable_checker import check_variables, key_fits
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -105,6 +106,10 @@ class Checker:
                 self._check_board_reference(element, port, value)
             elif port.check in SCRIPTS and isinstance(value, str):
                 self._check_script(element, port.name, value, asked=port.check is parse_question)
+            doubt = unit_doubt(port, value) if port.name in given else None
+            if doubt is not None:
+                message = f"attribute '{port.name}': {doubt}"
+                self._findings.warn(element, message, port.name, rule=Rule.UNIT)
 
     def _check_condition(self, element: Element, name: str, text: str) -> None:
         message = check_condition(text)

@@ -32,6 +32,7 @@ class Rule(Enum):
     NODE_MODEL = "node-model", "A TreeNodesModel describes nodes as they are."
     NO_MEANING = "no-meaning", "Something in the file means nothing to the engine."
     NOT_INSTALLED = "not-installed", "Policies, networks and files that leaves name are there."
+    UNIT = "unit", "A value is in the unit of its port."
     LIMIT = "limit", "A value lies beyond what a mission is allowed unless its site says so."
     OTHER = "tree-file", "A tree file loads."
 

@@ -189,6 +189,17 @@ class FullDisk:
         raise OSError(28, "No space left on device")
 
 
+class FullContainer:
+    """A container on a full disk: writing fails, and closing fails because it writes the index."""
+
+    def mux(self, packet: object) -> None:
+        del packet
+        raise OSError(28, "No space left on device")
+
+    def close(self) -> None:
+        raise OSError(28, "No space left on device")
+
+
 def filled_disk(video: FlightVideo) -> FlightVideo:
     video._file._stream = FullDisk()
     return video
@@ -202,6 +213,19 @@ def test_a_full_disk_does_not_stop_the_flight_but_is_told_at_the_end(tmp_path: P
     with pytest.raises(FileError, match="No space left"):
         video.close()
     video.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_is_full_for_the_index_too_fails_the_first_close_only(tmp_path: Path) -> None:
+    world = World()
+    video = FlightVideo(tmp_path / "flight.mp4", panes_of(world))
+    fly(video, world, 1)
+    container, video._file._container = video._file._container, FullContainer()
+    fly(filled_disk(video), world, 2)
+    with pytest.raises(FileError, match="No space left"):
+        video.close()
+    video.close()
+    container.close()
     assert list(tmp_path.iterdir()) == []
 
 
