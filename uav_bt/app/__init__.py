@@ -12,6 +12,7 @@ from uav_bt.app.assembly import ExactSegmenter, Flight, Listeners, assemble, mak
 from uav_bt.app.flight import STILL_IN_THE_AIR, check, fly
 from uav_bt.app.loading import Mission
 from uav_bt.app.options import FlightOptions
+from uav_bt.app.results import FlownMission
 from uav_bt.app.site import Site, load_site
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
@@ -25,6 +26,7 @@ __all__ = [
     "ExactSegmenter",
     "Flight",
     "FlightOptions",
+    "FlownMission",
     "JudgeConfig",
     "Limits",
     "Listeners",

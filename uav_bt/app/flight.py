@@ -17,6 +17,7 @@ from uav_bt.app.loading import Mission, load_mission, read_mission
 from uav_bt.app.option_values import as_file
 from uav_bt.app.options import FlightOptions, given_options, site_of
 from uav_bt.app.reload import TreeReload, reloadable_file
+from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
 from uav_bt.errors import FileError, InputError, UavBtError
@@ -76,10 +77,11 @@ def fly(
     controls: Callable[[MissionRunner], AbstractContextManager[None]] | None = None,
     watch: Callable[[str], None] | None = None,
     **how: Any,
-) -> FlightReport:
-    """Fly a mission and return its report.
+) -> FlownMission:
+    """Fly a mission and return its report, with the flown path and the map as arrays.
 
-        report = app.fly("land_only", scene="val-a", seed=3)
+        flown = app.fly("land_only", scene="val-a", seed=3)
+        print(flown.outcome, flown.path[-1], flown.site_map)
 
     Before a real drone takes off it is checked: battery, link, telemetry, video.
 
@@ -196,7 +198,7 @@ def _run(
     keep: Mapping[str, Callable[[FlightReport], None]],
     controls: Callable[[MissionRunner], AbstractContextManager[None]],
     next_tree: NextTree | None,
-) -> FlightReport:
+) -> FlownMission:
     """Fly a connected flight to its end, and report whatever happened.
 
     Args:
@@ -207,8 +209,9 @@ def _run(
         next_tree: asked between two ticks for a tree that flies from then on.
     """
     log = FlightLog(_coverage(flight.drone), _map_check(flight))
+    path = PathLog()
     made = [one for make in listeners for one in _made(make, flight)]
-    runner = flight.runner([log, *made], next_tree)
+    runner = flight.runner([log, path, *made], next_tree)
 
     def finish(verdict: Verdict) -> FlightReport:
         options = flight.options
@@ -243,7 +246,8 @@ def _run(
         if flown.airborne_at_end:
             error.add_note(STILL_IN_THE_AIR)
         raise
-    return finish(verdict)
+    site_map = flight.context.board.read(SITE_MAP).value
+    return FlownMission(**vars(finish(verdict)), path=path.array(), site_map=site_map)
 
 
 def _coverage(drone: Drone) -> CoveredGround | None:

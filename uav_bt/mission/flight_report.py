@@ -106,7 +106,7 @@ class FlightReport:
     def _reached(self) -> Iterator[tuple[str, object]]:
         first = ("outcome", "reason")
         curves = ("coverage_curve",)  # for programs
-        rest = (each.name for each in fields(self) if each.name not in first + curves)
+        rest = (each.name for each in fields(FlightReport) if each.name not in first + curves)
         for name in (*first, *rest):
             value = getattr(self, name)
             if value not in (None, {}, []):

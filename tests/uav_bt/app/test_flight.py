@@ -304,7 +304,7 @@ def test_a_flight_is_told_in_its_report(hangar: Hangar, tmp_path: Path) -> None:
     assert (report.tree, report.drone, report.seed) == ("mission.xml", "scripted", 0)
     assert report.scene is None
     assert report.profile is None  # a drone without a referee has no profile
-    assert json.loads(path.read_text(encoding="utf-8")) == asdict(report)
+    assert json.loads(path.read_text(encoding="utf-8")) == report.to_json()
     assert not hangar.drone.connected
 
 
@@ -638,7 +638,7 @@ def test_the_twin_hovers_looks_around_and_lands_on_its_pad(
     assert report.duration_s is not None
     assert report.duration_s == pytest.approx(0.1 * report.ticks, abs=0.2)
     assert report.search_distance_m is None  # this mission neither explores nor searches
-    assert json.loads(path.read_text(encoding="utf-8")) == asdict(report)
+    assert json.loads(path.read_text(encoding="utf-8")) == report.to_json()
 
 
 def test_each_stage_of_perception_is_timed(looked: tuple[FlightReport, Path]) -> None:

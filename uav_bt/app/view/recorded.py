@@ -16,7 +16,9 @@ from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.film import map_of_scene, panes_of
 from uav_bt.app.flight_record import recorded_options
 from uav_bt.app.recorded_files import recorded_files
+from uav_bt.app.results import path_of
 from uav_bt.app.view.live import setting_of
+from uav_bt.board import SITE_MAP
 from uav_bt.display.phrases import describe_flight
 from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.setting import TreeNode, ViewSetting
@@ -24,7 +26,7 @@ from uav_bt.display.video.video import FlightVideo, FlightVideoConfig
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.json_text import parse_json
 from uav_bt.mission.judge import Outcome
-from uav_bt.mission.tick import TickListener
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.progress import Advance, silent
 from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader
@@ -32,7 +34,11 @@ from uav_bt.tree import MissionTree, load_tree
 from uav_bt.tree.loading.lookup import Lookup
 
 if TYPE_CHECKING:
+    import numpy as np
     import rerun as rr
+    from numpy.typing import NDArray
+
+    from uav_bt.types import SiteMap
 
 Stopped = Callable[[], bool]
 
@@ -90,6 +96,20 @@ class RecordedFlight:
         unfinished = () if self.reader.finished else ("it was never finished",)
         return (*unfinished, *self.reader.damages)
 
+    def path(self) -> NDArray[np.float64]:
+        """Return the flown path, (N, 5); see `uav_bt.app.FlownMission.path`."""
+        return path_of(self._shown(Playback(self.reader)))
+
+    def maps(self) -> Iterator[tuple[float, SiteMap]]:
+        """Yield the recorded site maps, two per second, each with its time in mission seconds."""
+        playback, last = Playback(self.reader), None
+        for tick in self._shown(playback):
+            site_map = playback.board.read(SITE_MAP).value
+            # Between two recorded maps only the obstacles near the drone are new.
+            if site_map is not None and site_map.seen_s is not last:
+                yield tick.time_s, site_map
+                last = site_map.seen_s
+
     def setting(self) -> ViewSetting:
         """Return the parts of a view that do not change during the flight."""
         nodes = self.reader.tree.nodes
@@ -136,6 +156,9 @@ class RecordedFlight:
         )
         self._play(playback, view, "view", advance, stopped)
 
+    def _shown(self, playback: Playback) -> Iterator[TickRecord]:
+        return playback.ticks(from_s=self._span.from_s, to_s=self._span.to_s)
+
     def _play(
         self,
         playback: Playback,
@@ -145,7 +168,7 @@ class RecordedFlight:
         stopped: Stopped = lambda: False,
     ) -> None:
         total, done = self._ticks(), 0
-        for record in playback.ticks(from_s=self._span.from_s, to_s=self._span.to_s):
+        for record in self._shown(playback):
             listener.on_tick(record)
             done += 1
             advance(stage, min(done, total), total)
