@@ -80,7 +80,14 @@ def test_a_report_is_written_into_the_folder(folder: Path) -> None:
     assert files[0] == folder / "report.html"
     assert all(file.is_file() for file in files)
     assert {file.suffix for file in files} == {".html", ".png", ".csv"}
-    assert (folder / "report-scene-val-a.png") in files
+    assert (folder / "report-figures" / "scene-val-a.png") in files
+
+
+def test_a_report_has_its_figures_as_pdf(folder: Path) -> None:
+    done = run("report", folder, "--figures", "pdf")
+    assert done.exit_code == 0, done.output
+    assert str(folder / "report-figures" / "outcomes.pdf") in done.stdout.splitlines()
+    assert {file.suffix for file in (folder / "report-figures").iterdir()} == {".pdf"}
 
 
 def test_a_file_of_flights_is_reported_beside_it(folder: Path) -> None:

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from uav_bt.campaign.report.figures import new_figure, png, set_colours, style
+from uav_bt.campaign.report.figures import new_figure, set_colours, style
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.campaign.report.statistics import PERCENTILE_FLIGHTS
 from uav_bt.mission.covered_ground import CURVE_S
@@ -18,14 +19,14 @@ from uav_bt.mission.flight_report import EXPLORE_S
 _PANELS: Final = ("passed", "seen")
 
 
-def coverage_over_time(sets: Sequence[FlightSet]) -> bytes | None:
+def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
     """Draw mean and spread of the coverage over time, all sets in each panel.
 
     Args:
         sets: what is compared; flights whose coverage was not measured are left out.
 
     Returns:
-        A PNG; None when no flight has a curve.
+        The figure; None when no flight has a curve.
     """
     measured = [[f for f in one.flights if f.get("coverage_passed") is not None] for one in sets]
     steps = max((len(f["coverage_curve"]) for some in measured for f in some), default=0)
@@ -65,7 +66,7 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> bytes | None:
             loc="outside upper left",
             ncols=2,
         )
-        return png(figure)
+        return figure
 
 
 def curve_to_end(flight: Mapping[str, Any], what: str, steps: int) -> NDArray[np.float64]:

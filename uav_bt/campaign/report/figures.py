@@ -5,11 +5,10 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -56,11 +55,23 @@ _STYLE: Final[dict[str, Any]] = {
     "ytick.color": "#495057",
     "legend.frameon": False,
     "text.parse_math": False,  # names and reasons are plain texts, dollar signs included
+    "pdf.fonttype": 42,  # TrueType: publishers refuse matplotlib's default, Type 3
+    "svg.hashsalt": "uav-bt",  # otherwise the identifiers in an SVG are random
+}
+
+
+Form = Literal["png", "pdf", "svg"]
+
+# Fields of a file's metadata that change with the time or with matplotlib's version.
+_NO_METADATA: Final[dict[Form, tuple[str, ...]]] = {
+    "png": ("Software",),
+    "pdf": ("CreationDate", "Creator", "Producer"),
+    "svg": ("Date", "Creator"),
 }
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """Return an empty figure in the report's style; draw and save it within `style()`."""
+    """Return an empty figure in the report's style; its parts are added within `style()`."""
     return Figure(figsize=(width_in, height_in), dpi=130, layout="constrained", facecolor="white")
 
 
@@ -69,17 +80,17 @@ def style() -> Any:
     return mpl.rc_context(cast("Any", _STYLE))  # its stub lists all names there are
 
 
-def png(figure: Figure) -> bytes:
-    """Return a figure as PNG; the same figure gives the same bytes."""
+def drawn(figure: Figure, form: Form) -> bytes:
+    """Return a figure as the content of an image file; equal figures give equal bytes."""
     buffer = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(  # type: ignore[no-untyped-call]
-        buffer, metadata={"Software": None}
-    )
+    with style():
+        metadata = dict.fromkeys(_NO_METADATA[form])
+        figure.savefig(buffer, format=form, metadata=metadata, dpi="figure")
     return buffer.getvalue()
 
 
-def outcomes(sets: Sequence[FlightSet]) -> bytes:
-    """Draw the share of successes of each set, with its 95 % Wilson interval; a PNG."""
+def outcomes(sets: Sequence[FlightSet]) -> Figure:
+    """Draw the share of successes of each set, with its 95 % Wilson interval."""
     with style():
         figure = new_figure(8.0, 0.9 + 0.42 * len(sets))
         axes = figure.add_subplot()
@@ -104,7 +115,7 @@ def outcomes(sets: Sequence[FlightSet]) -> bytes:
         axes.grid(axis="x", color="#e9ecef")
         axes.set_axisbelow(True)
         axes.tick_params(axis="y", length=0)
-        return png(figure)
+        return figure
 
 
 def set_colours(sets: Sequence[FlightSet]) -> list[str]:
@@ -112,14 +123,14 @@ def set_colours(sets: Sequence[FlightSet]) -> list[str]:
     return [SET_COLOURS[index % len(SET_COLOURS)] for index in range(len(sets))]
 
 
-def densities(sets: Sequence[FlightSet]) -> bytes | None:
+def densities(sets: Sequence[FlightSet]) -> Figure | None:
     """Draw how each metric is distributed, all sets in each panel.
 
     Args:
         sets: what is compared.
 
     Returns:
-        A PNG; None when no flight reached anything.
+        The figure; None when no flight has a metric.
     """
     panels = [(name, words) for name, words in METRICS.items() if any(_values(sets, name))]
     if not panels:
@@ -140,7 +151,7 @@ def densities(sets: Sequence[FlightSet]) -> bytes | None:
             loc="outside upper left",
             ncols=2,
         )
-        return png(figure)
+        return figure
 
 
 def _values(sets: Sequence[FlightSet], name: str) -> list[list[float]]:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, png, style
+from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, style
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.mission.covered_ground import PASSED_M, GroundCells
@@ -33,7 +34,7 @@ def _flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
     return [flight for flight in one.flights if flight["scene"] == scene and flight.get("path")]
 
 
-def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | None:
+def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> Figure | None:
     """Draw what happened in a scene: paths on the left, coverage beside, a row for each set.
 
     Args:
@@ -42,7 +43,7 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | 
         lab: what stands there.
 
     Returns:
-        A PNG; None when no path was kept.
+        The figure; None when no path was kept.
     """
     rows = [(one, flown) for one in sets if (flown := _flights_in(one, scene))]
     if not rows:
@@ -69,7 +70,7 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | 
             loc="outside upper left",
             ncols=len(OUTCOME_COLOURS),
         )
-        return png(figure)
+        return figure
 
 
 def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:

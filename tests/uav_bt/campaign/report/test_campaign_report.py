@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile
@@ -82,9 +81,9 @@ def campaign(folder: Path, *flights: dict[str, Any], **how: Any) -> Path:
     return folder
 
 
-def write(out: Path, *paths: Path) -> WrittenReport:
+def write(out: Path, *paths: Path, **options: Any) -> WrittenReport:
     return write_campaign_report(
-        read_sources(paths), out, maps={"lab": LAB}, today=dt.date(2026, 1, 2)
+        read_sources(paths), out, maps={"lab": LAB}, today=dt.date(2026, 1, 2), **options
     )
 
 
@@ -121,8 +120,8 @@ class Page(HTMLParser):
 def test_a_report_is_a_page_with_pictures_and_tables_beside_it(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
     written = write(tmp_path / "r.html", folder)
-    assert [path.name for path in written.images] == [
-        *("r-outcomes.png", "r-densities.png", "r-scene-lab.png")
+    assert [str(path.relative_to(tmp_path)) for path in written.images] == [
+        *("r-figures/outcomes.png", "r-figures/densities.png", "r-figures/scene-lab.png")
     ]
     for path in written.images:
         picture = cv2.imread(str(path))
@@ -152,6 +151,34 @@ def test_the_same_flights_make_the_same_report(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
     first = write(tmp_path / "r.html", folder).page.read_bytes()
     assert write(tmp_path / "r.html", folder).page.read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("form", "begins", "date"),
+    [("pdf", b"%PDF-", b"CreationDate"), ("svg", b"<?xml", b"dc:date")],
+)
+def test_the_same_flights_make_the_same_vector_figures(
+    tmp_path: Path, form: str, begins: bytes, date: bytes
+) -> None:
+    folder = campaign(tmp_path / "c", *(flight(seed, **COVERED) for seed in range(6)))
+    written = write(tmp_path / "r.html", folder, figures=form)
+    files = [path.read_bytes() for path in written.images]
+    assert [path.name for path in written.images] == [
+        f"{name}.{form}" for name in ("outcomes", "densities", "coverage", "scene-lab")
+    ]
+    assert all(one.startswith(begins) for one in files)
+    assert not any(date in one for one in files)
+    again = write(tmp_path / "r.html", folder, figures=form)
+    assert [path.read_bytes() for path in again.images] == files
+    assert "data:image/png" in written.page.read_text()
+
+
+def test_figures_stay_in_the_page_alone(tmp_path: Path) -> None:
+    folder = campaign(tmp_path / "c", flight(0))
+    written = write(tmp_path / "r.html", folder, figures=None)
+    assert written.images == ()
+    assert not (tmp_path / "r-figures").exists()
+    assert "data:image/png" in written.page.read_text()
 
 
 def test_texts_of_others_cannot_become_part_of_the_page(tmp_path: Path) -> None:
@@ -303,7 +330,7 @@ def test_coverage_stands_in_the_table_and_in_a_figure_of_its_own(tmp_path: Path)
     assert (row["mean"], row["median"], row["least"], row["most"]) == ("0.6", "0.6", "0.5", "0.7")
     assert table["coverage_seen", "two"]["mean"] == "0.75"
     assert "within 0.5 m of the flown path" in written.page.read_text()
-    (figure,) = (path for path in written.images if path.name == "r-coverage.png")
+    (figure,) = (path for path in written.images if path.name == "coverage.png")
     first = cv2.imread(str(figure))
     more = dict(COVERED, coverage_curve=[[10.0, 0.3, 0.9], [20.0, 0.4, 0.95]])
     write(tmp_path / "r.html", jsonl(tmp_path / "more.jsonl", flight(0, **more)))
@@ -341,15 +368,11 @@ def test_maps_stand_in_a_table_of_their_own(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3, 8])
 def test_nothing_is_drawn_through_what_is_written_of_a_few_flights(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int
+    tmp_path: Path, count: int
 ) -> None:
     source = jsonl(tmp_path / "f.jsonl", *(flight(seed, tree=DEPTH) for seed in range(count)))
-    figures: list[Figure] = []
-    monkeypatch.setattr(
-        "uav_bt.campaign.report.figures.png", lambda figure: figures.append(figure) or b""
-    )
-    densities(read_sources([source]).sets)
-    (figure,) = figures
+    figure = densities(read_sources([source]).sets)
+    assert figure is not None
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
@@ -378,7 +401,7 @@ def test_timings_are_told_by_stage(tmp_path: Path) -> None:
 def test_flights_that_ended_before_anything_make_a_report_too(tmp_path: Path) -> None:
     bare = {"tree": "a.xml", "scene": None, "seed": 0, "outcome": "error", "reason": "crashed"}
     written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", bare))
-    assert [path.name for path in written.images] == ["r-outcomes.png"]
+    assert [path.name for path in written.images] == ["outcomes.png"]
     assert "Times and distances" not in written.page.read_text()
 
 
