@@ -31,10 +31,10 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = folder / "out"
     done = run("campaign", mission, "--scenes", "val-*", "--flights", 1, *SMALL, "--out", out)
     assert done.exit_code == 0, done.output
-    assert "mission.xml: 2 flights, success 2; success 100.0 % (95 % Wilson" in done.stdout
+    assert "mission.xml: success 2 of 2 (95 % Wilson interval 34.2 to 100.0 %)\n" in done.stdout
     assert "1/2 mission.xml val-" in done.stderr
     (heads,) = (line for line in done.stdout.splitlines() if "median" in line)
-    assert heads.split() == ["n", "mean", "median", "p5", "p95", "least", "most"]
+    assert heads.split() == ["unit", "n", "mean", "median", "p5", "p95", "least", "most"]
     assert len(heads) <= 80
     return out
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from uav_bt.campaign.flight_lines import METRICS
+from uav_bt.campaign.flight_lines import METRICS, Metric
 from uav_bt.campaign.report.paper import paper_figures
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.campaign.report.statistics import (
@@ -38,7 +38,10 @@ OUTCOME_COLOURS: Final = {
 }
 _INK: Final = "#212529"
 _ENOUGH: Final = 5  # different values that make a density worth drawing
-_DIGITS: Final = ((1.0, 3), (10.0, 2))  # decimal places of numbers below; of others one
+_DIGITS: Final = (
+    (1.0, 3),
+    (10.0, 2),
+)  # decimal places of numbers below; of others, and of s and %, one
 _LINE_PT: Final = 11.0  # between lines of text above a panel
 
 _STYLE: Final[dict[str, Any]] = {
@@ -100,11 +103,12 @@ def outcomes(sets: Sequence[FlightSet]) -> Figure:
             axes.plot(
                 [low, high], [row, row], color=colour, linewidth=6, alpha=0.3, solid_capstyle="butt"
             )
-            axes.plot(100.0 * summary.success, row, "o", color=colour, markersize=7, clip_on=False)
+            share = 100.0 * summary.successes / summary.flights
+            axes.plot(share, row, "o", color=colour, markersize=7, clip_on=False)
             axes.annotate(
-                f"{100.0 * summary.success:.1f} %  [{low:.1f}, {high:.1f}]  n = {summary.flights}",
+                f"{summary.success_text}  [{low:.1f}, {high:.1f}]",
                 (0.0, row),
-                xytext=(1.01, row),
+                xytext=(1.03, row),
                 textcoords=("axes fraction", "data"),
                 verticalalignment="center",
             )
@@ -132,7 +136,8 @@ def densities(sets: Sequence[FlightSet]) -> Figure | None:
     Returns:
         The figure; None when no flight has a metric.
     """
-    panels = [(name, words) for name, words in METRICS.items() if any(_values(sets, name))]
+    # Where all values are 0, no flight has that phase.
+    panels = [name for name in METRICS if any(any(some) for some in _values(sets, name))]
     if not panels:
         return None
     with style():
@@ -141,8 +146,8 @@ def densities(sets: Sequence[FlightSet]) -> Figure | None:
         grid = figure.subplots(rows, 2, squeeze=False)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
-        for axes, (name, words) in zip(grid.flat, panels, strict=False):
-            _panel(axes, sets, name, words)
+        for axes, name in zip(grid.flat, panels, strict=False):
+            _panel(axes, sets, name)
         figure.legend(
             handles=[
                 Line2D([], [], color=colour, label=one.label, linewidth=1.8)
@@ -162,18 +167,21 @@ def _values(sets: Sequence[FlightSet], name: str) -> list[list[float]]:
     ]
 
 
-def _panel(axes: Axes, sets: Sequence[FlightSet], name: str, words: str) -> None:
+def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
+    metric = METRICS[name]
     values, colours = _values(sets, name), set_colours(sets)
     published = paper_figures(name, (one.tree for one in sets))
-    ends = [max(some) for some in values if some] + [figure.span[1] for figure in published]
-    at = np.linspace(0.0, 1.08 * max(ends) or 1.0, 500)
+    ends = [max(some) + 2.5 * bandwidth(some) for some in values if some]
+    ends += [figure.span[1] for figure in published]
+    end = 100.0 if metric.unit == "%" else 1.08 * max(ends) or 1.0
+    at = np.linspace(0.0, end, 500)
     axes.set_xlim(0.0, at[-1])
     for figure in published:
         axes.axvspan(*figure.span, color="#ffd43b", alpha=0.5, linewidth=0, zorder=0)
     top = 0.0
     for row, (some, colour) in enumerate(zip(values, colours, strict=True)):
-        # A few flights have no shape to speak of, and a narrow kernel is a spike that hides all.
-        if len(set(some)) >= _ENOUGH and bandwidth(some) > at[-1] / 432.0:
+        # Few values and counts have no density; a narrow kernel is a spike that hides the others.
+        if metric.unit and len(set(some)) >= _ENOUGH and bandwidth(some) > at[-1] / 432.0:
             curve = density(some, at)
             axes.fill_between(at, curve, color=colour, alpha=0.12, linewidth=0)
             axes.plot(at, curve, color=colour, linewidth=1.8)
@@ -185,10 +193,12 @@ def _panel(axes: Axes, sets: Sequence[FlightSet], name: str, words: str) -> None
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     lines = [
-        (_in_words(some), colour) for some, colour in zip(values, colours, strict=True) if some
+        (_in_words(some, metric), colour)
+        for some, colour in zip(values, colours, strict=True)
+        if some
     ]
     lines += [(f"paper, {figure.text}", "#7c5e00") for figure in published]
-    _head(axes, words, lines)
+    _head(axes, metric.title, lines)
 
 
 def _marks(axes: Axes, values: Sequence[float], height: float, *, marker: str, colour: str) -> None:
@@ -200,23 +210,26 @@ def _marks(axes: Axes, values: Sequence[float], height: float, *, marker: str, c
         color=colour,
         alpha=0.5,
         markersize=6,
+        clip_on=False,
         transform=axes.get_xaxis_transform(),
     )
 
 
-def _in_words(values: Sequence[float]) -> str:
+def _in_words(values: Sequence[float], metric: Metric) -> str:
     found = Distribution.of(values)
     if found is None or found.count == 1:
-        return "1 flight: " + ", ".join(map(_number, values))
-    return (
-        f"{found.count} flights: least {_number(found.least)}, median {_number(found.median)}, "
-        f"most {_number(found.most)}"
+        return "1 flight: " + ", ".join(_number(value, metric) for value in values)
+    least, median, most = (
+        _number(value, metric) for value in (found.least, found.median, found.most)
     )
+    return f"{found.count} flights: least {least}, median {median}, most {most}"
 
 
-def _number(value: float) -> str:
-    digits = next((digits for end, digits in _DIGITS if value < end), 1)
-    return f"{value:.{digits}f}" if value else "0"
+def _number(value: float, metric: Metric) -> str:
+    if not value or not metric.unit:
+        return f"{value:g}"
+    digits = next((digits for end, digits in _DIGITS if value < end and metric.unit == "m"), 1)
+    return f"{value:.{digits}f}"
 
 
 def _head(axes: Axes, title: str, lines: Sequence[tuple[str, str]]) -> None:

@@ -1,4 +1,4 @@
-"""Statistics of many flights: outcomes with intervals, distances and times, densities."""
+"""Statistics of many flights: outcomes with intervals, metrics, densities."""
 
 from __future__ import annotations
 
@@ -19,16 +19,28 @@ from uav_bt.mission.judge import Outcome
 _RESAMPLES: Final = 4_000  # chosen: the interval's ends repeat to a few percent of its width
 PERCENTILE_FLIGHTS: Final = 3
 """Smallest number of flights with a 5th and a 95th percentile (chosen)."""
+PERCENT_FLIGHTS: Final = 10
+"""Smallest number of flights whose successes are given in percent (chosen)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Distribution:
-    """A number that flights reached, in its own unit."""
+    """Distribution of a metric, in the unit of its reports.
 
-    count: int  # flights that reached it
+    Attributes:
+        count: Number of flights that have the metric.
+        mean: Mean.
+        median: Median.
+        p5: 5th percentile. None: fewer than `PERCENTILE_FLIGHTS` flights.
+        p95: 95th percentile. None: fewer than `PERCENTILE_FLIGHTS` flights.
+        least: Smallest value.
+        most: Largest value.
+    """
+
+    count: int
     mean: float
     median: float
-    p5: float | None  # None for fewer than `PERCENTILE_FLIGHTS`
+    p5: float | None
     p95: float | None
     least: float
     most: float
@@ -54,20 +66,40 @@ class Distribution:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightsSummary:
-    """A set of flights in numbers."""
+    """Statistics of a set of flights.
+
+    Attributes:
+        flights: Number of flights.
+        outcomes: Number of flights by outcome: success, then the others by frequency.
+        successes: Number of successful flights.
+        success_95: The 95 % Wilson interval of the share of successes, 0 to 1.
+        metrics: Distributions by field of the flight's line. None: no flight has the metric.
+    """
 
     flights: int
-    outcomes: dict[str, int]  # those that occurred, success first, then the most frequent
-    success: float  # share, 0 to 1
-    success_95: tuple[float, float]  # its 95 % Wilson interval
-    metrics: dict[str, Distribution | None]  # by field of the flight's report
+    outcomes: dict[str, int]
+    successes: int
+    success_95: tuple[float, float]
+    metrics: dict[str, Distribution | None]
+
+    @property
+    def success_percent(self) -> float | None:
+        """Share of successes, %; None for fewer than `PERCENT_FLIGHTS` flights."""
+        enough = self.flights >= PERCENT_FLIGHTS
+        return 100.0 * self.successes / self.flights if enough else None
+
+    @property
+    def success_text(self) -> str:
+        """Successes in words, for example `2 of 2` or `19 of 20, 95.0 %`."""
+        share = "" if (percent := self.success_percent) is None else f", {percent:.1f} %"
+        return f"{self.successes} of {self.flights}{share}"
 
 
 def summarise(flights: Iterable[Mapping[str, Any]]) -> FlightsSummary:
-    """Return what flights say together.
+    """Return the statistics of flights.
 
     Raises:
-        InputError: there are none.
+        InputError: There are no flights.
     """
     flown = list(flights)
     if not flown:
@@ -77,7 +109,7 @@ def summarise(flights: Iterable[Mapping[str, Any]]) -> FlightsSummary:
     return FlightsSummary(
         flights=len(flown),
         outcomes={Outcome.SUCCESS.value: good, **dict(counts.most_common())},
-        success=good / len(flown),
+        successes=good,
         success_95=wilson(good, len(flown)),
         metrics={
             name: Distribution.of([value for f in flown if (value := reached(f, name)) is not None])
@@ -87,17 +119,18 @@ def summarise(flights: Iterable[Mapping[str, Any]]) -> FlightsSummary:
 
 
 def reached(flight: Mapping[str, Any], metric: str) -> float | None:
-    """Return a metric of a flight; None where the flight did not come so far.
+    """Return a metric of a flight in its unit in reports; None if the flight did not reach it.
 
-    What a flight flew in its first 90 s counts when it lasted as long.
+    The distance in the first 90 s counts only for flights of at least 90 s.
 
     Args:
-        flight: its line.
-        metric: one of `METRICS`.
+        flight: The flight's line.
+        metric: One of `METRICS`.
     """
     if metric == "explore_distance_m" and (flight.get("duration_s") or 0.0) < EXPLORE_S:
         return None
-    return flight.get(metric)
+    value = flight.get(metric)
+    return 100.0 * value if value is not None and METRICS[metric].unit == "%" else value
 
 
 def by_tree(flights: Iterable[Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:

@@ -195,16 +195,27 @@ def test_outcomes_come_with_their_intervals(tmp_path: Path) -> None:
     assert row == {
         "tree": "one",
         "flights": "20",
+        "successes": "19",
         "success, %": "95.0",
-        "95 % from": "76.4",
-        "to": "99.1",
-        "success": "19",
+        "from, %": "76.4",
+        "to, %": "99.1",
         "collision": "0",
         "left area": "0",
         "timeout": "1",
         "aborted": "0",
         "error": "0",
     }
+
+
+def test_successes_of_a_few_flights_are_counted_and_not_given_in_percent(tmp_path: Path) -> None:
+    """The Wilson interval of 2 of 2 begins at 2 / (2 + 1.96**2) = 34.2 %."""
+    written = write(tmp_path / "r.html", campaign(tmp_path / "c", flight(0), flight(1)))
+    page = Page(written.page.read_text())
+    assert "2 of 2" in page.texts
+    assert "34.2" in page.texts
+    assert "success, %" not in page.texts
+    (row,) = rows(written, "outcomes")
+    assert (row["flights"], row["successes"], row["success, %"]) == ("2", "2", "")
 
 
 def test_every_failure_has_its_reason_its_record_and_a_way_to_see_it_again(tmp_path: Path) -> None:
@@ -302,12 +313,23 @@ def test_what_no_flight_reached_is_left_out(tmp_path: Path) -> None:
     assert few.shape[0] < many.shape[0], "panels without a value are left out"
 
 
+def test_a_metric_that_is_0_in_all_flights_has_no_panel(tmp_path: Path) -> None:
+    """A mission without a search has a search distance of 0 m in each flight."""
+    titles = []
+    for name, searched_m in (("none", 0.0), ("some", 1.5)):
+        flights = [flight(seed, search_distance_m=searched_m) for seed in range(3)]
+        figure = densities(read_sources([jsonl(tmp_path / f"{name}.jsonl", *flights)]).sets)
+        assert figure is not None
+        titles.append({axes.get_title(loc="left") for axes in figure.axes if axes.get_visible()})
+    assert titles[1] - titles[0] == {"distance while searching, m"}
+
+
 def test_the_first_90_s_are_those_of_flights_that_lasted_so_long(tmp_path: Path) -> None:
     source = jsonl(tmp_path / "f.jsonl", flight(0), flight(7, duration_s=22.0))
     written = write(tmp_path / "r.html", source)
     (row,) = (row for row in rows(written, "metrics") if row["metric"] == "explore_distance_m")
     assert (row["flights"], row["most"]) == ("1", "7.0")
-    assert "count where a flight lasted as long" in written.page.read_text()
+    assert "shorter flights do not count" in written.page.read_text()
 
 
 def test_the_same_again_has_the_movers(tmp_path: Path) -> None:
@@ -327,8 +349,14 @@ def test_coverage_stands_in_the_table_and_in_a_figure_of_its_own(tmp_path: Path)
     written = write(tmp_path / "r.html", source)
     table = {(row["metric"], row["tree"]): row for row in rows(written, "metrics")}
     row = table["coverage_passed", "one"]
-    assert (row["mean"], row["median"], row["least"], row["most"]) == ("0.6", "0.6", "0.5", "0.7")
-    assert table["coverage_seen", "two"]["mean"] == "0.75"
+    assert (row["mean"], row["median"], row["least"], row["most"]) == (
+        "60.0",
+        "60.0",
+        "50.0",
+        "70.0",
+    )
+    assert row["unit"] == "%"
+    assert table["coverage_seen", "two"]["mean"] == "75.0"
     assert "within 0.5 m of the flown path" in written.page.read_text()
     (figure,) = (path for path in written.images if path.name == "coverage.png")
     first = cv2.imread(str(figure))
@@ -358,10 +386,11 @@ def test_maps_stand_in_a_table_of_their_own(tmp_path: Path) -> None:
         *("2", "2", "8", "25.0"),
     )
     assert (row["false objects"], row["error, m: mean"], row["most"]) == ("2", "0.2", "0.3")
+    assert row["95 %"] == "", "two flights have no percentiles"
     assert row["begun anew"] == "2"
     (drift,) = (row for row in rows(written, "metrics") if row["metric"] == "map_drift_m")
     assert (drift["mean"], drift["most"]) == ("0.5", "0.75")
-    assert "within 0.5 m of it on the map" in written.page.read_text()
+    assert "an object of its class within 0.5 m" in written.page.read_text()
     no_map = write(tmp_path / "no.html", jsonl(tmp_path / "n.jsonl", flight(0)))
     assert "The mission's map" not in no_map.page.read_text()
 

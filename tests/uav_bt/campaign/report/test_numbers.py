@@ -24,7 +24,8 @@ def test_a_summary_counts_outcomes_success_first() -> None:
     outcomes = ["timeout", "collision", "collision", "success"]
     summary = summarise([{"outcome": outcome, "duration_s": 1.0} for outcome in outcomes])
     assert list(summary.outcomes.items()) == [("success", 1), ("collision", 2), ("timeout", 1)]
-    assert summary.success == 0.25
+    assert summary.successes == 1
+    assert summary.success_text == "1 of 4"
     assert summary.metrics["time_to_land_s"] is None
 
 
