@@ -90,6 +90,17 @@ def test_a_report_has_its_figures_as_pdf(folder: Path) -> None:
     assert {file.suffix for file in (folder / "report-figures").iterdir()} == {".pdf"}
 
 
+def test_a_worse_tree_makes_the_exit_code(folder: Path, tmp_path: Path) -> None:
+    worse = tmp_path / "worse.jsonl"
+    worse.write_text((folder / "flights.jsonl").read_text().replace('"success"', '"timeout"'))
+    words = ("report", folder, worse, "--figures", "none", "--not-worse")
+    done = run(*words, "--out", tmp_path / "r.html")
+    assert done.exit_code == 1, done.output
+    assert f"worse: mission ({worse}): 2 more failures" in done.stderr
+    assert run("report", folder, folder / "flights.jsonl", *words[3:]).exit_code == 0
+    assert_refused(run("report", folder, "--not-worse"), "got one tree")
+
+
 def test_a_file_of_flights_is_reported_beside_it(folder: Path) -> None:
     file = (folder / "flights.jsonl").rename(folder / "mine.jsonl")
     done = run("report", file)

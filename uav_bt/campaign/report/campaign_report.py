@@ -18,6 +18,7 @@ from uav_bt.campaign.report.html import Image, Section, page
 from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.map_table import map_table
 from uav_bt.campaign.report.origin import origin_table
+from uav_bt.campaign.report.paired import paired_table, pairs_of
 from uav_bt.campaign.report.paper import paper_success
 from uav_bt.campaign.report.sources import Sources, read_sources
 from uav_bt.campaign.report.statistics import PERCENTILE_FLIGHTS
@@ -63,6 +64,7 @@ def write_report(
     out: Path | None = None,
     *,
     figures: Form | None = "png",
+    all_pairs: bool = False,
     today: dt.date | None = None,
     on_note: Callable[[str], None] = lambda _: None,
 ) -> WrittenReport:
@@ -72,6 +74,7 @@ def write_report(
         paths: Folders of campaigns, or files with one flight per line.
         out: The page. None: `default_page`.
         figures: Form of the files of figures. None: no files. The page has PNGs in any case.
+        all_pairs: Compare all trees with each other, not only the first with each other one.
         today: Date of the report. None: today, UTC.
         on_note: Called with each note on the flights.
 
@@ -86,6 +89,7 @@ def write_report(
         out or default_page(paths),
         maps=_maps(sources, on_note),
         figures=figures,
+        all_pairs=all_pairs,
         today=today or dt.datetime.now(dt.UTC).date(),
     )
 
@@ -118,6 +122,7 @@ def write_campaign_report(
     *,
     maps: Mapping[str, LabMap],
     figures: Form | None = "png",
+    all_pairs: bool = False,
     today: dt.date,
 ) -> WrittenReport:
     """Write a report: the page, and beside it its figures and its tables (CSV).
@@ -127,12 +132,17 @@ def write_campaign_report(
         out: The page. The names of the other files begin with its stem.
         maps: The map of each scene, by the scene's name. A scene without a map gets no figure.
         figures: Form of the files of figures. None: no files.
+        all_pairs: Compare all trees with each other, not only the first with each other one.
         today: Date of the report.
 
     Raises:
         FileError: A file cannot be written.
     """
-    tables = {**tables_of(sources, out), "map": map_table(sources.sets)}
+    tables = {
+        **tables_of(sources, out),
+        "map": map_table(sources.sets),
+        "pairs": paired_table(pairs_of(sources.sets, all_pairs=all_pairs)),
+    }
     images = _images(sources)
     scenes = _scene_images(sources, maps)
     text = page(
@@ -194,6 +204,8 @@ def _sections(
             tables=(tables["outcomes"], tables["scenes"]),
         ),
     ]
+    if tables["pairs"].rows:
+        sections.append(Section(title=tables["pairs"].title, tables=(tables["pairs"],)))
     if tables["metrics"].rows:
         numbers = (images["densities"],) if "densities" in images else ()
         sections.append(

@@ -95,7 +95,7 @@ def drawn(figure: Figure, form: Form) -> bytes:
 def outcomes(sets: Sequence[FlightSet]) -> Figure:
     """Draw the share of successes of each set, with its 95 % Wilson interval."""
     with style():
-        figure = new_figure(8.0, 0.9 + 0.42 * len(sets))
+        figure = new_figure(8.0, 0.8 + 0.55 * len(sets))
         axes = figure.add_subplot()
         for row, (one, colour) in enumerate(zip(sets, set_colours(sets), strict=True)):
             summary = summarise(one.flights)
@@ -105,20 +105,23 @@ def outcomes(sets: Sequence[FlightSet]) -> Figure:
             )
             share = 100.0 * summary.successes / summary.flights
             axes.plot(share, row, "o", color=colour, markersize=7, clip_on=False)
-            axes.annotate(
-                f"{summary.success_text}  [{low:.1f}, {high:.1f}]",
-                (0.0, row),
-                xytext=(1.03, row),
-                textcoords=("axes fraction", "data"),
-                verticalalignment="center",
-            )
-        axes.set_yticks(range(len(sets)), [one.label for one in sets])
-        axes.set_ylim(len(sets) - 0.5, -0.5)
-        axes.set_xlim(0.0, 101.0)
+            # Above the bar: beside it, long labels would leave no room for the bars.
+            words = f"{summary.success_text}  [{low:.1f}, {high:.1f}]"
+            for x, text, side in ((0.0, one.label, "left"), (100.0, words, "right")):
+                axes.annotate(
+                    text,
+                    (x, row),
+                    xytext=(0, 7),
+                    textcoords="offset points",
+                    horizontalalignment=side,
+                )
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
+        axes.set_ylim(len(sets) - 0.6, -0.7)
+        axes.set_xlim(0.0, 100.0)
         axes.set_xlabel("successful flights, %, with the 95 % Wilson interval")
         axes.grid(axis="x", color="#e9ecef")
         axes.set_axisbelow(True)
-        axes.tick_params(axis="y", length=0)
         return figure
 
 
@@ -142,7 +145,9 @@ def densities(sets: Sequence[FlightSet]) -> Figure | None:
         return None
     with style():
         rows = math.ceil(len(panels) / 2)
-        figure = new_figure(9.5, 0.5 + 2.3 * rows)
+        quoted = max(len(paper_figures(name, (one.tree for one in sets))) for name in panels)
+        row_in = 1.9 + _LINE_PT / 72.0 * (len(sets) + quoted)
+        figure = new_figure(9.5, 0.2 + 0.15 * len(sets) + row_in * rows)
         grid = figure.subplots(rows, 2, squeeze=False)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
@@ -171,7 +176,8 @@ def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
     metric = METRICS[name]
     values, colours = _values(sets, name), set_colours(sets)
     published = paper_figures(name, (one.tree for one in sets))
-    ends = [max(some) + 2.5 * bandwidth(some) for some in values if some]
+    tail = 2.5 if metric.unit else 0.0  # bandwidths in view right of the largest value (chosen)
+    ends = [max(some) + tail * bandwidth(some) for some in values if some]
     ends += [figure.span[1] for figure in published]
     end = 100.0 if metric.unit == "%" else 1.08 * max(ends) or 1.0
     at = np.linspace(0.0, end, 500)
@@ -180,6 +186,8 @@ def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
         axes.axvspan(*figure.span, color="#ffd43b", alpha=0.5, linewidth=0, zorder=0)
     top = 0.0
     for row, (some, colour) in enumerate(zip(values, colours, strict=True)):
+        if not some:
+            continue
         # Few values and counts have no density; a narrow kernel is a spike that hides the others.
         if metric.unit and len(set(some)) >= _ENOUGH and bandwidth(some) > at[-1] / 432.0:
             curve = density(some, at)

@@ -162,17 +162,23 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     return float(ends.low), float(ends.high)
 
 
-def mean_interval(values: NDArray[np.float64]) -> tuple[float, ...]:
-    """Return the ends of a mean's 95 % interval, by the percentile bootstrap with a fixed seed.
+def median_interval(values: NDArray[np.float64]) -> tuple[float, float] | None:
+    """Return the 95 % interval of a median, by the percentile bootstrap with a fixed seed.
+
+    B. Efron, R. Tibshirani, An introduction to the bootstrap (1993), chapter 13.
 
     Args:
-        values: (N,). One value has no interval; equal values have one of width 0.
+        values: The sample, (N,).
+
+    Returns:
+        The ends of the interval. None: fewer than `PERCENTILE_FLIGHTS` values.
     """
-    if np.ptp(values) == 0.0:
-        return (float(values[0]),) * 2 if values.size > 1 else ()
+    if values.size < PERCENTILE_FLIGHTS:
+        return None
     rng = np.random.default_rng(0)
-    found = bootstrap((values,), np.mean, n_resamples=_RESAMPLES, method="percentile", rng=rng)
-    return tuple(float(end) for end in found.confidence_interval)
+    found = bootstrap((values,), np.median, n_resamples=_RESAMPLES, method="percentile", rng=rng)
+    low, high = found.confidence_interval
+    return float(low), float(high)
 
 
 def mcnemar(gained: int, lost: int) -> float:
@@ -182,8 +188,8 @@ def mcnemar(gained: int, lost: int) -> float:
     percentages, Psychometrika 12 (1947), with the binomial distribution.
 
     Args:
-        gained: pairs in which only the second flight succeeded.
-        lost: pairs in which only the first flight succeeded.
+        gained: Number of pairs in which only the second flight succeeded.
+        lost: Number of pairs in which only the first flight succeeded.
     """
     return float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
 

@@ -129,7 +129,16 @@ def test_a_report_is_a_page_with_pictures_and_tables_beside_it(tmp_path: Path) -
         assert picture.std() > 5.0, "a picture shows something"
     assert {path.name for path in written.tables} == {
         f"r-{name}.csv"
-        for name in ("outcomes", "scenes", "metrics", "failures", "timings", "flights", "map")
+        for name in (
+            "outcomes",
+            "scenes",
+            "metrics",
+            "failures",
+            "timings",
+            "flights",
+            "map",
+            "pairs",
+        )
     }
     assert sorted(path.name for path in tmp_path.iterdir() if path.suffix == ".part") == []
 
@@ -332,6 +341,15 @@ def test_the_first_90_s_are_those_of_flights_that_lasted_so_long(tmp_path: Path)
     assert "shorter flights do not count" in written.page.read_text()
 
 
+def test_trees_on_the_same_flights_are_compared(tmp_path: Path) -> None:
+    flights = [flight(seed, tree) for tree in ("one.xml", "two.xml") for seed in range(3)]
+    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *flights))
+    assert "Compared on the same flights" in Page(written.page.read_text()).texts
+    assert [row["measure"] for row in rows(written, "pairs")] == ["successes", "duration_s"]
+    alone = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *flights[:3]))
+    assert "Compared on the same flights" not in alone.page.read_text()
+
+
 def test_the_same_again_has_the_movers(tmp_path: Path) -> None:
     lost = flight(3, outcome="collision", reason="touched mover-1", movers=2)
     written = write(tmp_path / "r.html", campaign(tmp_path / "c", lost, movers=2))
@@ -393,6 +411,15 @@ def test_maps_stand_in_a_table_of_their_own(tmp_path: Path) -> None:
     assert "an object of its class within 0.5 m" in written.page.read_text()
     no_map = write(tmp_path / "no.html", jsonl(tmp_path / "n.jsonl", flight(0)))
     assert "The mission's map" not in no_map.page.read_text()
+
+
+def test_panels_of_many_trees_keep_their_height(tmp_path: Path) -> None:
+    flights = [flight(n, f"tree-{name}.xml") for name in range(12) for n in range(6)]
+    figure = densities(read_sources([jsonl(tmp_path / "f.jsonl", *flights)]).sets)
+    assert figure is not None
+    FigureCanvasAgg(figure).draw()
+    heights_in = [axes.get_position().height * figure.get_figheight() for axes in figure.axes]
+    assert min(heights_in) > 0.8
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 8])
