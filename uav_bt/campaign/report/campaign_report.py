@@ -21,7 +21,6 @@ from uav_bt.campaign.report.origin import origin_table
 from uav_bt.campaign.report.paired import paired_table, pairs_of
 from uav_bt.campaign.report.paper import paper_success
 from uav_bt.campaign.report.sources import Sources, read_sources
-from uav_bt.campaign.report.statistics import PERCENTILE_FLIGHTS
 from uav_bt.campaign.report.table import Table
 from uav_bt.campaign.report.tables import tables_of
 from uav_bt.campaign.store import FLIGHTS_FILE
@@ -29,18 +28,19 @@ from uav_bt.display.lab_map import LabMap
 from uav_bt.errors import InputError
 from uav_bt.files import write_whole, writing
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
+from uav_bt.mission.flight_report import EXPLORE_S
 
 _ABOUT_SCENES: Final = (
-    "On the left, where every flight went, from the referee; a dot where it began, a cross where "
-    "it failed. Beside it, which share of the flights came by. Numbers on boxes are their heights "
-    "in metres."
+    "Left: the flown paths, from the referee. A dot marks the start of a flight, a cross its "
+    "failure. Right: the share of the flights that passed each cell of the ground. Numbers on "
+    "boxes are their heights in metres."
 )
 
 _ABOUT_COVERAGE: Final = (
-    f"Passed is the free ground within {PASSED_M:g} m of the flown path, seen is what was in view, "
-    f"not hidden, within {SEEN_M:g} m of the lens. The line is the mean of a tree's flights, the "
-    f"band their 5th to 95th percentile, from {PERCENTILE_FLIGHTS} flights on. At each time both "
-    "count the flights that have not ended."
+    f"Passed: the free ground within {PASSED_M:g} m of the flown path. Seen: the ground in view, "
+    f"not hidden, within {SEEN_M:g} m of the lens. A thin line is a flight, from its first sample "
+    "to its end, which has a dot. A thick line is the mean of a tree's flights, as long as half of "
+    f"them last. The dotted line marks {EXPLORE_S:.0f} s."
 )
 
 
