@@ -29,9 +29,8 @@ def origin_table(source: Provenance) -> Table:
         (f"run {run.get('began', '')}", f"{run.get('backend', '')}, code {run.get('code', '')}")
         for run in source.runs
     ]
-    rows += [
-        ("machine", name) for name in dict.fromkeys(r.get("hardware") for r in source.runs) if name
-    ]
+    machines = dict.fromkeys(run.get("hardware") or "not recorded" for run in source.runs)
+    rows += [("machine", name) for name in machines]
     if not rows:
-        rows.append(("file", "a plain file of flights: nothing more is known"))
+        rows.append(("file", "a plain file of flights, without a plan"))
     return Table(name="origin", title=str(source.path), columns=("what", "which"), rows=tuple(rows))

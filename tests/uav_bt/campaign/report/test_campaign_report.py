@@ -156,6 +156,14 @@ def test_the_page_names_the_machine(tmp_path: Path) -> None:
     assert "Chip 9, 2 cores, VNNI" in page.texts
 
 
+def test_the_page_says_that_a_machine_was_not_recorded(tmp_path: Path) -> None:
+    folder = campaign(tmp_path / "c", flight(0))
+    kept = json.loads((folder / "campaign.json").read_text())
+    del kept["runs"][0]["hardware"]
+    (folder / "campaign.json").write_text(json.dumps(kept))
+    assert "not recorded" in Page(write(tmp_path / "r.html", folder).page.read_text()).texts
+
+
 def test_the_same_flights_make_the_same_report(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
     first = write(tmp_path / "r.html", folder).page.read_bytes()

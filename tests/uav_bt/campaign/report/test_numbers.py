@@ -149,10 +149,12 @@ def test_two_flights_have_no_percentiles(count: int, *, has: bool) -> None:
     assert (found.p5 is not None, found.p95 is not None) == (has, has)
 
 
-def test_the_hardware_names_processor_and_vnni(tmp_path: Path) -> None:
+def test_the_hardware_names_processor_vnni_and_memory(tmp_path: Path) -> None:
     info = tmp_path / "cpuinfo"
     info.write_text("model name\t: Chip 9\nflags\t\t: fpu avx512_vnni\n")
     assert hardware(info).startswith("Chip 9, ")
     assert ", VNNI, " in hardware(info)
+    (memory,) = (part for part in hardware(info).split(", ") if part.endswith(" GiB memory"))
+    assert float(memory.removesuffix(" GiB memory")) > 0.0
     info.write_text("model name\t: Chip 8\nflags\t\t: fpu avx2\n")
     assert ", no VNNI, " in hardware(info)
