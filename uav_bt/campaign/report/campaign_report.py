@@ -233,7 +233,7 @@ def _sections(
     if failures.rows:
         sections.append(Section(title="Every failure", tables=(failures,)))
     else:
-        sections.append(Section(title="Every failure", paragraphs=("There was none.",)))
+        sections.append(Section(title="Every failure", paragraphs=("No flight failed.",)))
     if tables["timings"].rows:
         sections.append(Section(title="Computing", tables=(tables["timings"],)))
     sections.append(

@@ -20,10 +20,12 @@ from uav_bt.types.ground import Footprint, Ground, Standing
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_STEP_M: Final = 0.1  # between points of the path that are looked at; a tick's flight at 1 m/s
+_STEP_M: Final = 0.1  # between the evaluated points of a path; a tick's flight at 1 m/s
 _CARPET: Final = "#f1f3f0"
 _INK_PAD: Final = "#a61e1e"
-_MARGIN_M: Final = 0.35
+_MARGIN_M: Final = 0.1  # around the carpet and the paths
+_PANEL_IN: Final = 4.7  # width of a panel's axes
+_WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
 _SUCCESS: Final = "success"
 
 Flights = Sequence[dict[str, Any]]
@@ -35,12 +37,12 @@ def _flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
 
 
 def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> Figure | None:
-    """Draw what happened in a scene: paths on the left, coverage beside, a row for each set.
+    """Draw the flights in a scene: paths on the left, coverage on the right, a row for each set.
 
     Args:
-        sets: what is compared; those without kept paths in this scene are left out.
-        scene: its name.
-        lab: what stands there.
+        sets: The flights. Sets without paths in this scene are left out.
+        scene: Name of the scene.
+        lab: Map of the scene.
 
     Returns:
         The figure; None when no path was kept.
@@ -49,8 +51,11 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> Figure |
     if not rows:
         return None
     with style():
-        figure = new_figure(11.0, 4.6 * len(rows) + 0.4)
-        grid = figure.subplots(len(rows), 2, squeeze=False)
+        half_x, half_y = _half_view_m(lab, [flight for _, flown in rows for flight in flown])
+        row_in = _PANEL_IN * half_y / half_x + _WORDS_IN
+        figure = new_figure(11.0, row_in * len(rows) + 0.4)
+        grid = figure.subplots(len(rows), 2, squeeze=False, sharex=True, sharey=True)
+        grid[0, 0].set(xlim=(-half_x, half_x), ylim=(-half_y, half_y))
         for row, (one, flown) in enumerate(rows):
             _paths(grid[row, 0], flown, lab)
             count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
@@ -58,7 +63,7 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> Figure |
             grid[row, 0].set_title(title, fontweight="bold")
             image = _coverage(grid[row, 1], flown, lab)
         bar = figure.colorbar(image, ax=grid, shrink=0.7 / len(rows), pad=0.01)
-        bar.set_label("flights that came by, %")
+        bar.set_label("flights that passed, %")
         bar.outline.set_visible(False)
         shown = {flight["outcome"] for _, flown in rows for flight in flown}
         figure.legend(
@@ -73,10 +78,17 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> Figure |
         return figure
 
 
+def _half_view_m(lab: LabMap, flown: Flights) -> tuple[float, float]:
+    """Return half the width and height of the view: the carpet, and paths that leave it."""
+    paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in flown])
+    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.carpet_size_m) / 2)
+    return float(half_m[0]) + _MARGIN_M, float(half_m[1]) + _MARGIN_M
+
+
 def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
     _lab(axes, lab)
     alpha = float(np.clip(6.0 / len(flown), 0.15, 0.8))
-    # Failures on top, for they are few and what one looks for.
+    # Failures on top: they are few and matter most.
     for flight in sorted(flown, key=lambda one: one["outcome"] != _SUCCESS):
         path = np.asarray(flight["path"], dtype=np.float64)
         good = flight["outcome"] == _SUCCESS
@@ -91,6 +103,8 @@ def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
         axes.plot(path[0, 1], path[0, 2], ".", color=colour, markersize=3)
         if not good:
             axes.plot(path[-1, 1], path[-1, 2], "x", color=colour, markersize=8, markeredgewidth=2)
+    axes.set_xlabel("x, m", fontsize=8)
+    axes.set_ylabel("y, m", fontsize=8)
 
 
 def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
@@ -111,19 +125,21 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
     title = f"a flight passes {float(np.mean(shares)):.0f} % of the free ground"
     spread = f" ({min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
     axes.set_title(title + spread)
-    axes.set_xlabel(f"passed: the body's centre came within {PASSED_M:g} m", fontsize=8)
+    axes.set_xlabel(f"x, m; passed: the body's centre came within {PASSED_M:g} m", fontsize=8)
     return image
 
 
 def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
-    half_x, half_y = lab.carpet_size_m[0] / 2, lab.carpet_size_m[1] / 2
     carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab.carpet_size_m, 0.0))
     axes.add_patch(
         Polygon(carpet.corners(), facecolor=_CARPET if filled else "none", edgecolor="#adb5bd")
     )
     if lab.helipad is not None:
         pad = lab.helipad
-        axes.add_patch(Polygon(pad.corners(), facecolor="none", edgecolor=_INK_PAD, linewidth=1.4))
+        pad_face = "none" if filled else "white"
+        axes.add_patch(
+            Polygon(pad.corners(), facecolor=pad_face, edgecolor=_INK_PAD, linewidth=1.4)
+        )
         axes.text(
             pad.x_m,
             pad.y_m,
@@ -146,9 +162,7 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
             color="white",
         )
     axes.set_aspect("equal")
-    axes.set_xlim(-half_x - _MARGIN_M, half_x + _MARGIN_M)
-    axes.set_ylim(-half_y - _MARGIN_M, half_y + _MARGIN_M)
-    axes.tick_params(length=2, labelsize=7)
+    axes.tick_params(length=2, labelsize=7, labelbottom=True)
     for spine in axes.spines.values():
         spine.set_visible(False)
 

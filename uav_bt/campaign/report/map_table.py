@@ -46,7 +46,7 @@ def map_table(sets: Sequence[FlightSet]) -> Table:
         title="The mission's map",
         columns=(
             *("tree", "flights", "objects found", "of", "found, %", "false objects"),
-            *("error, m: mean", "median", "95 %", "most", "begun anew"),
+            *("error, m: mean", "median", "95 %", "most", "restarts"),
         ),
         rows=tuple(rows),
         note=_NOTE,

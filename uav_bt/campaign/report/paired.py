@@ -131,7 +131,8 @@ def _rows(pairs: Pairs) -> list[tuple[Cell, ...]]:
         ends = median_interval(change) or (None, None)
         numbers = (*np.median(values, axis=0), np.median(change), *ends)
         digits = _DIGITS[metric.unit]
-        rounded = (None if each is None else round(float(each), digits) for each in numbers)
+        # 0.0 is added because a small negative number is rounded to -0.0.
+        rounded = (None if each is None else round(float(each), digits) + 0.0 for each in numbers)
         measure = Term(text=metric.words, key=name)
         rows.append((*labels, measure, metric.unit, len(values), *rounded, None))
     return rows

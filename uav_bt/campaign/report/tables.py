@@ -152,10 +152,10 @@ def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
         title="Every failure",
         columns=(
             *("tree", "scene", "seed", "outcome", "reason"),
-            *("after, s", "record", "the same again"),
+            *("after, s", "record", "command to repeat"),
         ),
         rows=tuple(rows),
-        code=frozenset({"the same again"}),
+        code=frozenset({"command to repeat"}),
     )
 
 
@@ -245,8 +245,8 @@ def _timings(sets: Sequence[FlightSet]) -> Table:
             "times real time",
         ),
         rows=tuple(rows),
-        note="Medians over the flights of each flight's percentiles, one inference thread; the "
-        "longest of all. Other flights ran beside.",
+        note="p50 and p99: medians over the flights of each flight's percentiles. Longest: the "
+        "maximum of all flights. One inference thread; other flights ran at the same time.",
     )
 
 

@@ -19,6 +19,7 @@ from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile
 from uav_bt.campaign.report.campaign_report import WrittenReport, write_campaign_report
 from uav_bt.campaign.report.figures import densities
+from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.display.lab_map import LabMap, MapItem
@@ -247,7 +248,7 @@ def test_every_failure_has_its_reason_its_record_and_a_way_to_see_it_again(tmp_p
     assert (first["outcome"], first["reason"]) == ("collision", "touched box-4")
     assert first["record"] == "c/records/a b.mcap"
     assert second["record"] == ""
-    assert first["the same again"] == (
+    assert first["command to repeat"] == (
         "uav-bt fly /missions/one.xml --scene '/labs/my lab.yaml' --seed 3 --profile lab "
         "--image-size 640x360 --policy Explore=mine"
     )
@@ -258,7 +259,7 @@ def test_flights_on_exact_masks_are_seen_again_with_exact_masks(tmp_path: Path) 
     one = flight(3, outcome="error", reason="crashed")
     folder = campaign(tmp_path / "c", one, exact_masks=True, image_size_px=(160, 90))
     (row,) = rows(write(tmp_path / "r.html", folder), "failures")
-    assert row["the same again"] == (
+    assert row["command to repeat"] == (
         "uav-bt campaign /missions/one.xml --scenes '/labs/my lab.yaml' --exact-masks --flights 1 "
         "--seed-from 3 --out runs/again-lab-3 --profile lab --image-size 160x90"
     )
@@ -317,6 +318,17 @@ def test_scene_and_mission_are_named_above_the_maps(tmp_path: Path) -> None:
     assert "Flights of one" in page.texts
 
 
+def test_a_path_that_leaves_the_carpet_stays_in_view(tmp_path: Path) -> None:
+    """The carpet is 5 m x 4 m; one flight ends at x = 3.4 m."""
+    away = [[0.0, 0.0, 0.0, 1.0], [1.0, 3.4, 0.0, 1.0]]
+    sets = read_sources([jsonl(tmp_path / "f.jsonl", flight(0), flight(1, path=away))]).sets
+    figure = scene_figure(sets, "lab", LAB)
+    assert figure is not None
+    for axes in figure.axes[:2]:
+        assert axes.get_xlim() == pytest.approx((-3.5, 3.5))
+        assert axes.get_ylim() == pytest.approx((-2.1, 2.1))
+
+
 def test_what_no_flight_reached_is_left_out(tmp_path: Path) -> None:
     never = dict.fromkeys(("search_distance_m", "time_to_find_helipad_s", "time_to_land_s"))
     bare = [flight(seed, duration_s=22.0, profile=None, **never) for seed in range(2)]
@@ -362,7 +374,7 @@ def test_the_same_again_has_the_movers(tmp_path: Path) -> None:
     lost = flight(3, outcome="collision", reason="touched mover-1", movers=2)
     written = write(tmp_path / "r.html", campaign(tmp_path / "c", lost, movers=2))
     (row,) = rows(written, "failures")
-    assert "--profile lab --movers 2 " in row["the same again"]
+    assert "--profile lab --movers 2 " in row["command to repeat"]
     assert "movers" in Page(written.page.read_text()).texts
 
 
@@ -413,7 +425,7 @@ def test_maps_stand_in_a_table_of_their_own(tmp_path: Path) -> None:
     )
     assert (row["false objects"], row["error, m: mean"], row["most"]) == ("2", "0.2", "0.3")
     assert row["95 %"] == "", "two flights have no percentiles"
-    assert row["begun anew"] == "2"
+    assert row["restarts"] == "2"
     (drift,) = (row for row in rows(written, "metrics") if row["metric"] == "map_drift_m")
     assert (drift["mean"], drift["most"]) == ("0.5", "0.75")
     assert "an object of its class within 0.5 m" in written.page.read_text()
