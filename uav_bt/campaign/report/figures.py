@@ -1,4 +1,4 @@
-"""The report's figures of numbers: outcomes with their intervals, densities side by side."""
+"""The report's figures of outcomes with their intervals and of the densities of metrics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from uav_bt.campaign.report.statistics import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Okabe and Ito's, distinguishable to everybody; darker first, for they lie on white.
+# Okabe and Ito: distinguishable for people with colour-blindness. Dark colours first, on white.
 SET_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
 OUTCOME_COLOURS: Final = {
     "success": "#2b8a5a",
@@ -37,7 +37,7 @@ OUTCOME_COLOURS: Final = {
     "error": "#212529",
 }
 _INK: Final = "#212529"
-_ENOUGH: Final = 5  # different values that make a density worth drawing
+_ENOUGH: Final = 5  # smallest number of different values with a density (chosen)
 _DIGITS: Final = (
     (1.0, 3),
     (10.0, 2),
@@ -45,7 +45,7 @@ _DIGITS: Final = (
 _LINE_PT: Final = 11.0  # between lines of text above a panel
 
 _STYLE: Final[dict[str, Any]] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same image everywhere
+    "font.family": "DejaVu Sans",  # part of matplotlib: the same image on each machine
     "font.size": 9.0,
     "axes.edgecolor": "#adb5bd",
     "axes.labelcolor": _INK,
@@ -57,7 +57,7 @@ _STYLE: Final[dict[str, Any]] = {
     "xtick.color": "#495057",
     "ytick.color": "#495057",
     "legend.frameon": False,
-    "text.parse_math": False,  # names and reasons are plain texts, dollar signs included
+    "text.parse_math": False,  # names and reasons are plain text and may contain dollar signs
     "pdf.fonttype": 42,  # TrueType: publishers refuse matplotlib's default, Type 3
     "svg.hashsalt": "uav-bt",  # otherwise the identifiers in an SVG are random
 }
@@ -131,10 +131,10 @@ def set_colours(sets: Sequence[FlightSet]) -> list[str]:
 
 
 def densities(sets: Sequence[FlightSet]) -> Figure | None:
-    """Draw how each metric is distributed, all sets in each panel.
+    """Draw the distribution of each metric, all sets in each panel.
 
     Args:
-        sets: what is compared.
+        sets: The flights.
 
     Returns:
         The figure; None when no flight has a metric.
@@ -165,7 +165,7 @@ def densities(sets: Sequence[FlightSet]) -> Figure | None:
 
 
 def _values(sets: Sequence[FlightSet], name: str) -> list[list[float]]:
-    """Return what the flights of each set reached of a metric."""
+    """Return the values of a metric, of the flights of each set that reached it."""
     return [
         [value for flight in one.flights if (value := reached(flight, name)) is not None]
         for one in sets
@@ -241,7 +241,7 @@ def _number(value: float, metric: Metric) -> str:
 
 
 def _head(axes: Axes, title: str, lines: Sequence[tuple[str, str]]) -> None:
-    """Write a title and coloured lines above a panel, where no curve runs through them."""
+    """Write a title and coloured lines above a panel, clear of the curves."""
     for index, (text, colour) in enumerate(reversed(lines)):
         axes.annotate(
             text,

@@ -1,4 +1,4 @@
-"""A page of its own: style and images inside, nothing from elsewhere, every text escaped."""
+"""Self-contained HTML page: style and images are inside, and every text is escaped."""
 
 from __future__ import annotations
 
@@ -115,22 +115,30 @@ class Image:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """A part of the page: paragraphs, then images, then tables, as far as there are any."""
+    """A part of the page: paragraphs, then images, then tables.
+
+    Attributes:
+        title: Heading.
+        paragraphs: Texts.
+        images: Figures.
+        tables: Tables. Empty tables are left out.
+        warning: Whether the section is marked as a warning.
+    """
 
     title: str
     paragraphs: tuple[str, ...] = ()
     images: tuple[Image, ...] = ()
     tables: tuple[Table, ...] = ()
-    warning: bool = False  # something to look at before all else
+    warning: bool = False
 
 
 def page(title: str, lead: str, sections: Sequence[Section]) -> str:
     """Return a whole HTML page.
 
     Args:
-        title: of the page.
-        lead: the line below it.
-        sections: in their order.
+        title: Title of the page.
+        lead: Line below the title.
+        sections: Sections in their order.
     """
     environment = Environment(
         autoescape=True,

@@ -1,4 +1,4 @@
-"""The report's figures of the lab: flown paths, and the carpet they covered."""
+"""The report's figures of the scenes: flown paths and covered ground."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
 
 
 def ground_of(lab: LabMap) -> Ground:
-    """Return the ground that a map shows."""
+    """Return the ground of a map."""
     items = lab.boxes if lab.helipad is None else (*lab.boxes, lab.helipad)
     return Ground(
         size_m=lab.carpet_size_m,
@@ -195,8 +195,8 @@ def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Flags:
     """Return the cells that a flight has passed, (rows, columns).
 
     Args:
-        path: points (t, x, y, z), world metres; the path between two of them is straight.
-        cells: of the ground.
+        path: Points (t, x, y, z) in s and world metres, connected by straight lines.
+        cells: Cells of the ground.
     """
     passed = np.zeros_like(cells.free)
     if not path:

@@ -20,7 +20,7 @@ _NOTE: Final = (
 
 
 def map_table(sets: Sequence[FlightSet]) -> Table:
-    """Return the objects that the maps have; a tree without a map has no row."""
+    """Return objects and errors of the maps by tree; a tree without a map has no row."""
     rows: list[tuple[Cell, ...]] = []
     for one in sets:
         mapped = [f for f in one.flights if f.get("objects_total") is not None]

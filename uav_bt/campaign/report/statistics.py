@@ -134,7 +134,7 @@ def reached(flight: Mapping[str, Any], metric: str) -> float | None:
 
 
 def by_tree(flights: Iterable[Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Return flights by their tree's name, trees in the order in which they first appear."""
+    """Return flights by the name of their tree; trees are in order of first appearance."""
     trees: dict[str, list[dict[str, Any]]] = {}
     for flight in flights:
         trees.setdefault(str(flight["tree"]), []).append(dict(flight))
@@ -148,11 +148,11 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     (1927). Unlike the textbook interval it is meaningful at 0 and at 100 %.
 
     Args:
-        successes: how many trials went well.
-        trials: how many there were, at least one.
+        successes: Number of successful trials.
+        trials: Number of trials, at least one.
 
     Raises:
-        ValueRangeError: there are no trials, or more successes than trials.
+        ValueRangeError: There are no trials, or more successes than trials.
     """
     if not 0 <= successes <= trials or trials == 0:
         raise ValueRangeError(
@@ -198,25 +198,25 @@ def bandwidth(values: Sequence[float]) -> float:
     """Return Silverman's bandwidth of a Gaussian kernel density, in the values' unit.
 
     B. W. Silverman, Density estimation for statistics and data analysis (1986), equation 3.31;
-    SciPy's own rule of that name knows nothing of quartiles.
+    SciPy's rule of that name does not use the quartiles.
     """
     array = np.asarray(values, dtype=np.float64)
     std = float(array.std(ddof=1)) if len(array) > 1 else 0.0
     upper, lower = np.percentile(array, [75, 25])
     spreads = [spread for spread in (std, float(upper - lower) / 1.34) if spread > 0.0]
-    # Where most values are one and the same, the spread of the rest decides.
+    # If most values are equal, the quartiles are equal too and the deviation alone counts.
     return 0.9 * min(spreads) * len(array) ** -0.2 if spreads else 0.0
 
 
 def density(values: Sequence[float], at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the density of values that end at zero: what lies below is reflected.
+    """Return the density of values of at least zero; the part below zero is reflected.
 
     Args:
-        values: at least two different ones, none negative.
-        at: where to evaluate, (N,), none negative.
+        values: Values of at least zero, two different ones or more.
+        at: Points of evaluation of at least zero, (N,).
 
     Returns:
-        (N,), integrates to one from zero upwards.
+        The density, (N,); its integral from zero upwards is 1.
     """
     kernel = gaussian_kde(values, bw_method=bandwidth(values) / np.std(values, ddof=1))
     return np.asarray(kernel(at) + kernel(-at))

@@ -179,7 +179,10 @@ def _repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
         words += ["--scenes" if exact else "--scene", one.scene_path(scene)]
     if exact:
         words += ["--exact-masks", "--flights", "1", "--seed-from", str(flight["seed"])]
-        words += ["--out", f"runs/again-{scene}-{flight['seed']}"]  # its own plan, its own folder
+        words += [
+            "--out",
+            f"runs/again-{scene}-{flight['seed']}",
+        ]  # another plan needs another folder
     else:
         words += ["--seed", str(flight["seed"])]
     profile = flight.get("profile")
