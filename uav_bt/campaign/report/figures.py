@@ -196,7 +196,7 @@ def _panel(axes: Axes, sets: Sequence[FlightSet], name: str) -> None:
             top = max(top, float(curve.max()))
             _marks(axes, some, 0.012 + 0.03 * row, marker="|", colour=colour)
         else:
-            _marks(axes, some, (row + 0.5) / len(sets), marker="o", colour=colour)
+            _marks(axes, some, 1.0 - (row + 0.5) / len(sets), marker="o", colour=colour)
     axes.set_ylim(0.0, 1.1 * top or 1.0)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)

@@ -122,9 +122,8 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
         zorder=0,
     )
     shares = [100.0 * cells.share(one) for one in passed]
-    title = f"a flight passes {float(np.mean(shares)):.0f} % of the free ground"
-    spread = f" ({min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
-    axes.set_title(title + spread)
+    spread = f" (mean; {min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
+    axes.set_title(f"{float(np.mean(shares)):.0f} % of the free ground passed{spread}")
     axes.set_xlabel(f"x, m; passed: the body's centre came within {PASSED_M:g} m", fontsize=8)
     return image
 
