@@ -59,7 +59,7 @@ def _output(git: str, folder: Path, *arguments: str) -> str | None:
 
 
 def hardware(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
-    """Return processor, cores, VNNI, operating system and Python of this machine, in one line.
+    """Return processor, cores, VNNI, memory, system and Python of this machine, in one line.
 
     Args:
         cpu_info: Linux's description of the processor. Other systems have no such file.
@@ -73,10 +73,27 @@ def hardware(cpu_info: Path = Path("/proc/cpuinfo")) -> str:
             names[0] if names else platform.machine(),
             f"{os.cpu_count()} cores",
             vnni if flags else "VNNI unknown",
-            f"{platform.system()} {platform.release()}",
+            _memory(),
+            _system(),
             f"Python {platform.python_version()}",
         )
     )
+
+
+def _memory() -> str:
+    try:
+        total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, OSError, ValueError):  # Windows, or a system without these names
+        return "memory unknown"
+    return f"{total / 2**30:.1f} GiB memory"
+
+
+def _system() -> str:
+    kernel = f"{platform.system()} {platform.release()}"
+    try:
+        return f"{platform.freedesktop_os_release()['PRETTY_NAME']} ({kernel})"
+    except (OSError, KeyError):  # not a Linux distribution, or one without this file
+        return kernel
 
 
 def package_versions() -> dict[str, str]:

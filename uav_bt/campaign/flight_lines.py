@@ -17,26 +17,47 @@ from uav_bt.mission.judge import Outcome
 FlightKey = tuple[str, str | None, int]
 """Tree, scene, seed: what tells the flights of a campaign apart."""
 
+
+@dataclass(frozen=True, kw_only=True)
+class Metric:
+    """A number in a flight's line.
+
+    Attributes:
+        words: Its name in reports.
+        unit: Its unit in reports: s, m or %. Empty: a count. In the line, a share is 0 to 1.
+    """
+
+    words: str
+    unit: str = ""
+
+    @property
+    def title(self) -> str:
+        """The name with the unit."""
+        return f"{self.words}, {self.unit}" if self.unit else self.words
+
+
+_FIRST: Final = f"in the first {EXPLORE_S:.0f} s"
+
 METRICS: Final = {
-    "duration_s": "duration, s",
-    "explore_distance_m": f"distance in the first {EXPLORE_S:.0f} s, m",
-    "total_distance_m": "total distance, m",
-    "search_distance_m": "distance while searching, m",
-    "time_to_find_helipad_s": "time to find the helipad, s",
-    "time_to_land_s": "time from there to motors off, s",
-    "landing_error_m": "landing error, m",
-    "min_clearance_m": "least clearance of a flight, m",
-    "coverage_passed_90s": f"share of the free ground passed in {EXPLORE_S:.0f} s",
-    "coverage_passed": "share of the free ground passed",
-    "coverage_seen_90s": f"share of the free ground seen in {EXPLORE_S:.0f} s",
-    "coverage_seen": "share of the free ground seen",
-    "objects_found": "objects found by the map",
-    "false_objects": "objects of the map that are not there",
-    "map_drift_90s_m": "drift of the map after 90 s, m",
-    "map_drift_180s_m": "drift of the map after 180 s, m",
-    "map_drift_m": "drift of the map at the end, m",
+    "duration_s": Metric(words="duration", unit="s"),
+    "explore_distance_m": Metric(words=f"distance {_FIRST}", unit="m"),
+    "total_distance_m": Metric(words="total distance", unit="m"),
+    "search_distance_m": Metric(words="distance while searching", unit="m"),
+    "time_to_find_helipad_s": Metric(words="time to find the helipad", unit="s"),
+    "time_to_land_s": Metric(words="time from there to motors off", unit="s"),
+    "landing_error_m": Metric(words="landing error", unit="m"),
+    "min_clearance_m": Metric(words="least clearance of a flight", unit="m"),
+    "coverage_passed_90s": Metric(words=f"free ground passed {_FIRST}", unit="%"),
+    "coverage_passed": Metric(words="free ground passed", unit="%"),
+    "coverage_seen_90s": Metric(words=f"free ground seen {_FIRST}", unit="%"),
+    "coverage_seen": Metric(words="free ground seen", unit="%"),
+    "objects_found": Metric(words="objects found by the map"),
+    "false_objects": Metric(words="objects of the map that are not there"),
+    "map_drift_90s_m": Metric(words="drift of the map after 90 s", unit="m"),
+    "map_drift_180s_m": Metric(words="drift of the map after 180 s", unit="m"),
+    "map_drift_m": Metric(words="drift of the map at the end", unit="m"),
 }
-"""Fields of a flight's report that are a number, or null when it was not reached, in words."""
+"""Fields of a flight's line that hold a number, or null when the flight did not reach it."""
 
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
 # Computing times, which differ from run to run.

@@ -12,6 +12,7 @@ import click
 from uav_bt import campaign as campaigns
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import CampaignResult
+from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.plan import SHARED, CampaignPlan
 from uav_bt.campaign.report.statistics import by_tree, summarise
 from uav_bt.campaign.runner import Backend, LocalBackend
@@ -140,7 +141,7 @@ def campaign(
     TREE is a tree file, or the name of a mission that ships with uav-bt; each flies in every scene.
     Flights are kept one by one in DIR/flights.jsonl. The same command continues a campaign that was
     stopped; more --flights add to it. A flight that crashes or hangs its process counts as
-    `error`. `uav-bt report DIR` shows what came of it. A flight with networks takes about 45 s of a
+    `error`. `uav-bt report DIR` writes the report. A flight with networks takes about 45 s of a
     core: fifty in each of two scenes are more than an hour on one.
 
     \b
@@ -213,17 +214,19 @@ def _print_result(result: CampaignResult, folder: Path) -> None:
 def _print_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
     summary = summarise(flights)
     low, high = summary.success_95
-    outcomes = ", ".join(f"{name} {count}" for name, count in summary.outcomes.items())
+    failures = (
+        f"; {name} {count}" for name, count in summary.outcomes.items() if name != "success"
+    )
     click.echo(
-        f"{tree}: {summary.flights} flights, {outcomes}; success {100 * summary.success:.1f} % "
-        f"(95 % Wilson interval {100 * low:.1f} to {100 * high:.1f} %)"
+        f"{tree}: success {summary.success_text} "
+        f"(95 % Wilson interval {100 * low:.1f} to {100 * high:.1f} %){''.join(failures)}"
     )
     heads = ("mean", "median", "p5", "p95", "least", "most")
-    click.echo(f"  {'':23}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
+    click.echo(f"  {'unit':>25}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
     for name, found in summary.metrics.items():
         if found is not None:
             numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
             click.echo(
-                f"  {name:<23}{found.count:>5}"
+                f"  {name:<22}{METRICS[name].unit:>3}{found.count:>5}"
                 + "".join(f"{'':>8}" if value is None else f"{value:>8.2f}" for value in numbers)
             )

@@ -1,27 +1,78 @@
-"""`uav-bt report`: what came of campaigns, on one page."""
+"""`uav-bt report`: the results of campaigns on one page."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast, get_args
 
 import click
 
 from uav_bt.campaign.report.campaign_report import write_report
+from uav_bt.campaign.report.figures import Form
+from uav_bt.campaign.report.paired import losses_of
+from uav_bt.campaign.report.sources import read_sources
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import output_option
+from uav_bt.errors import MissionError
 
 
 @click.command(cls=Command)
 @click.argument(
     "sources", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )
-@output_option("--out", "The HTML page; images and tables go beside it. Default: DIR/report.html")
-def report(*, sources: tuple[Path, ...], out: Path | None) -> None:
+@output_option("--out", "The HTML page; figures and tables go beside it. Default: DIR/report.html")
+@click.option(
+    "--figures",
+    type=click.Choice([*get_args(Form), "none"]),
+    default="png",
+    help="Form of the files of figures; the page always has PNGs inside.",
+)
+@click.option(
+    "--all-pairs",
+    is_flag=True,
+    help="Compare all trees with each other, not only the first with each other one.",
+)
+@click.option(
+    "--not-worse",
+    is_flag=True,
+    help="Exit with 1 if a tree is worse than the first on the same flights.",
+)
+@click.pass_context
+def report(
+    ctx: click.Context,
+    *,
+    sources: tuple[Path, ...],
+    out: Path | None,
+    figures: str,
+    all_pairs: bool,
+    not_worse: bool,
+) -> None:
     """Write the report of campaigns, their trees side by side.
 
-    DIR is the folder of a `uav-bt campaign`, or a file with a flight a line. The page needs nothing
-    but itself; its images (PNG) and tables (CSV) are written beside it as well.
-    """
-    written = write_report(sources, out, on_note=lambda note: click.echo(f"note: {note}", err=True))
+    DIR is the folder of a `uav-bt campaign`, or a file with one flight per line. The page is
+    self-contained. Its figures are also written to the folder report-figures beside it, and its
+    tables (CSV) beside it.
+
+    Trees that flew in the same scenes with the same seeds are compared flight by flight: McNemar's
+    test of success, and paired differences of coverage, clearance, landing error and duration.
+    Worse, for --not-worse, is a tree with two more failures among these flights, a median coverage
+    more than 2 points lower or a 5th percentile of the clearance more than 2 cm lower.
+
+    \b
+    Examples:
+      uav-bt report runs/land
+      uav-bt report runs/before runs/after --out report.html --figures pdf
+    """  # noqa: D301  (click needs the backspace)
+    losses = losses_of(read_sources(sources).sets) if not_worse else []
+    written = write_report(
+        sources,
+        out,
+        figures=None if figures == "none" else cast("Form", figures),
+        all_pairs=all_pairs,
+        on_note=lambda note: click.echo(f"note: {note}", err=True),
+    )
     for file in (written.page, *written.images, *written.tables):
         click.echo(file)
+    if losses:
+        click.echo("\n".join(f"worse: {loss}" for loss in losses), err=True)
+        ctx.exit(MissionError.exit_code)

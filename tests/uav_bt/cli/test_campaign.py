@@ -31,10 +31,10 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = folder / "out"
     done = run("campaign", mission, "--scenes", "val-*", "--flights", 1, *SMALL, "--out", out)
     assert done.exit_code == 0, done.output
-    assert "mission.xml: 2 flights, success 2; success 100.0 % (95 % Wilson" in done.stdout
+    assert "mission.xml: success 2 of 2 (95 % Wilson interval 34.2 to 100.0 %)\n" in done.stdout
     assert "1/2 mission.xml val-" in done.stderr
     (heads,) = (line for line in done.stdout.splitlines() if "median" in line)
-    assert heads.split() == ["n", "mean", "median", "p5", "p95", "least", "most"]
+    assert heads.split() == ["unit", "n", "mean", "median", "p5", "p95", "least", "most"]
     assert len(heads) <= 80
     return out
 
@@ -80,7 +80,25 @@ def test_a_report_is_written_into_the_folder(folder: Path) -> None:
     assert files[0] == folder / "report.html"
     assert all(file.is_file() for file in files)
     assert {file.suffix for file in files} == {".html", ".png", ".csv"}
-    assert (folder / "report-scene-val-a.png") in files
+    assert (folder / "report-figures" / "scene-val-a.png") in files
+
+
+def test_a_report_has_its_figures_as_pdf(folder: Path) -> None:
+    done = run("report", folder, "--figures", "pdf")
+    assert done.exit_code == 0, done.output
+    assert str(folder / "report-figures" / "outcomes.pdf") in done.stdout.splitlines()
+    assert {file.suffix for file in (folder / "report-figures").iterdir()} == {".pdf"}
+
+
+def test_a_worse_tree_makes_the_exit_code(folder: Path, tmp_path: Path) -> None:
+    worse = tmp_path / "worse.jsonl"
+    worse.write_text((folder / "flights.jsonl").read_text().replace('"success"', '"timeout"'))
+    words = ("report", folder, worse, "--figures", "none", "--not-worse")
+    done = run(*words, "--out", tmp_path / "r.html")
+    assert done.exit_code == 1, done.output
+    assert f"worse: mission ({worse}): 2 more failures" in done.stderr
+    assert run("report", folder, folder / "flights.jsonl", *words[3:]).exit_code == 0
+    assert_refused(run("report", folder, "--not-worse"), "got one tree")
 
 
 def test_a_file_of_flights_is_reported_beside_it(folder: Path) -> None:

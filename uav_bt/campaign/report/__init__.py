@@ -1,1 +1,1 @@
-"""What a flight is judged by: the report of one flight."""
+"""Reports of campaigns: a page with figures, tables and comparisons."""

@@ -1,4 +1,4 @@
-"""From flights to a report: one page that stands alone, and its images and tables beside it."""
+"""Report of campaigns: a self-contained page, with its figures and tables as files beside it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from sim_bridge.twin.scene_file import load_scene
 from uav_bt import __version__
 from uav_bt.app.film import map_of_scene
 from uav_bt.campaign.report.coverage_figure import coverage_over_time
-from uav_bt.campaign.report.figures import densities, outcomes
+from uav_bt.campaign.report.figures import Form, densities, drawn, outcomes
 from uav_bt.campaign.report.html import Image, Section, page
 from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.map_table import map_table
+from uav_bt.campaign.report.origin import origin_table
+from uav_bt.campaign.report.paired import paired_table, pairs_of
 from uav_bt.campaign.report.paper import paper_success
-from uav_bt.campaign.report.sources import Provenance, Sources, read_sources
-from uav_bt.campaign.report.statistics import PERCENTILE_FLIGHTS
+from uav_bt.campaign.report.sources import Sources, read_sources
 from uav_bt.campaign.report.table import Table
 from uav_bt.campaign.report.tables import tables_of
 from uav_bt.campaign.store import FLIGHTS_FILE
 from uav_bt.display.lab_map import LabMap
 from uav_bt.errors import InputError
-from uav_bt.files import write_whole
+from uav_bt.files import write_whole, writing
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
+from uav_bt.mission.flight_report import EXPLORE_S
 
 _ABOUT_SCENES: Final = (
     "Left: the true path of every flight. A dot is its start, a cross its failure. Right: the "
@@ -36,16 +38,22 @@ _ABOUT_SCENES: Final = (
 )
 
 _ABOUT_COVERAGE: Final = (
-    f"Passed is the free ground within {PASSED_M:g} m of the flown path, seen is what was in view, "
-    f"not hidden, within {SEEN_M:g} m of the lens. The line is the mean of a tree's flights, the "
-    f"band their 5th to 95th percentile, from {PERCENTILE_FLIGHTS} flights on. At each time both "
-    "count the flights that have not ended."
+    f"Passed: the free ground within {PASSED_M:g} m of the flown path. Seen: the ground in view, "
+    f"not hidden, within {SEEN_M:g} m of the lens. A thin line is a flight, from its first sample "
+    "to its end, which has a dot. A thick line is the mean of a tree's flights, as long as half of "
+    f"them last. The dotted line marks {EXPLORE_S:.0f} s."
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenReport:
-    """The files of a report."""
+    """The files of a report.
+
+    Attributes:
+        page: The HTML page.
+        images: Its figures, in the folder `STEM-figures` beside it.
+        tables: Its tables as CSV, beside it.
+    """
 
     page: Path
     images: tuple[Path, ...]
@@ -56,19 +64,23 @@ def write_report(
     paths: Sequence[Path],
     out: Path | None = None,
     *,
+    figures: Form | None = "png",
+    all_pairs: bool = False,
     today: dt.date | None = None,
     on_note: Callable[[str], None] = lambda _: None,
 ) -> WrittenReport:
     """Write the report of campaigns.
 
     Args:
-        paths: campaigns' folders, or files with a flight a line.
-        out: the page; `default_page` when None.
-        today: the date that stands in it.
-        on_note: called with what a person should know of the flights.
+        paths: Folders of campaigns, or files with one flight per line.
+        out: The page. None: `default_page`.
+        figures: Form of the files of figures. None: no files. The page has PNGs in any case.
+        all_pairs: Compare all trees with each other, not only the first with each other one.
+        today: Date of the report. None: today, UTC.
+        on_note: Called with each note on the flights.
 
     Raises:
-        FileError: there are no flights, or a file cannot be read or written.
+        FileError: There are no flights, or a file cannot be read or written.
     """
     sources = read_sources(paths)
     for note in sources.notes:
@@ -77,6 +89,8 @@ def write_report(
         sources,
         out or default_page(paths),
         maps=_maps(sources, on_note),
+        figures=figures,
+        all_pairs=all_pairs,
         today=today or dt.datetime.now(dt.UTC).date(),
     )
 
@@ -104,36 +118,62 @@ def _maps(sources: Sources, on_note: Callable[[str], None]) -> dict[str, LabMap]
 
 
 def write_campaign_report(
-    sources: Sources, out: Path, *, maps: Mapping[str, LabMap], today: dt.date
+    sources: Sources,
+    out: Path,
+    *,
+    maps: Mapping[str, LabMap],
+    figures: Form | None = "png",
+    all_pairs: bool = False,
+    today: dt.date,
 ) -> WrittenReport:
-    """Write a report: the page, and beside it its images (PNG) and tables (CSV).
+    """Write a report: the page, and beside it its figures and its tables (CSV).
 
     Args:
-        sources: what it is about.
-        out: the page; the other files' names begin with its stem.
-        maps: what stands in each scene, by its name; scenes without a map get no image.
-        today: the date that stands in it.
+        sources: The flights.
+        out: The page. The names of the other files begin with its stem.
+        maps: The map of each scene, by the scene's name. A scene without a map gets no figure.
+        figures: Form of the files of figures. None: no files.
+        all_pairs: Compare all trees with each other, not only the first with each other one.
+        today: Date of the report.
 
     Raises:
-        FileError: a file cannot be written.
+        FileError: A file cannot be written.
     """
-    tables = {**tables_of(sources, out), "map": map_table(sources.sets)}
-    overview, numbers = _outcomes_image(sources), _densities_images(sources)
-    covered, scenes = _coverage_image(sources), _scene_images(sources, maps)
+    tables = {
+        **tables_of(sources, out),
+        "map": map_table(sources.sets),
+        "pairs": paired_table(pairs_of(sources.sets, all_pairs=all_pairs)),
+    }
+    images = _images(sources)
+    scenes = _scene_images(sources, maps)
     text = page(
         _title(sources),
         f"{_extent(sources)}, {today.isoformat()}, uav-bt {__version__}",
-        _sections(sources, tables, (overview, *numbers), covered, scenes),
+        _sections(sources, tables, images, scenes),
     )
-    images = [overview, *numbers, *([covered] if covered else []), *scenes]
     _write(out, text.encode("utf-8"))
     return WrittenReport(
         page=out,
-        images=tuple(_write(_beside(out, one.name, "png"), one.png) for one in images),
+        images=_written_figures(out, (*images.values(), *scenes), figures),
         tables=tuple(
-            _write(_beside(out, one.name, "csv"), one.to_csv().encode("utf-8"))
+            _write(out.with_name(f"{out.stem}-{one.name}.csv"), one.to_csv().encode("utf-8"))
             for one in tables.values()
         ),
+    )
+
+
+def _written_figures(
+    page_file: Path, images: Sequence[Image], form: Form | None
+) -> tuple[Path, ...]:
+    if form is None:
+        return ()
+    folder = page_file.with_name(f"{page_file.stem}-figures")
+    with writing(folder):
+        folder.mkdir(exist_ok=True)
+    names = [re.sub(r"[^\w.-]+", "_", one.name) for one in images]  # a scene may have any name
+    return tuple(
+        _write(folder / f"{name}.{form}", drawn(one.figure, form))
+        for name, one in zip(names, images, strict=True)
     )
 
 
@@ -150,8 +190,7 @@ def _extent(sources: Sources) -> str:
 def _sections(
     sources: Sources,
     tables: Mapping[str, Table],
-    overview: tuple[Image, ...],
-    covered: Image | None,
+    images: Mapping[str, Image],
     scenes: tuple[Image, ...],
 ) -> list[Section]:
     sections = []
@@ -162,17 +201,24 @@ def _sections(
         Section(
             title="Outcomes",
             paragraphs=() if published is None else (published,),
-            images=overview[:1],
+            images=(images["outcomes"],),
             tables=(tables["outcomes"], tables["scenes"]),
         ),
     ]
+    if tables["pairs"].rows:
+        sections.append(Section(title=tables["pairs"].title, tables=(tables["pairs"],)))
     if tables["metrics"].rows:
+        numbers = (images["densities"],) if "densities" in images else ()
         sections.append(
-            Section(title="Times and distances", images=overview[1:], tables=(tables["metrics"],))
+            Section(title="Times and distances", images=numbers, tables=(tables["metrics"],))
         )
-    if covered is not None:
+    if "coverage" in images:
         sections.append(
-            Section(title="Coverage over time", paragraphs=(_ABOUT_COVERAGE,), images=(covered,))
+            Section(
+                title="Coverage over time",
+                paragraphs=(_ABOUT_COVERAGE,),
+                images=(images["coverage"],),
+            )
         )
     if tables["map"].rows:
         sections.append(Section(title="The mission's map", tables=(tables["map"],)))
@@ -188,81 +234,54 @@ def _sections(
     if failures.rows:
         sections.append(Section(title="Every failure", tables=(failures,)))
     else:
-        sections.append(Section(title="Every failure", paragraphs=("There was none.",)))
+        sections.append(Section(title="Every failure", paragraphs=("No flight failed.",)))
     if tables["timings"].rows:
         sections.append(Section(title="Computing", tables=(tables["timings"],)))
     sections.append(
         Section(
             title="Where this comes from",
-            tables=tuple(_origin(one) for one in sources.provenance),
+            tables=tuple(origin_table(one) for one in sources.provenance),
         )
     )
     return sections
 
 
-def _origin(source: Provenance) -> Table:
-    rows: list[tuple[str, str]] = []
-    plan = source.plan
-    if plan is not None:
-        width, height = plan.options.image_size_px
-        last = plan.seed_from + plan.flights - 1
-        rows += [(f"tree {file.name}", f"SHA-256 {file.sha256}") for file in plan.trees]
-        rows += [(f"scene {file.name}", f"SHA-256 {file.sha256}") for file in plan.scenes]
-        rows += [(f"weights {name}", f"SHA-256 {digest}") for name, digest in plan.weights.items()]
-        rows += [
-            ("seeds", f"{plan.seed_from} to {last}"),
-            ("profile", plan.options.profile),
-            ("images", f"{width}x{height}"),
-            *((("movers", str(plan.options.movers)),) if plan.options.movers else ()),
-            ("masks", "exact, from the referee" if plan.options.exact_masks else "the network's"),
-            *(("policy", f"{node}={name}") for node, name in plan.options.policy_names.items()),
-            ("versions", ", ".join(f"{name} {version}" for name, version in plan.versions.items())),
-        ]
-    rows += [
-        (f"run {run.get('began', '')}", f"{run.get('backend', '')}, code {run.get('code', '')}")
-        for run in source.runs
-    ]
-    rows += [
-        ("machine", name) for name in dict.fromkeys(r.get("hardware") for r in source.runs) if name
-    ]
-    if not rows:
-        rows.append(("file", "a plain file of flights: nothing more is known"))
-    return Table(name="origin", title=str(source.path), columns=("what", "which"), rows=tuple(rows))
-
-
-def _outcomes_image(sources: Sources) -> Image:
-    return Image(
-        name="outcomes",
-        png=outcomes(sources.sets),
-        alt="share of successful flights of each tree with its 95 % interval",
+def _images(sources: Sources) -> dict[str, Image]:
+    """Return the figures of all flights by name, without those that would be empty."""
+    figures = (
+        (
+            "outcomes",
+            outcomes(sources.sets),
+            "share of successful flights of each tree with its 95 % interval",
+        ),
+        (
+            "densities",
+            densities(sources.sets),
+            "distributions of times and distances of the flights",
+        ),
+        (
+            "coverage",
+            coverage_over_time(sources.sets),
+            "shares of the free ground that flights have passed and seen, over time",
+        ),
     )
-
-
-def _densities_images(sources: Sources) -> tuple[Image, ...]:
-    png = densities(sources.sets)
-    alt = "how times and distances of the flights are distributed"
-    return () if png is None else (Image(name="densities", png=png, alt=alt),)
-
-
-def _coverage_image(sources: Sources) -> Image | None:
-    png = coverage_over_time(sources.sets)
-    alt = "shares of the free ground that flights have passed and seen, over time"
-    return None if png is None else Image(name="coverage", png=png, alt=alt)
+    return {
+        name: Image(name=name, figure=figure, alt=alt)
+        for name, figure, alt in figures
+        if figure is not None
+    }
 
 
 def _scene_images(sources: Sources, maps: Mapping[str, LabMap]) -> tuple[Image, ...]:
     images = []
     for scene in sources.scenes:
-        png = scene_figure(sources.sets, scene, maps[scene]) if scene in maps else None
-        if png is not None:
+        figure = scene_figure(sources.sets, scene, maps[scene]) if scene in maps else None
+        if figure is not None:
             alt = f"flown paths and coverage of the carpet in the scene {scene}"
-            images.append(Image(name=f"scene-{scene}", png=png, alt=alt, title=f"Scene {scene}"))
+            images.append(
+                Image(name=f"scene-{scene}", figure=figure, alt=alt, title=f"Scene {scene}")
+            )
     return tuple(images)
-
-
-def _beside(page_file: Path, name: str, suffix: str) -> Path:
-    safe = re.sub(r"[^\w.-]+", "_", name)  # a scene's name may be anything
-    return page_file.with_name(f"{page_file.stem}-{safe}.{suffix}")
 
 
 def _write(path: Path, content: bytes) -> Path:

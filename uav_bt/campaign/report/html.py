@@ -1,4 +1,4 @@
-"""A page of its own: style and images inside, nothing from elsewhere, every text escaped."""
+"""Self-contained HTML page: style and images are inside, and every text is escaped."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from jinja2 import Environment, StrictUndefined
+from matplotlib.figure import Figure
 
+from uav_bt.campaign.report.figures import drawn
 from uav_bt.campaign.report.table import Cell, Link, Table, Term
 
 _PAGE: Final = """\
@@ -54,7 +56,7 @@ code { font: .82rem/1.4 ui-monospace, monospace; background: #f1f3f5; border-rad
 {% if image.title %}
 <h3>{{ image.title }}</h3>
 {% endif %}
-<figure><img src="data:image/png;base64,{{ image.png|base64 }}" alt="{{ image.alt }}"></figure>
+<figure><img src="data:image/png;base64,{{ image.figure|png }}" alt="{{ image.alt }}"></figure>
 {% endfor %}
 {% for table in section.tables|map("filled") if table.rows %}
 {% if table.title != section.title %}
@@ -96,32 +98,47 @@ code { font: .82rem/1.4 ui-monospace, monospace; background: #f1f3f5; border-rad
 
 @dataclass(frozen=True, kw_only=True)
 class Image:
-    """A PNG of the report."""
+    """A figure of the report.
 
-    name: str  # of its file
-    png: bytes
-    alt: str  # what it shows, for those who do not see it
-    title: str = ""  # above it
+    Attributes:
+        name: Name of its file, without the suffix.
+        figure: The figure.
+        alt: Description for readers who do not see it.
+        title: Heading above it.
+    """
+
+    name: str
+    figure: Figure
+    alt: str
+    title: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """A part of the page: paragraphs, then images, then tables, as far as there are any."""
+    """A part of the page: paragraphs, then images, then tables.
+
+    Attributes:
+        title: Heading.
+        paragraphs: Texts.
+        images: Figures.
+        tables: Tables. Empty tables are left out.
+        warning: Whether the section is marked as a warning.
+    """
 
     title: str
     paragraphs: tuple[str, ...] = ()
     images: tuple[Image, ...] = ()
     tables: tuple[Table, ...] = ()
-    warning: bool = False  # something to look at before all else
+    warning: bool = False
 
 
 def page(title: str, lead: str, sections: Sequence[Section]) -> str:
     """Return a whole HTML page.
 
     Args:
-        title: of the page.
-        lead: the line below it.
-        sections: in their order.
+        title: Title of the page.
+        lead: Line below the title.
+        sections: Sections in their order.
     """
     environment = Environment(
         autoescape=True,
@@ -131,7 +148,7 @@ def page(title: str, lead: str, sections: Sequence[Section]) -> str:
         keep_trailing_newline=True,
     )
     environment.filters |= {
-        "base64": _base64,
+        "png": _png,
         "numeric": _numeric,
         "text": _text,
         "filled": Table.filled,
@@ -140,8 +157,9 @@ def page(title: str, lead: str, sections: Sequence[Section]) -> str:
     return environment.from_string(_PAGE).render(title=title, lead=lead, sections=sections)
 
 
-def _base64(data: bytes) -> str:
-    return base64.b64encode(data).decode("ascii")
+def _png(figure: Figure) -> str:
+    """Return a figure as PNG in base 64."""
+    return base64.b64encode(drawn(figure, "png")).decode("ascii")
 
 
 def _numeric(table: Table) -> list[bool]:

@@ -1,4 +1,4 @@
-"""The report's figures of the lab: flown paths, and the carpet they covered."""
+"""The report's figures of the scenes: flown paths and covered ground."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 
-from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, png, style
+from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, style
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.mission.covered_ground import PASSED_M, GroundCells
@@ -20,13 +21,15 @@ from uav_bt.types.ground import Footprint, Ground, Standing
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_STEP_M: Final = 0.1  # between points of the path that are looked at; a tick's flight at 1 m/s
+_STEP_M: Final = 0.1  # between the evaluated points of a path; a tick's flight at 1 m/s
 _CARPET: Final = "#f1f3f0"
 _INK_PAD: Final = "#a61e1e"
 _INK_NAME: Final = "#343a40"
 _HALO: Final = (withStroke(linewidth=2.0, foreground="white"),)  # readable on dark cells
-_MARGIN_M: Final = 0.35
 _ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
+_MARGIN_M: Final = 0.1  # around the carpet and the paths
+_PANEL_IN: Final = 4.7  # width of a panel's axes
+_WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
 _SUCCESS: Final = "success"
 
 Flights = Sequence[dict[str, Any]]
@@ -37,23 +40,26 @@ def _flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
     return [flight for flight in one.flights if flight["scene"] == scene and flight.get("path")]
 
 
-def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | None:
-    """Draw the flights in a scene: paths on the left, coverage beside, a row for each set.
+def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> Figure | None:
+    """Draw the flights in a scene: paths on the left, coverage on the right, a row for each set.
 
     Args:
-        sets: the compared sets; those without kept paths in this scene are left out.
-        scene: its name.
-        lab: the map of the scene.
+        sets: The flights. Sets without paths in this scene are left out.
+        scene: Name of the scene.
+        lab: Map of the scene.
 
     Returns:
-        A PNG; None when no path was kept.
+        The figure; None when no path was kept.
     """
     rows = [(one, flown) for one in sets if (flown := _flights_in(one, scene))]
     if not rows:
         return None
     with style():
-        figure = new_figure(11.0, 4.6 * len(rows) + 0.4)
-        grid = figure.subplots(len(rows), 2, squeeze=False)
+        half_x, half_y = _half_view_m(lab, [flight for _, flown in rows for flight in flown])
+        row_in = _PANEL_IN * half_y / half_x + _WORDS_IN
+        figure = new_figure(11.0, row_in * len(rows) + 0.4)
+        grid = figure.subplots(len(rows), 2, squeeze=False, sharex=True, sharey=True)
+        grid[0, 0].set(xlim=(-half_x, half_x), ylim=(-half_y, half_y))
         for row, (one, flown) in enumerate(rows):
             _paths(grid[row, 0], flown, lab)
             count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
@@ -61,7 +67,7 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | 
             grid[row, 0].set_title(title, fontweight="bold")
             image = _coverage(grid[row, 1], flown, lab)
         bar = figure.colorbar(image, ax=grid, shrink=0.7 / len(rows), pad=0.01)
-        bar.set_label("flights that came by, %")
+        bar.set_label("flights that passed, %")
         bar.outline.set_visible(False)
         shown = {flight["outcome"] for _, flown in rows for flight in flown}
         figure.legend(
@@ -73,13 +79,20 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | 
             loc="outside upper left",
             ncols=len(OUTCOME_COLOURS),
         )
-        return png(figure)
+        return figure
+
+
+def _half_view_m(lab: LabMap, flown: Flights) -> tuple[float, float]:
+    """Return half the width and height of the view: the carpet, and paths that leave it."""
+    paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in flown])
+    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.carpet_size_m) / 2)
+    return float(half_m[0]) + _MARGIN_M, float(half_m[1]) + _MARGIN_M
 
 
 def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
     _lab(axes, lab)
     alpha = float(np.clip(6.0 / len(flown), 0.15, 0.8))
-    # The few failures are drawn on top.
+    # Failures on top: they are few and matter most.
     for flight in sorted(flown, key=lambda one: one["outcome"] != _SUCCESS):
         path = np.asarray(flight["path"], dtype=np.float64)
         good = flight["outcome"] == _SUCCESS
@@ -94,6 +107,8 @@ def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
         axes.plot(path[0, 1], path[0, 2], ".", color=colour, markersize=3)
         if not good:
             axes.plot(path[-1, 1], path[-1, 2], "x", color=colour, markersize=8, markeredgewidth=2)
+    axes.set_xlabel("x, m", fontsize=8)
+    axes.set_ylabel("y, m", fontsize=8)
 
 
 def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
@@ -111,22 +126,23 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
         zorder=0,
     )
     shares = [100.0 * cells.share(one) for one in passed]
-    title = f"a flight passes {float(np.mean(shares)):.0f} % of the free ground"
-    spread = f" ({min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
-    axes.set_title(title + spread)
-    axes.set_xlabel(f"x, m\npassed: the body's centre came within {PASSED_M:g} m", fontsize=8)
+    spread = f" (mean; {min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
+    axes.set_title(f"{float(np.mean(shares)):.0f} % of the free ground passed{spread}")
+    axes.set_xlabel(f"x, m; passed: the body's centre came within {PASSED_M:g} m", fontsize=8)
     return image
 
 
 def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
-    half_x, half_y = lab.carpet_size_m[0] / 2, lab.carpet_size_m[1] / 2
     carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab.carpet_size_m, 0.0))
     axes.add_patch(
         Polygon(carpet.corners(), facecolor=_CARPET if filled else "none", edgecolor="#adb5bd")
     )
     if lab.helipad is not None:
         pad = lab.helipad
-        axes.add_patch(Polygon(pad.corners(), facecolor="none", edgecolor=_INK_PAD, linewidth=1.4))
+        pad_face = "none" if filled else "white"
+        axes.add_patch(
+            Polygon(pad.corners(), facecolor=pad_face, edgecolor=_INK_PAD, linewidth=1.4)
+        )
         axes.text(
             pad.x_m,
             pad.y_m,
@@ -179,9 +195,7 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
     axes.set_xlabel("x, m", fontsize=8)
     axes.set_ylabel("y, m", fontsize=8)
     axes.set_aspect("equal")
-    axes.set_xlim(-half_x - _MARGIN_M, half_x + _MARGIN_M)
-    axes.set_ylim(-half_y - _MARGIN_M, half_y + _MARGIN_M)
-    axes.tick_params(length=2, labelsize=7)
+    axes.tick_params(length=2, labelsize=7, labelbottom=True)
     for spine in axes.spines.values():
         spine.set_visible(False)
 
@@ -190,7 +204,7 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
 
 
 def ground_of(lab: LabMap) -> Ground:
-    """Return the ground that a map shows."""
+    """Return the ground of a map."""
     items = lab.boxes if lab.helipad is None else (*lab.boxes, lab.helipad)
     return Ground(
         size_m=lab.carpet_size_m,
@@ -214,8 +228,8 @@ def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Flags:
     """Return the cells that a flight has passed, (rows, columns).
 
     Args:
-        path: points (t, x, y, z), world metres; the path between two of them is straight.
-        cells: of the ground.
+        path: Points (t, x, y, z) in s and world metres, connected by straight lines.
+        cells: Cells of the ground.
     """
     passed = np.zeros_like(cells.free)
     if not path:

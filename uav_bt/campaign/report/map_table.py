@@ -1,4 +1,4 @@
-"""The report's table of the maps that missions made: which objects they found, and how exactly."""
+"""The report's table of the maps: the objects found and their errors of position."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from typing import Final
 import numpy as np
 
 from uav_bt.campaign.report.sources import FlightSet
+from uav_bt.campaign.report.statistics import PERCENTILE_FLIGHTS
 from uav_bt.campaign.report.table import Cell, Table
 from uav_bt.mission.map_check import FOUND_M
 
 _NOTE: Final = (
-    f"An object is found when one of its class stands within {FOUND_M:g} m of it on the map, which "
-    "is laid over the place by the pose at take-off; so its drift counts among the errors of "
-    "position, which are those of all found objects."
+    f"An object counts as found if the map has an object of its class within {FOUND_M:g} m. The "
+    "pose at take-off aligns the map with the place, so the errors of position contain the drift. "
+    "They are those of all found objects."
 )
 
 
 def map_table(sets: Sequence[FlightSet]) -> Table:
-    """Return what the maps of flights found; without a row where no flight made one."""
+    """Return objects and errors of the maps by tree; a tree without a map has no row."""
     rows: list[tuple[Cell, ...]] = []
     for one in sets:
         mapped = [f for f in one.flights if f.get("objects_total") is not None]
@@ -33,8 +34,10 @@ def map_table(sets: Sequence[FlightSet]) -> Table:
         numbers: tuple[float | None, ...] = (None,) * 4
         if errors_m:
             median, late = np.percentile(errors_m, [50, 95])
+            late = late if len(mapped) >= PERCENTILE_FLIGHTS else None
             numbers = tuple(
-                round(float(each), 3) for each in (np.mean(errors_m), median, late, max(errors_m))
+                None if each is None else round(float(each), 3)
+                for each in (np.mean(errors_m), median, late, max(errors_m))
             )
         share = round(100.0 * found / total, 1) if total else None
         rows.append((one.label, len(mapped), found, total, share, false, *numbers, restarts))
@@ -43,7 +46,7 @@ def map_table(sets: Sequence[FlightSet]) -> Table:
         title="The mission's map",
         columns=(
             *("tree", "flights", "objects found", "of", "found, %", "false objects"),
-            *("error, m: mean", "median", "95 %", "most", "begun anew"),
+            *("error, m: mean", "median", "95 %", "most", "restarts"),
         ),
         rows=tuple(rows),
         note=_NOTE,

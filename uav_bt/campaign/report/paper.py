@@ -1,7 +1,7 @@
-"""What the paper reports of its flights, to hold ours against; of its missions, and no others.
+"""Figures that the paper reports of its missions, for comparison with flights of the same missions.
 
 M. Mocanu, E. Slusanschi, M. Leordeanu, arXiv 2510.16624, section on vision-based autonomous flying.
-Its density plots are read off in words there; no more exact numbers are given.
+The paper describes its density plots in words and gives no more exact numbers.
 """
 
 from __future__ import annotations
@@ -15,16 +15,22 @@ _SEGMENTATION: Final = "explore_and_land_segmentation"
 _DEPTH: Final = "explore_and_land_depth"
 
 PAPER_MISSIONS: Final = (_SEGMENTATION, _DEPTH)
-"""The missions of ours that the paper flew, by the names of their files."""
+"""Missions that the paper flew, by the names of their files here."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PaperFigure:
-    """A statement of the paper about a distribution."""
+    """A statement of the paper about a distribution.
+
+    Attributes:
+        mission: Name of the mission's file here.
+        text: The statement.
+        span: Range of values that the statement names, in the metric's unit.
+    """
 
     mission: str
     text: str
-    span: tuple[float, float]  # what it speaks of, in the metric's unit
+    span: tuple[float, float]
 
 
 _FIGURES: Final = {
@@ -42,21 +48,21 @@ _FIGURES: Final = {
 
 
 def paper_figures(metric: str, trees: Iterable[str]) -> tuple[PaperFigure, ...]:
-    """Return what the paper says of a metric of some missions.
+    """Return the paper's statements about a metric of some missions.
 
     Args:
-        metric: a field of the flight's report.
-        trees: names of the missions' files.
+        metric: Field of the flight's report.
+        trees: Names of the missions' files.
     """
     flown = {Path(tree).stem for tree in trees}
     return tuple(figure for figure in _FIGURES.get(metric, ()) if figure.mission in flown)
 
 
 def paper_success(trees: Iterable[str]) -> str | None:
-    """Return what the paper says of the success of some missions; None where it flew none of them.
+    """Return the paper's statement about the success of missions; None if it flew none of them.
 
     Args:
-        trees: names of the missions' files.
+        trees: Names of the missions' files.
     """
     flown = {Path(tree).stem for tree in trees}
     known = [mission for mission in PAPER_MISSIONS if mission in flown]

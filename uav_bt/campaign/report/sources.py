@@ -1,4 +1,4 @@
-"""Where a report's flights come from: campaigns' folders, and plain files of flights."""
+"""Sources of a report: folders of campaigns and plain files of flights."""
 
 from __future__ import annotations
 
@@ -17,34 +17,47 @@ from uav_bt.errors import FileError
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """One folder or file that was read."""
+    """One folder or file that was read.
 
-    path: Path  # as it was given
-    plan: CampaignPlan | None  # None for a plain file of flights
-    runs: tuple[dict[str, Any], ...]  # when, where and of which commit it was flown
+    Attributes:
+        path: The path as given.
+        plan: The plan of the campaign. None: a plain file of flights.
+        runs: Runs of the campaign, each with its time, machine and commit.
+    """
+
+    path: Path
+    plan: CampaignPlan | None
+    runs: tuple[dict[str, Any], ...]
 
     @property
     def folder(self) -> Path:
-        """The folder that it lies in, or is."""
+        """The folder itself, or the folder of the file."""
         return self.path if self.path.is_dir() else self.path.parent
 
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSet:
-    """The flights of one tree from one source: what is compared side by side."""
+    """The flights of one tree from one source: a row of the report.
 
-    label: str  # unlike the other sets' labels
+    Attributes:
+        label: Name in the report, unique in it.
+        tree: Name of the tree's file.
+        flights: Lines of the flights.
+        source: Folder or file of the flights.
+    """
+
+    label: str
     tree: str
     flights: tuple[dict[str, Any], ...]
     source: Provenance
 
     def scene_path(self, scene: str) -> str:
-        """Return where a scene of these flights is found: a file, or a shipped scene's name."""
+        """Return the file of a scene of these flights, or the name of a shipped scene."""
         planned = self.source.plan.scenes if self.source.plan is not None else ()
         return next((file.path for file in planned if file.name == scene), scene)
 
     def tree_path(self) -> str:
-        """Return where the tree is found: a file, or a shipped mission's name."""
+        """Return the file of the tree, or the name of a shipped mission."""
         planned = self.source.plan.trees if self.source.plan is not None else ()
         known = (file.path for file in planned if file.name == self.tree)
         return next(known, Path(self.tree).stem)
@@ -52,11 +65,17 @@ class FlightSet:
 
 @dataclass(frozen=True, kw_only=True)
 class Sources:
-    """Everything that a report is about."""
+    """Content of a report.
+
+    Attributes:
+        sets: The flights by tree and source.
+        provenance: The folders and files.
+        notes: Notes on damaged lines and on planned flights that are missing.
+    """
 
     sets: tuple[FlightSet, ...]
     provenance: tuple[Provenance, ...]
-    notes: tuple[str, ...]  # damaged lines, flights that are still to be flown
+    notes: tuple[str, ...]
 
     @property
     def scenes(self) -> tuple[str, ...]:
@@ -66,13 +85,13 @@ class Sources:
 
 
 def read_sources(paths: Sequence[Path]) -> Sources:
-    """Read flights, each tree of each source a set of its own.
+    """Read flights. Each tree of each source becomes a set.
 
     Args:
-        paths: campaigns' folders, or files with a flight a line.
+        paths: Folders of campaigns, or files with one flight per line.
 
     Raises:
-        FileError: there is nothing to read, or nothing that is a flight.
+        FileError: A folder or file is missing or has no flights.
     """
     notes: list[str] = []
     found: list[tuple[Provenance, str, tuple[dict[str, Any], ...]]] = []

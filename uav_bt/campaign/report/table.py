@@ -9,18 +9,28 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True, kw_only=True)
 class Link:
-    """A cell that leads to a file."""
+    """A cell with a link to a file.
+
+    Attributes:
+        text: Text on the page; the CSV file has the target.
+        target: Path of the file relative to the page.
+    """
 
     text: str
-    target: str  # relative to the page
+    target: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Term:
-    """A cell that programs know by another name."""
+    """A cell with different texts for readers and for programs.
 
-    text: str  # on the page
-    key: str  # in the CSV file
+    Attributes:
+        text: Text on the page.
+        key: Text in the CSV file.
+    """
+
+    text: str
+    key: str
 
 
 Cell = str | int | float | Link | Term | None
@@ -28,14 +38,23 @@ Cell = str | int | float | Link | Term | None
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table of the report."""
+    """A table of the report.
 
-    name: str  # of its CSV file
+    Attributes:
+        name: Name of its CSV file, without the report's stem and the suffix.
+        title: Heading.
+        columns: Headings of the columns.
+        rows: Cells by row.
+        note: Text above the table.
+        code: Headings of the columns that are set as code.
+    """
+
+    name: str
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
-    note: str = ""  # a sentence above it
-    code: frozenset[str] = frozenset()  # columns that hold something to type
+    note: str = ""
+    code: frozenset[str] = frozenset()
 
     def to_csv(self) -> str:
         """Return the table as CSV (RFC 4180, a header line)."""

@@ -1,4 +1,4 @@
-"""What the tables of a report hold."""
+"""Tables of a report."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.report.paper import paper_figures, paper_success
 from uav_bt.campaign.report.sources import FlightSet, Sources
-from uav_bt.campaign.report.statistics import summarise
+from uav_bt.campaign.report.statistics import FlightsSummary, summarise
 from uav_bt.campaign.report.table import Cell, Link, Table, Term
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
@@ -22,23 +22,23 @@ from uav_bt.tree.loading.folders import TreeFolders
 
 _SUCCESS: Final = Outcome.SUCCESS.value
 _METRIC_NOTES: Final = {
-    "": "Each metric counts the flights that got that far.",
-    "explore_distance_m": f"The first {EXPLORE_S:.0f} s begin with the take-off command, and count "
-    "where a flight lasted as long.",
-    "search_distance_m": "Searching lasts from the end of exploration until the helipad is found.",
-    "coverage_passed": f"Passed: within {PASSED_M:g} m of the flown path; seen: in view, not "
+    "": "Flights: the number of flights that reached the metric.",
+    "explore_distance_m": f"The first {EXPLORE_S:.0f} s begin with the take-off command; shorter "
+    "flights do not count.",
+    "search_distance_m": "The search lasts from the end of exploration until the helipad is found.",
+    "coverage_passed": f"Passed: within {PASSED_M:g} m of the flown path. Seen: in view, not "
     f"hidden, within {SEEN_M:g} m of the lens.",
-    "min_clearance_m": "Least clearance: the nearest that the hull came to a box or mover.",
+    "min_clearance_m": "Least clearance: the smallest distance of the hull from a box or mover.",
 }
-"""Sentences about the metrics that have values; the first stands always."""
+"""Notes on the metrics that have values; the first is always shown."""
 
 
 def tables_of(sources: Sources, page: Path) -> dict[str, Table]:
     """Return the report's tables by name.
 
     Args:
-        sources: what the report is about.
-        page: where the page will be; links are relative to it.
+        sources: The flights.
+        page: The page; links are relative to its folder.
     """
     tables = (
         _outcomes(sources.sets),
@@ -51,25 +51,34 @@ def tables_of(sources: Sources, page: Path) -> dict[str, Table]:
     return {table.name: table for table in tables}
 
 
-def _percent(share: float) -> float:
-    return round(100.0 * share, 1)
+_DIGITS: Final = {"s": 1, "m": 3, "%": 1, "": 2}  # decimal places by unit
+_SUCCESS_COLUMNS: Final = ("flights", "successes", "success, %", "from, %", "to, %")
+
+
+def _success_cells(summary: FlightsSummary) -> tuple[Cell, ...]:
+    percent, good = summary.success_percent, summary.successes
+    return (
+        summary.flights,
+        Term(text=f"{good} of {summary.flights}", key=str(good)),
+        None if percent is None else round(percent, 1),
+        *(round(100.0 * end, 1) for end in summary.success_95),
+    )
 
 
 def _outcomes(sets: Sequence[FlightSet]) -> Table:
+    failures = [outcome.value for outcome in Outcome if outcome is not Outcome.SUCCESS]
     rows: list[tuple[Cell, ...]] = []
     for one in sets:
         summary = summarise(one.flights)
-        low, high = summary.success_95
-        counts = (summary.outcomes.get(outcome.value, 0) for outcome in Outcome)
-        ends = (_percent(low), _percent(high))
-        rows.append((one.label, summary.flights, _percent(summary.success), *ends, *counts))
-    names = (outcome.value.replace("_", " ") for outcome in Outcome)
+        counts = (summary.outcomes.get(outcome, 0) for outcome in failures)
+        rows.append((one.label, *_success_cells(summary), *counts))
+    names = (outcome.replace("_", " ") for outcome in failures)
     return Table(
         name="outcomes",
         title="Outcomes",
-        columns=("tree", "flights", "success, %", "95 % from", "to", *names),
+        columns=("tree", *_SUCCESS_COLUMNS, *names),
         rows=tuple(rows),
-        note="Intervals are Wilson's, 95 %.",
+        note="From and to: the 95 % Wilson interval of the share of successes.",
     )
 
 
@@ -79,15 +88,11 @@ def _scenes(sources: Sources) -> Table:
         for scene in sources.scenes:
             flown = [flight for flight in one.flights if flight["scene"] == scene]
             if flown:
-                summary = summarise(flown)
-                low, high = summary.success_95
-                ends = (_percent(low), _percent(high))
-                good = summary.outcomes[_SUCCESS]
-                rows.append((one.label, scene, len(flown), good, _percent(summary.success), *ends))
+                rows.append((one.label, scene, *_success_cells(summarise(flown))))
     return Table(
         name="scenes",
         title="By scene",
-        columns=("tree", "scene", "flights", "successes", "success, %", "95 % from", "to"),
+        columns=("tree", "scene", *_SUCCESS_COLUMNS),
         rows=tuple(rows),
     )
 
@@ -96,14 +101,16 @@ def _metrics(sets: Sequence[FlightSet]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     summaries = [(one, summarise(one.flights)) for one in sets]
     known = bool(paper_success(one.tree for one in sets))
-    for name, words in METRICS.items():
+    for name, metric in METRICS.items():
         for one, summary in summaries:
             found = summary.metrics[name]
             if found is not None:
                 numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
-                rounded = (None if number is None else round(number, 3) for number in numbers)
+                digits = _DIGITS[metric.unit]
+                rounded = (None if number is None else round(number, digits) for number in numbers)
                 row: tuple[Cell, ...] = (
-                    Term(text=words, key=name),
+                    Term(text=metric.words, key=name),
+                    metric.unit or None,
                     one.label,
                     found.count,
                     *rounded,
@@ -115,7 +122,7 @@ def _metrics(sets: Sequence[FlightSet]) -> Table:
         name="metrics",
         title="Times and distances",
         columns=(
-            *("metric", "tree", "flights", "mean", "median"),
+            *("metric", "unit", "tree", "flights", "mean", "median"),
             *("5 %", "95 %", "least", "most"),
             *(("paper",) if known else ()),
         ),
@@ -145,10 +152,10 @@ def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
         title="Every failure",
         columns=(
             *("tree", "scene", "seed", "outcome", "reason"),
-            *("after, s", "record", "the same again"),
+            *("after, s", "record", "command to repeat"),
         ),
         rows=tuple(rows),
-        code=frozenset({"the same again"}),
+        code=frozenset({"command to repeat"}),
     )
 
 
@@ -172,7 +179,10 @@ def _repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
         words += ["--scenes" if exact else "--scene", one.scene_path(scene)]
     if exact:
         words += ["--exact-masks", "--flights", "1", "--seed-from", str(flight["seed"])]
-        words += ["--out", f"runs/again-{scene}-{flight['seed']}"]  # its own plan, its own folder
+        words += [
+            "--out",
+            f"runs/again-{scene}-{flight['seed']}",
+        ]  # another plan needs another folder
     else:
         words += ["--seed", str(flight["seed"])]
     profile = flight.get("profile")
@@ -238,8 +248,8 @@ def _timings(sets: Sequence[FlightSet]) -> Table:
             "times real time",
         ),
         rows=tuple(rows),
-        note="Medians over the flights of each flight's percentiles, one inference thread; the "
-        "longest of all. Other flights ran beside.",
+        note="p50 and p99: medians over the flights of each flight's percentiles. Longest: the "
+        "maximum of all flights. One inference thread; other flights ran at the same time.",
     )
 
 

@@ -14,12 +14,12 @@ import cv2
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile
 from uav_bt.campaign.report.campaign_report import WrittenReport, write_campaign_report
 from uav_bt.campaign.report.figures import densities
+from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.display.lab_map import LabMap, MapItem
@@ -82,9 +82,9 @@ def campaign(folder: Path, *flights: dict[str, Any], **how: Any) -> Path:
     return folder
 
 
-def write(out: Path, *paths: Path) -> WrittenReport:
+def write(out: Path, *paths: Path, **options: Any) -> WrittenReport:
     return write_campaign_report(
-        read_sources(paths), out, maps={"lab": LAB}, today=dt.date(2026, 1, 2)
+        read_sources(paths), out, maps={"lab": LAB}, today=dt.date(2026, 1, 2), **options
     )
 
 
@@ -121,8 +121,8 @@ class Page(HTMLParser):
 def test_a_report_is_a_page_with_pictures_and_tables_beside_it(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
     written = write(tmp_path / "r.html", folder)
-    assert [path.name for path in written.images] == [
-        *("r-outcomes.png", "r-densities.png", "r-scene-lab.png")
+    assert [str(path.relative_to(tmp_path)) for path in written.images] == [
+        *("r-figures/outcomes.png", "r-figures/densities.png", "r-figures/scene-lab.png")
     ]
     for path in written.images:
         picture = cv2.imread(str(path))
@@ -130,7 +130,16 @@ def test_a_report_is_a_page_with_pictures_and_tables_beside_it(tmp_path: Path) -
         assert picture.std() > 5.0, "a picture shows something"
     assert {path.name for path in written.tables} == {
         f"r-{name}.csv"
-        for name in ("outcomes", "scenes", "metrics", "failures", "timings", "flights", "map")
+        for name in (
+            "outcomes",
+            "scenes",
+            "metrics",
+            "failures",
+            "timings",
+            "flights",
+            "map",
+            "pairs",
+        )
     }
     assert sorted(path.name for path in tmp_path.iterdir() if path.suffix == ".part") == []
 
@@ -148,10 +157,46 @@ def test_the_page_names_the_machine(tmp_path: Path) -> None:
     assert "Chip 9, 2 cores, VNNI" in page.texts
 
 
+def test_the_page_says_that_a_machine_was_not_recorded(tmp_path: Path) -> None:
+    folder = campaign(tmp_path / "c", flight(0))
+    kept = json.loads((folder / "campaign.json").read_text())
+    del kept["runs"][0]["hardware"]
+    (folder / "campaign.json").write_text(json.dumps(kept))
+    assert "not recorded" in Page(write(tmp_path / "r.html", folder).page.read_text()).texts
+
+
 def test_the_same_flights_make_the_same_report(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
     first = write(tmp_path / "r.html", folder).page.read_bytes()
     assert write(tmp_path / "r.html", folder).page.read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("form", "begins", "date"),
+    [("pdf", b"%PDF-", b"CreationDate"), ("svg", b"<?xml", b"dc:date")],
+)
+def test_the_same_flights_make_the_same_vector_figures(
+    tmp_path: Path, form: str, begins: bytes, date: bytes
+) -> None:
+    folder = campaign(tmp_path / "c", *(flight(seed, **COVERED) for seed in range(6)))
+    written = write(tmp_path / "r.html", folder, figures=form)
+    files = [path.read_bytes() for path in written.images]
+    assert [path.name for path in written.images] == [
+        f"{name}.{form}" for name in ("outcomes", "densities", "coverage", "scene-lab")
+    ]
+    assert all(one.startswith(begins) for one in files)
+    assert not any(date in one for one in files)
+    again = write(tmp_path / "r.html", folder, figures=form)
+    assert [path.read_bytes() for path in again.images] == files
+    assert "data:image/png" in written.page.read_text()
+
+
+def test_figures_stay_in_the_page_alone(tmp_path: Path) -> None:
+    folder = campaign(tmp_path / "c", flight(0))
+    written = write(tmp_path / "r.html", folder, figures=None)
+    assert written.images == ()
+    assert not (tmp_path / "r-figures").exists()
+    assert "data:image/png" in written.page.read_text()
 
 
 def test_texts_of_others_cannot_become_part_of_the_page(tmp_path: Path) -> None:
@@ -168,16 +213,27 @@ def test_outcomes_come_with_their_intervals(tmp_path: Path) -> None:
     assert row == {
         "tree": "one",
         "flights": "20",
+        "successes": "19",
         "success, %": "95.0",
-        "95 % from": "76.4",
-        "to": "99.1",
-        "success": "19",
+        "from, %": "76.4",
+        "to, %": "99.1",
         "collision": "0",
         "left area": "0",
         "timeout": "1",
         "aborted": "0",
         "error": "0",
     }
+
+
+def test_successes_of_a_few_flights_are_counted_and_not_given_in_percent(tmp_path: Path) -> None:
+    """The Wilson interval of 2 of 2 begins at 2 / (2 + 1.96**2) = 34.2 %."""
+    written = write(tmp_path / "r.html", campaign(tmp_path / "c", flight(0), flight(1)))
+    page = Page(written.page.read_text())
+    assert "2 of 2" in page.texts
+    assert "34.2" in page.texts
+    assert "success, %" not in page.texts
+    (row,) = rows(written, "outcomes")
+    assert (row["flights"], row["successes"], row["success, %"]) == ("2", "2", "")
 
 
 def test_every_failure_has_its_reason_its_record_and_a_way_to_see_it_again(tmp_path: Path) -> None:
@@ -192,7 +248,7 @@ def test_every_failure_has_its_reason_its_record_and_a_way_to_see_it_again(tmp_p
     assert (first["outcome"], first["reason"]) == ("collision", "touched box-4")
     assert first["record"] == "c/records/a b.mcap"
     assert second["record"] == ""
-    assert first["the same again"] == (
+    assert first["command to repeat"] == (
         "uav-bt fly /missions/one.xml --scene '/labs/my lab.yaml' --seed 3 --profile lab "
         "--image-size 640x360 --policy Explore=mine"
     )
@@ -203,7 +259,7 @@ def test_flights_on_exact_masks_are_seen_again_with_exact_masks(tmp_path: Path) 
     one = flight(3, outcome="error", reason="crashed")
     folder = campaign(tmp_path / "c", one, exact_masks=True, image_size_px=(160, 90))
     (row,) = rows(write(tmp_path / "r.html", folder), "failures")
-    assert row["the same again"] == (
+    assert row["command to repeat"] == (
         "uav-bt campaign /missions/one.xml --scenes '/labs/my lab.yaml' --exact-masks --flights 1 "
         "--seed-from 3 --out runs/again-lab-3 --profile lab --image-size 160x90"
     )
@@ -262,6 +318,17 @@ def test_scene_and_mission_are_named_above_the_maps(tmp_path: Path) -> None:
     assert "Flights of one" in page.texts
 
 
+def test_a_path_that_leaves_the_carpet_stays_in_view(tmp_path: Path) -> None:
+    """The carpet is 5 m x 4 m; one flight ends at x = 3.4 m."""
+    away = [[0.0, 0.0, 0.0, 1.0], [1.0, 3.4, 0.0, 1.0]]
+    sets = read_sources([jsonl(tmp_path / "f.jsonl", flight(0), flight(1, path=away))]).sets
+    figure = scene_figure(sets, "lab", LAB)
+    assert figure is not None
+    for axes in figure.axes[:2]:
+        assert axes.get_xlim() == pytest.approx((-3.5, 3.5))
+        assert axes.get_ylim() == pytest.approx((-2.1, 2.1))
+
+
 def test_what_no_flight_reached_is_left_out(tmp_path: Path) -> None:
     never = dict.fromkeys(("search_distance_m", "time_to_find_helipad_s", "time_to_land_s"))
     bare = [flight(seed, duration_s=22.0, profile=None, **never) for seed in range(2)]
@@ -275,19 +342,39 @@ def test_what_no_flight_reached_is_left_out(tmp_path: Path) -> None:
     assert few.shape[0] < many.shape[0], "panels without a value are left out"
 
 
+def test_a_metric_that_is_0_in_all_flights_has_no_panel(tmp_path: Path) -> None:
+    """A mission without a search has a search distance of 0 m in each flight."""
+    titles = []
+    for name, searched_m in (("none", 0.0), ("some", 1.5)):
+        flights = [flight(seed, search_distance_m=searched_m) for seed in range(3)]
+        figure = densities(read_sources([jsonl(tmp_path / f"{name}.jsonl", *flights)]).sets)
+        assert figure is not None
+        titles.append({axes.get_title(loc="left") for axes in figure.axes if axes.get_visible()})
+    assert titles[1] - titles[0] == {"distance while searching, m"}
+
+
 def test_the_first_90_s_are_those_of_flights_that_lasted_so_long(tmp_path: Path) -> None:
     source = jsonl(tmp_path / "f.jsonl", flight(0), flight(7, duration_s=22.0))
     written = write(tmp_path / "r.html", source)
     (row,) = (row for row in rows(written, "metrics") if row["metric"] == "explore_distance_m")
     assert (row["flights"], row["most"]) == ("1", "7.0")
-    assert "count where a flight lasted as long" in written.page.read_text()
+    assert "shorter flights do not count" in written.page.read_text()
+
+
+def test_trees_on_the_same_flights_are_compared(tmp_path: Path) -> None:
+    flights = [flight(seed, tree) for tree in ("one.xml", "two.xml") for seed in range(3)]
+    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *flights))
+    assert "Compared on the same flights" in Page(written.page.read_text()).texts
+    assert [row["measure"] for row in rows(written, "pairs")] == ["successes", "duration_s"]
+    alone = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *flights[:3]))
+    assert "Compared on the same flights" not in alone.page.read_text()
 
 
 def test_the_same_again_has_the_movers(tmp_path: Path) -> None:
     lost = flight(3, outcome="collision", reason="touched mover-1", movers=2)
     written = write(tmp_path / "r.html", campaign(tmp_path / "c", lost, movers=2))
     (row,) = rows(written, "failures")
-    assert "--profile lab --movers 2 " in row["the same again"]
+    assert "--profile lab --movers 2 " in row["command to repeat"]
     assert "movers" in Page(written.page.read_text()).texts
 
 
@@ -300,10 +387,16 @@ def test_coverage_stands_in_the_table_and_in_a_figure_of_its_own(tmp_path: Path)
     written = write(tmp_path / "r.html", source)
     table = {(row["metric"], row["tree"]): row for row in rows(written, "metrics")}
     row = table["coverage_passed", "one"]
-    assert (row["mean"], row["median"], row["least"], row["most"]) == ("0.6", "0.6", "0.5", "0.7")
-    assert table["coverage_seen", "two"]["mean"] == "0.75"
+    assert (row["mean"], row["median"], row["least"], row["most"]) == (
+        "60.0",
+        "60.0",
+        "50.0",
+        "70.0",
+    )
+    assert row["unit"] == "%"
+    assert table["coverage_seen", "two"]["mean"] == "75.0"
     assert "within 0.5 m of the flown path" in written.page.read_text()
-    (figure,) = (path for path in written.images if path.name == "r-coverage.png")
+    (figure,) = (path for path in written.images if path.name == "coverage.png")
     first = cv2.imread(str(figure))
     more = dict(COVERED, coverage_curve=[[10.0, 0.3, 0.9], [20.0, 0.4, 0.95]])
     write(tmp_path / "r.html", jsonl(tmp_path / "more.jsonl", flight(0, **more)))
@@ -331,25 +424,31 @@ def test_maps_stand_in_a_table_of_their_own(tmp_path: Path) -> None:
         *("2", "2", "8", "25.0"),
     )
     assert (row["false objects"], row["error, m: mean"], row["most"]) == ("2", "0.2", "0.3")
-    assert row["begun anew"] == "2"
+    assert row["95 %"] == "", "two flights have no percentiles"
+    assert row["restarts"] == "2"
     (drift,) = (row for row in rows(written, "metrics") if row["metric"] == "map_drift_m")
     assert (drift["mean"], drift["most"]) == ("0.5", "0.75")
-    assert "within 0.5 m of it on the map" in written.page.read_text()
+    assert "an object of its class within 0.5 m" in written.page.read_text()
     no_map = write(tmp_path / "no.html", jsonl(tmp_path / "n.jsonl", flight(0)))
     assert "The mission's map" not in no_map.page.read_text()
 
 
+def test_panels_of_many_trees_keep_their_height(tmp_path: Path) -> None:
+    flights = [flight(n, f"tree-{name}.xml") for name in range(12) for n in range(6)]
+    figure = densities(read_sources([jsonl(tmp_path / "f.jsonl", *flights)]).sets)
+    assert figure is not None
+    FigureCanvasAgg(figure).draw()
+    heights_in = [axes.get_position().height * figure.get_figheight() for axes in figure.axes]
+    assert min(heights_in) > 0.8
+
+
 @pytest.mark.parametrize("count", [1, 2, 3, 8])
 def test_nothing_is_drawn_through_what_is_written_of_a_few_flights(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int
+    tmp_path: Path, count: int
 ) -> None:
     source = jsonl(tmp_path / "f.jsonl", *(flight(seed, tree=DEPTH) for seed in range(count)))
-    figures: list[Figure] = []
-    monkeypatch.setattr(
-        "uav_bt.campaign.report.figures.png", lambda figure: figures.append(figure) or b""
-    )
-    densities(read_sources([source]).sets)
-    (figure,) = figures
+    figure = densities(read_sources([source]).sets)
+    assert figure is not None
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
@@ -378,7 +477,7 @@ def test_timings_are_told_by_stage(tmp_path: Path) -> None:
 def test_flights_that_ended_before_anything_make_a_report_too(tmp_path: Path) -> None:
     bare = {"tree": "a.xml", "scene": None, "seed": 0, "outcome": "error", "reason": "crashed"}
     written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", bare))
-    assert [path.name for path in written.images] == ["r-outcomes.png"]
+    assert [path.name for path in written.images] == ["outcomes.png"]
     assert "Times and distances" not in written.page.read_text()
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from uav_bt.app.provenance import hardware
-from uav_bt.campaign.report.coverage_figure import curve_to_end
+from uav_bt.campaign.report.coverage_figure import curve_of, mean_curve
 from uav_bt.campaign.report.lab_figures import ground_of, visited_cells
 from uav_bt.campaign.report.statistics import Distribution, bandwidth, density, summarise, wilson
 from uav_bt.display.lab_map import LabMap, MapItem
@@ -24,7 +25,8 @@ def test_a_summary_counts_outcomes_success_first() -> None:
     outcomes = ["timeout", "collision", "collision", "success"]
     summary = summarise([{"outcome": outcome, "duration_s": 1.0} for outcome in outcomes])
     assert list(summary.outcomes.items()) == [("success", 1), ("collision", 2), ("timeout", 1)]
-    assert summary.success == 0.25
+    assert summary.successes == 1
+    assert summary.success_text == "1 of 4"
     assert summary.metrics["time_to_land_s"] is None
 
 
@@ -112,16 +114,32 @@ def test_the_ground_of_a_map_is_free_of_boxes_and_helipad() -> None:
     assert [item.height_m for item in ground.standing] == [1.9, 0.4]
 
 
-def test_the_curve_of_a_flight_ends_with_the_flight() -> None:
-    flight = {
-        "coverage_passed": 0.4,
-        "coverage_seen": 0.7,
-        "coverage_curve": [[10.0, 0.1, 0.2], [20.0, 0.3, 0.6]],
+def covered(*passed: float, duration_s: float) -> dict[str, Any]:
+    return {
+        "duration_s": duration_s,
+        "coverage_passed": passed[-1],
+        "coverage_seen": 0.75,
+        "coverage_curve": [[10.0 * (n + 1), share, 0.5] for n, share in enumerate(passed[:-1])],
     }
-    passed = curve_to_end(flight, "passed", 4)
-    assert passed[:3].tolist() == [0.0, 0.1, 0.3]
-    assert np.isnan(passed[3:]).all()
-    assert curve_to_end(flight, "seen", 2).tolist() == [0.0, 0.2, 0.6]
+
+
+def test_the_curve_of_a_flight_begins_with_its_first_sample_and_ends_with_the_flight() -> None:
+    flight = covered(0.125, 0.25, 0.375, duration_s=27.5)
+    assert curve_of(flight, "passed").tolist() == [[10.0, 12.5], [20.0, 25.0], [27.5, 37.5]]
+    assert curve_of(flight, "seen").tolist() == [[10.0, 50.0], [20.0, 50.0], [27.5, 75.0]]
+    assert curve_of(covered(0.25, duration_s=8.0), "passed").tolist() == [[8.0, 25.0]]
+
+
+def test_the_mean_curve_ends_when_half_of_the_flights_have_ended() -> None:
+    flights = [
+        covered(0.125, 0.125, duration_s=15.0),
+        covered(0.25, 0.25, 0.25, duration_s=25.0),
+        covered(0.5, 0.5, 0.5, 0.5, duration_s=35.0),
+        covered(0.625, 0.75, 0.875, 0.875, 0.875, duration_s=45.0),
+    ]
+    means = [[10.0, 37.5], [20.0, 50.0], [30.0, 68.75]]
+    assert mean_curve(flights, "passed").tolist() == means
+    assert mean_curve([], "passed").shape == (0, 2)
 
 
 @pytest.mark.parametrize(("count", "has"), [(2, False), (3, True)])
@@ -131,10 +149,12 @@ def test_two_flights_have_no_percentiles(count: int, *, has: bool) -> None:
     assert (found.p5 is not None, found.p95 is not None) == (has, has)
 
 
-def test_the_hardware_names_processor_and_vnni(tmp_path: Path) -> None:
+def test_the_hardware_names_processor_vnni_and_memory(tmp_path: Path) -> None:
     info = tmp_path / "cpuinfo"
     info.write_text("model name\t: Chip 9\nflags\t\t: fpu avx512_vnni\n")
     assert hardware(info).startswith("Chip 9, ")
     assert ", VNNI, " in hardware(info)
+    (memory,) = (part for part in hardware(info).split(", ") if part.endswith(" GiB memory"))
+    assert float(memory.removesuffix(" GiB memory")) > 0.0
     info.write_text("model name\t: Chip 8\nflags\t\t: fpu avx2\n")
     assert ", no VNNI, " in hardware(info)

@@ -1,0 +1,148 @@
+"""Comparison of trees on the same flights: pairs, differences, intervals, and losses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from uav_bt.app.options import FlightOptions
+from uav_bt.campaign.plan import CampaignPlan, PlannedFile
+from uav_bt.campaign.report.paired import losses_of, paired_table, pairs_of
+from uav_bt.campaign.report.sources import FlightSet, Provenance, read_sources
+from uav_bt.campaign.report.statistics import mcnemar, median_interval
+from uav_bt.errors import InputError
+
+
+def flight(seed: int, tree: str = "a.xml", **fields: Any) -> dict[str, Any]:
+    return {
+        "tree": tree,
+        "scene": "val-a",
+        "seed": seed,
+        "outcome": "success",
+        "min_clearance_m": 0.5,
+        "coverage_passed": 0.8,
+        "duration_s": 100.0 + seed,
+        **fields,
+    }
+
+
+def sets_of(folder: Path, *flights: dict[str, Any]) -> tuple[FlightSet, ...]:
+    file = folder / "f.jsonl"
+    file.write_text("".join(json.dumps(one) + "\n" for one in flights), encoding="utf-8")
+    return read_sources([file]).sets
+
+
+def rows_of(sets: tuple[FlightSet, ...], **options: Any) -> dict[str, dict[str, Any]]:
+    table = paired_table(pairs_of(sets, **options))
+    rows = (dict(zip(table.columns, row, strict=True)) for row in table.rows)
+    return {getattr(row["measure"], "key", row["measure"]): row for row in rows}
+
+
+def test_flights_are_paired_by_scene_and_seed(tmp_path: Path) -> None:
+    """Seeds 1 to 4 are in both trees; seed 5 and the other scene are in one."""
+    first = [flight(seed) for seed in (1, 2, 3, 4, 5)]
+    clearances_m = (0.4, 0.6, 0.7, 0.9)
+    second = [
+        flight(seed, "b.xml", min_clearance_m=clearance_m, coverage_passed=0.85)
+        for seed, clearance_m in zip((1, 2, 3, 4), clearances_m, strict=True)
+    ]
+    rows = rows_of(sets_of(tmp_path, *first, *second, flight(5, "b.xml", scene="val-b")))
+    row = rows["min_clearance_m"]
+    assert (row["first tree"], row["second tree"], row["pairs"]) == ("a", "b", 4)
+    # The differences are -0.1, 0.1, 0.2 and 0.4.
+    assert (row["first"], row["second"], row["second minus first"]) == (0.5, 0.65, 0.15)
+    assert row["from"] == -0.1
+    assert row["to"] == 0.4
+    covered = rows["coverage_passed"]
+    assert (covered["unit"], covered["second minus first"]) == ("%", 5.0)
+    assert (covered["from"], covered["to"]) == (5.0, 5.0)
+    assert "landing_error_m" not in rows, "no flight has landed"
+
+
+def test_successes_are_compared_by_mcnemars_test(tmp_path: Path) -> None:
+    """Of five pairs four were lost and one was gained: p = 2 x (1 + 5) / 2**5 = 0.375."""
+    first = [flight(seed, outcome="timeout" if seed == 0 else "success") for seed in range(5)]
+    second = [flight(n, "b.xml", outcome="success" if n == 0 else "collision") for n in range(5)]
+    row = rows_of(sets_of(tmp_path, *first, *second))["successes"]
+    assert (row["pairs"], row["first"], row["second"], row["p"]) == (5, 4, 1, 0.375)
+
+
+def test_a_flight_without_a_metric_has_no_difference(tmp_path: Path) -> None:
+    second = [flight(1, "b.xml"), flight(2, "b.xml", min_clearance_m=None)]
+    rows = rows_of(sets_of(tmp_path, flight(1), flight(2), *second))
+    assert (rows["min_clearance_m"]["pairs"], rows["duration_s"]["pairs"]) == (1, 2)
+    assert rows["duration_s"]["from"] is None, "two pairs have no interval"
+
+
+def test_the_first_tree_is_compared_with_each_other_one(tmp_path: Path) -> None:
+    sets = sets_of(tmp_path, *(flight(1, f"{name}.xml") for name in "abc"))
+    couples = [(one.first.label, one.second.label) for one in pairs_of(sets)]
+    assert couples == [("a", "b"), ("a", "c")]
+    every = [(one.first.label, one.second.label) for one in pairs_of(sets, all_pairs=True)]
+    assert every == [("a", "b"), ("a", "c"), ("b", "c")]
+
+
+def test_scenes_of_equal_name_and_different_text_are_not_paired() -> None:
+    def planned(scene_sha256: str) -> FlightSet:
+        plan = CampaignPlan(
+            trees=(PlannedFile(name="a.xml", path="a", sha256="0" * 64),),
+            scenes=(PlannedFile(name="val-a", path="val-a", sha256=scene_sha256),),
+            flights=1,
+            options=FlightOptions(),
+        )
+        source = Provenance(path=Path("runs"), plan=plan, runs=())
+        return FlightSet(label=scene_sha256[0], tree="a.xml", flights=(flight(1),), source=source)
+
+    assert len(pairs_of([planned("1" * 64), planned("1" * 64)])) == 1
+    assert pairs_of([planned("1" * 64), planned("2" * 64)]) == []
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"outcome": "collision"}, "b: 2 more failures"),
+        (
+            {"min_clearance_m": 0.47},
+            "b: least clearance of a flight: 5th percentile 0.03 m lower",
+        ),
+        ({"coverage_passed": 0.77}, "b: free ground passed: median 3 points lower"),
+    ],
+)
+def test_losses_are_named(changed: dict[str, Any], sentence: str, tmp_path: Path) -> None:
+    later = [flight(seed, "b.xml", **changed) for seed in (1, 2)]
+    assert losses_of(sets_of(tmp_path, flight(1), flight(2), *later)) == [sentence]
+
+
+@pytest.mark.parametrize("changed", [{"min_clearance_m": 0.49}, {"coverage_passed": 0.79}])
+def test_small_losses_are_allowed(changed: dict[str, Any], tmp_path: Path) -> None:
+    later = [flight(seed, "b.xml", **changed) for seed in (1, 2)]
+    assert losses_of(sets_of(tmp_path, flight(1), flight(2), *later)) == []
+
+
+def test_losses_need_flights_in_common(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="got one tree"):
+        losses_of(sets_of(tmp_path, flight(1)))
+    with pytest.raises(InputError, match="none in common of a and c"):
+        losses_of(sets_of(tmp_path, flight(1), flight(1, "b.xml"), flight(2, "c.xml")))
+
+
+def test_the_interval_of_a_median() -> None:
+    """For many values it equals the normal interval: 1.96 x 1.2533 x 1 / 20 on both sides."""
+    values = np.random.default_rng(1).normal(3.0, 1.0, 400)
+    interval = median_interval(values)
+    assert interval is not None
+    low, high = interval
+    half = 1.96 * 1.2533 / 20.0
+    assert high - low == pytest.approx(2.0 * half, rel=0.2)
+    assert low < np.median(values) < high
+    assert median_interval(values[:2]) is None
+
+
+def test_mcnemars_exact_test() -> None:
+    """One of five different pairs: 2 x (1 + 5) / 2**5; equal sets give no evidence."""
+    assert mcnemar(1, 4) == pytest.approx(0.375)
+    assert mcnemar(0, 0) == 1.0

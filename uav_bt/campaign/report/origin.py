@@ -1,0 +1,36 @@
+"""The report's table of a campaign's origin: its plan, its versions, its machine."""
+
+from __future__ import annotations
+
+from uav_bt.campaign.report.sources import Provenance
+from uav_bt.campaign.report.table import Table
+
+
+def origin_table(source: Provenance) -> Table:
+    """Return plan, versions, commits and machines of a folder or file of flights."""
+    rows: list[tuple[str, str]] = []
+    plan = source.plan
+    if plan is not None:
+        width, height = plan.options.image_size_px
+        last = plan.seed_from + plan.flights - 1
+        rows += [(f"tree {file.name}", f"SHA-256 {file.sha256}") for file in plan.trees]
+        rows += [(f"scene {file.name}", f"SHA-256 {file.sha256}") for file in plan.scenes]
+        rows += [(f"weights {name}", f"SHA-256 {digest}") for name, digest in plan.weights.items()]
+        rows += [
+            ("seeds", f"{plan.seed_from} to {last}"),
+            ("profile", plan.options.profile),
+            ("images", f"{width}x{height}"),
+            *((("movers", str(plan.options.movers)),) if plan.options.movers else ()),
+            ("masks", "exact, from the referee" if plan.options.exact_masks else "the network's"),
+            *(("policy", f"{node}={name}") for node, name in plan.options.policy_names.items()),
+            ("versions", ", ".join(f"{name} {version}" for name, version in plan.versions.items())),
+        ]
+    rows += [
+        (f"run {run.get('began', '')}", f"{run.get('backend', '')}, code {run.get('code', '')}")
+        for run in source.runs
+    ]
+    machines = dict.fromkeys(run.get("hardware") or "not recorded" for run in source.runs)
+    rows += [("machine", name) for name in machines]
+    if not rows:
+        rows.append(("file", "a plain file of flights, without a plan"))
+    return Table(name="origin", title=str(source.path), columns=("what", "which"), rows=tuple(rows))
