@@ -34,9 +34,16 @@ complain() {
     say "(all of it is in $log)"
 }
 
-# Run pip; all it says goes to the log.
+# Run pip; its output goes to the log, and a line for each package to the terminal.
 pip_install() {
-    if "$venv/bin/python" -m pip --disable-pip-version-check install --quiet "$@" >>"$log" 2>&1; then
+    {
+        "$venv/bin/python" -m pip --disable-pip-version-check install --progress-bar off "$@" 2>&1
+        echo $? >"$venv/install.status"
+    } | tee -a "$log" | sed -n \
+        -e 's/^ *Downloading \(.*\/\)*\([^-]*-[^-]*\)-.*(\(.*\)).*/  \2, \3/p' \
+        -e 's/^ *Using cached \(.*\/\)*\([^-]*-[^-]*\)-.*(\(.*\)).*/  \2, \3 (from the cache)/p' \
+        -e 's/^Installing collected packages.*/  unpacking/p' >&2
+    if [ "$(cat "$venv/install.status")" = 0 ]; then
         return
     fi
     complain
