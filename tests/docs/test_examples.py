@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -13,12 +14,12 @@ import pytest
 from tests.docs.documents import ROOT
 
 EXAMPLES: Final = ROOT / "examples"
+NOTEBOOK: Final = "06_notebook.ipynb"
 PRINTED: Final = {
     "01_leaf.py": "success",
     "02_policy.py": "m flown",
     "03_drone.py": "yaw_rad=1.57",
     "04_landing.py": "from the middle of the pad",
-    "06_notebook.py": "ticks",
 }
 
 
@@ -45,6 +46,15 @@ def test_an_example_flies(name: str, printed: str, tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} <= {"out"}
 
 
+def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path: Path) -> None:
+    notebook = json.loads((EXAMPLES / NOTEBOOK).read_text(encoding="utf-8"))
+    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    script = tmp_path / "cells.py"
+    script.write_text("\n".join("".join(cell["source"]) for cell in cells), encoding="utf-8")
+    assert run(tmp_path, str(script)).startswith("success in")
+    assert (tmp_path / "out" / "notebook.png").is_file()
+
+
 def test_the_example_of_a_test_passes(tmp_path: Path) -> None:
     example = str(EXAMPLES / "test_05_mission.py")
     assert "2 passed" in run(tmp_path, "-m", "pytest", "-p", "no:cacheprovider", example)
@@ -52,6 +62,6 @@ def test_the_example_of_a_test_passes(tmp_path: Path) -> None:
 
 def test_the_page_lists_every_example() -> None:
     page = (EXAMPLES / "README.md").read_text(encoding="utf-8")
-    files = sorted(path.name for path in EXAMPLES.glob("*.py"))
-    assert files == sorted([*PRINTED, "test_05_mission.py"])
+    files = sorted(path.name for path in EXAMPLES.iterdir() if path.suffix in {".py", ".ipynb"})
+    assert files == sorted([*PRINTED, "test_05_mission.py", NOTEBOOK])
     assert [name for name in files if f"[{name}]({name})" not in page] == []
