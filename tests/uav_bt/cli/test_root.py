@@ -69,7 +69,7 @@ def test_flying_needs_no_extra() -> None:
 def test_a_full_disk_behind_standard_output_is_one_clear_error(arguments: tuple[str, ...]) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
-            [sys.executable, "-m", "uav_bt.cli", *arguments],
+            [sys.executable, "-m", "uav_bt", *arguments],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
