@@ -32,6 +32,7 @@ from tests.docs.documents import (
 )
 from uav_bt.app.site import load_site
 from uav_bt.cli.command import OutputFile, OutputFolder
+from uav_bt.cli.registry_options import registry_with
 from uav_bt.cli.root import uav_bt
 from uav_bt.tree import NodeRegistry, parse_tree
 from uav_bt.tree.dry_run.script_file import read_script
@@ -221,7 +222,8 @@ class Reader:
                 if each is None:
                     continue
                 if name in {"tree", "trees"}:
-                    registry = context.params.get("registry")
+                    given = context.params
+                    registry = registry_with(given.get("leaves", ()), given.get("palette"))
                     for file in tree_files(each):
                         assert not check_file(file, registry), f"{file} is refused"
                 elif name in {"scene", "scenes"} and not re.search(r"[*,]", str(each)):

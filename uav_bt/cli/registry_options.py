@@ -29,7 +29,7 @@ def _with_leaves(leaves: tuple[Path, ...]) -> NodeRegistry:
     return NodeRegistry.installed().with_nodes(*nodes_of_files(leaves))
 
 
-def _with_palette(leaves: tuple[Path, ...], palette: Path | None) -> NodeRegistry:
+def registry_with(leaves: tuple[Path, ...], palette: Path | None) -> NodeRegistry:
     """Return the installed nodes, those of Python files and those of a palette.
 
     Raises:
@@ -47,4 +47,4 @@ def _with_palette(leaves: tuple[Path, ...], palette: Path | None) -> NodeRegistr
 
 
 leaves_option: Final = grouped("registry", _with_leaves, leaves=_LEAVES)
-registry_options: Final = grouped("registry", _with_palette, leaves=_LEAVES, palette=palette_option)
+registry_options: Final = grouped("registry", registry_with, leaves=_LEAVES, palette=palette_option)
