@@ -40,8 +40,8 @@ pip_install() {
         "$venv/bin/python" -m pip --disable-pip-version-check install --progress-bar off "$@" 2>&1
         echo $? >"$venv/install.status"
     } | tee -a "$log" | sed -n \
-        -e 's/^ *Downloading \(.*\/\)*\([^-]*-[^-]*\)-.*(\(.*\)).*/  \2, \3/p' \
-        -e 's/^ *Using cached \(.*\/\)*\([^-]*-[^-]*\)-.*(\(.*\)).*/  \2, \3 (from the cache)/p' \
+        -e 's/^ *Downloading \(.*\/\)*\([^-]*-[^-]*\)-.*\.whl (\(.*\)).*/  \2, \3/p' \
+        -e 's/^ *Using cached \(.*\/\)*\([^-]*-[^-]*\)-.*\.whl (\(.*\)).*/  \2, \3 (from the cache)/p' \
         -e 's/^Installing collected packages.*/  unpacking/p' >&2
     if [ "$(cat "$venv/install.status")" = 0 ]; then
         return

@@ -27,18 +27,16 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 
-def did_you_mean(
-    name: str, known: Iterable[str], *, least_ratio: float = 0.6, suffix: str = ""
-) -> str:
+def did_you_mean(name: str, known: Iterable[str], *, cutoff: float = 0.6, suffix: str = "") -> str:
     """Return ``"; did you mean 'x'?"`` for the closest known name, or an empty string.
 
     Args:
         name: the unknown name.
         known: all valid names.
-        least_ratio: least similarity of a suggestion, 0 to 1, as `difflib` measures it.
+        cutoff: smallest similarity of a suggestion, 0 to 1, as `difflib` measures it.
         suffix: written behind the suggestion.
     """
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=least_ratio)
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
     return f"; did you mean '{close[0]}{suffix}'?" if close else ""
 
 

@@ -21,7 +21,7 @@ Point = tuple[float, float]
 KEPT_FREE_M = 0.25  # least distance from the take-off point to boxes and movers
 _SPEEDS_MPS = (0.2, 1.0)
 _SIZES_M = (0.1, 2.5)
-_LEAST_LEG_M = 0.1  # least distance between two corners of a path; chosen
+_MIN_LEG_M = 0.1  # smallest distance between two corners of a path; chosen
 _ROUNDING_M = 1e-9  # 0.1 m between two decimal coordinates may come out a little shorter
 _ROUND_CORNERS = 32  # corners of the polygon around the outline of a cylinder
 _LONGEST_PAUSE_S = 60.0
@@ -71,10 +71,10 @@ class MoverSpec:
             )
         if not all(map(math.isfinite, (self.yaw_deg, *itertools.chain(*self.path_m)))):
             raise ValueRangeError("a mover's path and yaw must be finite numbers")
-        least_m = _LEAST_LEG_M - _ROUNDING_M
-        if any(math.dist(*ends) < least_m for ends in self.legs()) or len(self.path_m) < 2:
+        min_leg_m = _MIN_LEG_M - _ROUNDING_M
+        if any(math.dist(*ends) < min_leg_m for ends in self.legs()) or len(self.path_m) < 2:
             raise ValueRangeError(
-                f"a mover's path_m must have at least two corners, {_LEAST_LEG_M} m apart or more, "
+                f"a mover's path_m must have at least two corners, {_MIN_LEG_M} m apart or more, "
                 f"got {[list(corner) for corner in self.path_m]}"
             )
         self._check_pauses()

@@ -18,6 +18,9 @@ FlightKey = tuple[str, str | None, int]
 """Tree, scene, seed: what tells the flights of a campaign apart."""
 
 
+_DIGITS: Final = {"s": 1, "m": 3, "%": 1, "": 2}  # decimal places by unit
+
+
 @dataclass(frozen=True, kw_only=True)
 class Metric:
     """A number in a flight's line.
@@ -29,6 +32,11 @@ class Metric:
 
     words: str
     unit: str = ""
+
+    @property
+    def digits(self) -> int:
+        """Decimal places in reports."""
+        return _DIGITS[self.unit]
 
     @property
     def title(self) -> str:

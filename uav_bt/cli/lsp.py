@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from uav_bt import plugins
 from uav_bt.cli.command import Command
 from uav_bt.cli.registry_options import leaves_option, palette_option
+from uav_bt.lsp.server import serve
 from uav_bt.tree import NodeRegistry
 
 
@@ -24,7 +24,4 @@ def lsp(*, registry: NodeRegistry, palette: Path | None) -> None:
     does. A palette that is refused is shown as a finding. docs/editors.md has the settings of VS
     Code, Neovim and Emacs.
     """
-    plugins.need("lsp", "pygls", what="the language server")
-    from uav_bt.lsp.server import serve  # noqa: PLC0415 - the extra may be missing
-
     serve(registry, palette)

@@ -97,7 +97,7 @@ def _did_you_mean(name: str, commands: Sequence[str]) -> str:
     alike = [command for command in commands if command[:2] == name[:2]]
     # 'flight' is 0.44 similar to 'fly'. At that ratio most unlike names match, so the first two
     # letters must be equal.
-    return did_you_mean(name, commands) or did_you_mean(name, alike, least_ratio=0.4)
+    return did_you_mean(name, commands) or did_you_mean(name, alike, cutoff=0.4)
 
 
 class _Root(LazyGroup):

@@ -10,8 +10,10 @@ from typing import Any
 
 import click
 
+from perception.depth.training.run import DepthTrainingConfig
 from perception.segmentation.runtime import shipped_unet
 from perception.segmentation.teacher import load_teacher
+from perception.segmentation.training.run import TrainingConfig
 from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_option
 from uav_bt.cli.options import INPUT, RUNS, grouped, output_option
@@ -25,8 +27,10 @@ from uav_bt.cli.training_options import (
     steps_option,
 )
 from uav_bt.cli.values import WholeNumber
+from uav_bt.learning import diary, training
 from uav_bt.learning.dataset import read_flights
 from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights, label_views
+from uav_bt.learning.training import train_segmentation
 from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
 
 
@@ -79,9 +83,6 @@ def segmentation(
     Writes a safetensors file and, beside it, the ONNX file made from it. A mission flies on the
     latter when its tree has <Segment model="FILE.onnx"/>.
     """
-    from perception.segmentation.training.run import TrainingConfig  # noqa: PLC0415  (torch)
-    from uav_bt.learning.training import train_segmentation  # noqa: PLC0415  (torch)
-
     training = TrainingConfig(**config)  # refuses an absent GPU before masks are made
     teacher_path = SHIPPED_TEACHER if teacher_path is None else teacher_path
     load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
@@ -161,9 +162,6 @@ def depth(
     """
     if not photometric and labels == "none":
         raise click.UsageError("--no-photometric with --labels none leaves nothing to learn from")
-    from perception.depth.training.run import DepthTrainingConfig  # noqa: PLC0415  (torch)
-    from uav_bt.learning import diary, training  # noqa: PLC0415  (torch and matplotlib)
-
     weighted = DepthTrainingConfig(
         **config,
         photometric=1.0 if photometric else 0.0,

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from perception.control.ego_state import ControlNetConfig
+from perception.control.training.run import ControlTrainingConfig
 from perception.control.training.samples import SampleConfig
 from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_option
@@ -15,6 +16,7 @@ from uav_bt.cli.options import FOLDER, INPUT, RUNS, grouped, output_option, reco
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.training_options import batch_option, device_option, run_option, steps_option
 from uav_bt.cli.values import Number, WholeNumber
+from uav_bt.learning import diary, training
 from uav_bt.learning.dataset import read_advised_flights, split_records
 
 
@@ -94,9 +96,6 @@ def student(
     and, beside it, the ONNX file made from it, for a tree with policy="student:FILE.onnx". On two
     cores 4,500 steps take about 36 minutes; the same command continues what was stopped.
     """
-    from perception.control.training.run import ControlTrainingConfig  # noqa: PLC0415  (torch)
-    from uav_bt.learning import diary, training  # noqa: PLC0415  (torch and matplotlib)
-
     loop = ControlTrainingConfig(**config)  # refuses an absent GPU before records are read
     kept = views_kept or run / "views"
     learnt, others = split_records(records, held_out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,17 +72,13 @@ def node_policies(
     Raises:
         BadParameter: one is malformed, or two are about the same node.
     """
-    policies: dict[str, str] = {}
-    for value in values:
-        node, _, policy = value.rpartition("=")
+    # The last sign counts: a path of a tree may hold others.
+    pairs = [value.rpartition("=")[::2] for value in values]
+    for value, (node, policy) in zip(values, pairs, strict=True):
         if not (node and policy):
-            raise click.BadParameter(
-                f"expected NODE=NAME, such as Explore=segmentation, got '{value}'", ctx, param
-            )
-        if node in policies:
-            raise click.BadParameter(f"node '{node}' is given two policies", ctx, param)
-        policies[node] = policy
-    return policies
+            message = f"expected NODE=NAME, such as Explore=segmentation, got '{value}'"
+            raise click.BadParameter(message, ctx, param)
+    return _each_once(ctx, param, pairs, "node '{}' is given two policies")
 
 
 def node_ports(
@@ -92,18 +89,14 @@ def node_ports(
     Raises:
         BadParameter: one is malformed, or two are about the same port.
     """
-    ports: dict[str, str] = {}
     for value in values:
-        name, equals, text = value.partition("=")
+        name, equals, _ = value.partition("=")
         node, _, port = name.rpartition(".")
         if not (node and port and equals):
-            raise click.BadParameter(
-                f"expected NODE.PORT=VALUE, such as TakeOff.height_m=1.2, got '{value}'", ctx, param
-            )
-        if name in ports:
-            raise click.BadParameter(f"port '{name}' is given two values", ctx, param)
-        ports[name] = text
-    return ports
+            message = f"expected NODE.PORT=VALUE, such as TakeOff.height_m=1.2, got '{value}'"
+            raise click.BadParameter(message, ctx, param)
+    pairs = [value.partition("=")[::2] for value in values]
+    return _each_once(ctx, param, pairs, "port '{}' is given two values")
 
 
 def ros_packages(
@@ -114,13 +107,25 @@ def ros_packages(
     Raises:
         BadParameter: one is malformed or no folder, or two are about the same package.
     """
-    packages: dict[str, Path] = {}
-    for value in values:
-        name, _, folder = value.partition("=")
+    pairs = [value.partition("=")[::2] for value in values]
+    for value, (name, folder) in zip(values, pairs, strict=True):
         if not name or not Path(folder or "?").is_dir():
             message = f"expected NAME=DIR, a folder that exists; got '{value}'"
             raise click.BadParameter(message, ctx, param)
-        if name in packages:
-            raise click.BadParameter(f"package '{name}' is given two folders", ctx, param)
-        packages[name] = Path(folder)
-    return packages
+    folders = _each_once(ctx, param, pairs, "package '{}' is given two folders")
+    return {name: Path(folder) for name, folder in folders.items()}
+
+
+def _each_once(
+    ctx: click.Context,
+    param: click.Parameter,
+    pairs: Sequence[tuple[str, str]],
+    message: str,
+) -> dict[str, str]:
+    """Return pairs as a mapping; refuse a name that stands twice."""
+    found: dict[str, str] = {}
+    for name, value in pairs:
+        if name in found:
+            raise click.BadParameter(message.format(name), ctx, param)
+        found[name] = value
+    return found

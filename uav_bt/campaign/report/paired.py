@@ -18,7 +18,6 @@ from uav_bt.errors import InputError
 from uav_bt.mission.judge import Outcome
 
 _COMPARED: Final = ("coverage_passed", "min_clearance_m", "landing_error_m", "duration_s")
-_DIGITS: Final = {"s": 1, "m": 3, "%": 1}  # decimal places by unit
 
 # Allowed loss: chosen, about the difference between flights of equal code.
 _MORE_FAILURES: Final = 1
@@ -130,9 +129,10 @@ def _rows(pairs: Pairs) -> list[tuple[Cell, ...]]:
         metric, change = METRICS[name], values[:, 1] - values[:, 0]
         ends = median_interval(change) or (None, None)
         numbers = (*np.median(values, axis=0), np.median(change), *ends)
-        digits = _DIGITS[metric.unit]
         # 0.0 is added because a small negative number is rounded to -0.0.
-        rounded = (None if each is None else round(float(each), digits) + 0.0 for each in numbers)
+        rounded = (
+            None if each is None else round(float(each), metric.digits) + 0.0 for each in numbers
+        )
         measure = Term(text=metric.words, key=name)
         rows.append((*labels, measure, metric.unit, len(values), *rounded, None))
     return rows

@@ -51,7 +51,6 @@ def tables_of(sources: Sources, page: Path) -> dict[str, Table]:
     return {table.name: table for table in tables}
 
 
-_DIGITS: Final = {"s": 1, "m": 3, "%": 1, "": 2}  # decimal places by unit
 _SUCCESS_COLUMNS: Final = ("flights", "successes", "success, %", "from, %", "to, %")
 
 
@@ -106,7 +105,7 @@ def _metrics(sets: Sequence[FlightSet]) -> Table:
             found = summary.metrics[name]
             if found is not None:
                 numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
-                digits = _DIGITS[metric.unit]
+                digits = metric.digits
                 rounded = (None if number is None else round(number, digits) for number in numbers)
                 row: tuple[Cell, ...] = (
                     Term(text=metric.words, key=name),
