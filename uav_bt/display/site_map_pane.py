@@ -28,7 +28,7 @@ _POINT_PX: Final = 1
 _OBJECT_PX: Final = 2  # line width of an object's outline
 FOOTER_PX: Final = 24  # height of the legend
 _AHEAD_S: Final = 2.0  # drawn length of a mover's predicted course, s
-_LEGEND: Final = (("passed", PASSED), ("seen", SEEN), ("outside", OUTSIDE), ("true", _TRUE))
+_LEGEND: Final = (("covered", PASSED), ("seen", SEEN), ("outside", OUTSIDE), ("true", _TRUE))
 
 
 def cells_image(site_map: SiteMap) -> Image:

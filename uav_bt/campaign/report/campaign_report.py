@@ -38,7 +38,7 @@ _ABOUT_SCENES: Final = (
 )
 
 _ABOUT_COVERAGE: Final = (
-    f"Passed: the free ground within {PASSED_M:g} m of the flown path. Seen: the ground in view, "
+    f"Covered: the free ground within {PASSED_M:g} m of the flown path. Seen: the ground in view, "
     f"not hidden, within {SEEN_M:g} m of the lens. A thin line is a flight, from its first sample "
     "to its end, which has a dot. A thick line is the mean of a tree's flights, as long as half of "
     f"them last. The dotted line marks {EXPLORE_S:.0f} s."
@@ -262,7 +262,7 @@ def _images(sources: Sources) -> dict[str, Image]:
         (
             "coverage",
             coverage_over_time(sources.sets),
-            "shares of the free ground that flights have passed and seen, over time",
+            "shares of the free ground that flights have covered and seen, over time",
         ),
     )
     return {

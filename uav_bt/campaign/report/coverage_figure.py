@@ -1,4 +1,4 @@
-"""The report's figure of coverage: the passed and the seen share of the free ground over time."""
+"""The report's figure of coverage: the covered and the seen share of the free ground over time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from uav_bt.campaign.report.figures import new_figure, set_colours, style
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.mission.flight_report import EXPLORE_S
 
-_PANELS: Final = ("passed", "seen")
+_PANELS: Final = ("passed", "seen")  # as the fields of a flight are called
+_TITLES: Final = {"passed": "covered", "seen": "seen"}
 
 
 def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
@@ -42,7 +43,7 @@ def coverage_over_time(sets: Sequence[FlightSet]) -> Figure | None:
                     axes.plot(*curve[-1:].T, ".", color=colour, markersize=4, alpha=alpha)
                 axes.plot(*mean_curve(some, what).T, color=colour, linewidth=2.0)
             axes.axvline(EXPLORE_S, color="#adb5bd", linewidth=0.8, linestyle=":")
-            axes.set_title(f"free ground {what}, %")
+            axes.set_title(f"free ground {_TITLES[what]}, %")
             axes.set_xlabel("time from the take-off command, s")
             axes.set_xlim(left=0.0)
             axes.set_ylim(0.0, 100.0)

@@ -67,7 +67,7 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> Figure |
             grid[row, 0].set_title(title, fontweight="bold")
             image = _coverage(grid[row, 1], flown, lab)
         bar = figure.colorbar(image, ax=grid, shrink=0.7 / len(rows), pad=0.01)
-        bar.set_label("flights that passed, %")
+        bar.set_label("flights that covered it, %")
         bar.outline.set_visible(False)
         shown = {flight["outcome"] for _, flown in rows for flight in flown}
         figure.legend(
@@ -127,8 +127,8 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
     )
     shares = [100.0 * cells.share(one) for one in passed]
     spread = f" (mean; {min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
-    axes.set_title(f"{float(np.mean(shares)):.0f} % of the free ground passed{spread}")
-    axes.set_xlabel(f"x, m; passed: the body's centre came within {PASSED_M:g} m", fontsize=8)
+    axes.set_title(f"{float(np.mean(shares)):.0f} % of the free ground covered{spread}")
+    axes.set_xlabel(f"x, m; covered: the body's centre came within {PASSED_M:g} m", fontsize=8)
     return image
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from uav_bt.campaign.report.sources import Provenance
 from uav_bt.campaign.report.table import Table
 
@@ -17,12 +19,18 @@ def origin_table(source: Provenance) -> Table:
         rows += [(f"scene {file.name}", f"SHA-256 {file.sha256}") for file in plan.scenes]
         rows += [(f"weights {name}", f"SHA-256 {digest}") for name, digest in plan.weights.items()]
         rows += [
+            (f"leaves {Path(file).name}", f"SHA-256 {digest}")
+            for file, digest in plan.leaves_sha256.items()
+        ]
+        rows += [
             ("seeds", f"{plan.seed_from} to {last}"),
             ("profile", plan.options.profile),
             ("images", f"{width}x{height}"),
             *((("movers", str(plan.options.movers)),) if plan.options.movers else ()),
             ("masks", "exact, from the referee" if plan.options.exact_masks else "the network's"),
             *(("policy", f"{node}={name}") for node, name in plan.options.policy_names.items()),
+            *(("port", f"{name}={value}") for name, value in plan.options.ports.items()),
+            ("time limit", f"{plan.options.judge.time_limit_s:g} s"),
             ("versions", ", ".join(f"{name} {version}" for name, version in plan.versions.items())),
         ]
     rows += [

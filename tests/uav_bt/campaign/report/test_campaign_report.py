@@ -16,14 +16,17 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from uav_bt.app.options import FlightOptions
+from uav_bt.campaign import make_plan
 from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile
 from uav_bt.campaign.report.campaign_report import WrittenReport, write_campaign_report
 from uav_bt.campaign.report.figures import densities
 from uav_bt.campaign.report.lab_figures import scene_figure
-from uav_bt.campaign.report.sources import read_sources
+from uav_bt.campaign.report.origin import origin_table
+from uav_bt.campaign.report.sources import Provenance, read_sources
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.errors import FileError
+from uav_bt.mission.judge import JudgeConfig
 
 LAB = LabMap(
     carpet_size_m=(5.0, 4.0),
@@ -517,3 +520,13 @@ def test_pictures_differ_with_what_they_show(tmp_path: Path) -> None:
         )
     ]
     assert np.any(pictures[0] != pictures[1])
+
+
+def test_the_origin_of_a_campaign_names_what_was_changed_for_it(tmp_path: Path) -> None:
+    options = FlightOptions(
+        ports={"TakeOff.height_m": 1.2}, judge=JudgeConfig(time_limit_s=60.0), exact_masks=True
+    )
+    plan = make_plan(["land_only"], options, scenes=["val-a"], flights=1)
+    rows = origin_table(Provenance(path=tmp_path, plan=plan, runs=())).rows
+    assert ("port", "TakeOff.height_m=1.2") in rows
+    assert ("time limit", "60 s") in rows
