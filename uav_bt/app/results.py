@@ -53,7 +53,7 @@ class PathLog:
         self._rows.append((record.time_s, pose.x_m, pose.y_m, pose.z_m, pose.yaw_rad))
 
     def array(self) -> NDArray[np.float64]:
-        """Return the path so far, (N, 5); see `FlownMission.path`."""
+        """Return the path until now, (N, 5); see `FlownMission.path`."""
         return np.array(self._rows, dtype=np.float64).reshape(-1, 5)
 
 
