@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final
 
 from sim_bridge.anafi import ANAFI_AIRFRAME, anafi_camera
 from sim_bridge.twin.camera import Optics
@@ -19,7 +22,10 @@ load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend whe
 from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.render_thread import RenderThread  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
+
+_TIME_SLACK_S: Final = 1e-6  # rounding error of a sum of control steps, s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +33,7 @@ class _Flight:
     """Objects that exist while connected."""
 
     simulation: Simulation
-    renderer: Renderer
+    thread: RenderThread
     referee: TwinReferee
     optics: Optics
 
@@ -68,7 +74,9 @@ class TwinDrone:
         self.tick_s = None  # None: the mission sets the length of a tick
         self._seed = seed
         self._flight: _Flight | None = None
-        self._last: Frame | None = None
+        self._last: Frame | None = None  # the newest delivered
+        self._next: tuple[Capture, Future[Frame]] | None = None  # for the observation to come
+        self._observed_s = 0.0
 
     @property
     def referee(self) -> TwinReferee | None:
@@ -119,39 +127,55 @@ class TwinDrone:
         if self._flight is not None:
             return
         lab = build_model(self.scene)
-        renderer = Renderer(lab)
+        thread = RenderThread(lab)
         start = start_pose(self.scene, self._seed)
         simulation = Simulation(self.scene, lab, self.profile, self._seed, start)
         size = self.camera.width_px, self.camera.height_px
-        self._last = None
+        self._last, self._next, self._observed_s = None, None, 0.0
         self._flight = _Flight(
             simulation=simulation,
-            renderer=renderer,
-            referee=TwinReferee(self.scene, lab, simulation, renderer),
+            thread=thread,
+            referee=TwinReferee(self.scene, lab, simulation, thread),
             optics=Optics(self.profile, *size, self._seed),
         )
 
     def observe(self) -> Observation:
-        """Return the newest delivered frame and the state. A new frame is rendered now.
+        """Return the newest delivered frame and the state.
+
+        The frame of the next observation has often been captured already, because video arrives
+        late. It is drawn in the meantime.
 
         Raises:
             DroneError: not connected.
         """
         flight = self._connected()
-        simulation = flight.simulation
-        limit = simulation.now_s - self.profile.video_latency_s + 1e-6
-        newest = next((c for c in reversed(simulation.frames) if c.time_s <= limit), None)
+        now_s = flight.simulation.now_s
+        period_s, self._observed_s = now_s - self._observed_s, now_s
+        newest = self._delivered(now_s)
         if newest is not None and (self._last is None or newest.index != self._last.index):
-            self._last = self._draw(flight, newest)
-        return Observation(frame=self._last, state=simulation.state())
+            self._last = self._drawn(flight, newest).result()
+        following = self._delivered(now_s + period_s)
+        if following is not None and following is not newest:
+            self._next = following, self._drawn(flight, following)
+        return Observation(frame=self._last, state=flight.simulation.state())
 
-    def _draw(self, flight: _Flight, capture: Capture) -> Frame:
+    def _delivered(self, time_s: float) -> Capture | None:
+        """Return the newest capture so far that has been delivered by a time."""
+        limit_s = time_s - self.profile.video_latency_s + _TIME_SLACK_S
+        frames = reversed(self.simulation.frames)
+        return next((capture for capture in frames if capture.time_s <= limit_s), None)
+
+    def _drawn(self, flight: _Flight, capture: Capture) -> Future[Frame]:
+        """Return the frame of a capture; its drawing is started unless it is under way."""
+        if self._next is not None and self._next[0] is capture:
+            return self._next[1]
+        return flight.thread.start(partial(self._draw, flight.optics, capture))
+
+    def _draw(self, optics: Optics, capture: Capture, renderer: Renderer) -> Frame:
         camera, telemetry = self.camera, capture.telemetry
-        clean = flight.renderer.rgb(
-            capture.camera, camera.width_px, camera.height_px, capture.movers
-        )
+        clean = renderer.rgb(capture.camera, camera.width_px, camera.height_px, capture.movers)
         return Frame(
-            image=flight.optics.degrade(clean, capture.index, capture.exposure),
+            image=optics.degrade(clean, capture.index, capture.exposure),
             index=capture.index,
             captured_s=capture.time_s,
             gimbal_pitch_rad=capture.camera.pitch_rad,
@@ -187,7 +211,7 @@ class TwinDrone:
     def disconnect(self) -> None:
         """Free the renderer; safe to call twice."""
         if self._flight is not None:
-            self._flight.renderer.close()
+            self._flight.thread.close()
             self._flight = None
 
     def _connected(self) -> _Flight:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.movers import mover_names
-from sim_bridge.twin.render import Renderer
+from sim_bridge.twin.render_thread import RenderThread
 from sim_bridge.twin.scene import Scene, box_names
 from sim_bridge.twin.simulation import Capture, Simulation
 from uav_bt.errors import ValueRangeError
@@ -25,12 +25,12 @@ class TwinReferee:
     """Reports the true state of one flight."""
 
     def __init__(
-        self, scene: Scene, lab: LabModel, simulation: Simulation, renderer: Renderer
+        self, scene: Scene, lab: LabModel, simulation: Simulation, thread: RenderThread
     ) -> None:
         self._scene = scene
         self._lab = lab
         self._simulation = simulation
-        self._renderer = renderer
+        self._thread = thread
         names = (*box_names(scene.boxes), *mover_names(scene.movers))
         self._obstacles = [lab.model.geom(name).id for name in names]
 
@@ -71,7 +71,8 @@ class TwinReferee:
             ValueRangeError: the frame is too old or from another flight.
         """
         capture = self._capture(frame)
-        return self._renderer.class_ids(capture.camera, width_px, height_px, capture.movers)
+        view = capture.camera, width_px, height_px, capture.movers
+        return self._thread.start(lambda renderer: renderer.class_ids(*view)).result()
 
     def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
         """Return the exact depth of the view of a delivered frame, metres along the optical axis.
@@ -80,8 +81,8 @@ class TwinReferee:
             ValueRangeError: the frame is too old or from another flight.
         """
         capture = self._capture(frame)
-        drawn = self._renderer.ids_and_depth(capture.camera, width_px, height_px, capture.movers)
-        return drawn[1]
+        view = capture.camera, width_px, height_px, capture.movers
+        return self._thread.start(lambda renderer: renderer.ids_and_depth(*view)).result()[1]
 
     def _capture(self, frame: Frame) -> Capture:
         frames = self._simulation.frames

@@ -77,3 +77,21 @@ def test_two_twins_in_one_process_do_not_meet(first: str) -> None:
 
     assert flight_digest(5, pause=disturb) == first
     other.disconnect()
+
+
+def test_a_frame_drawn_ahead_is_the_one_that_would_be_drawn_on_demand() -> None:
+    """After steady observations the next frame is drawn ahead; a late observation skips it."""
+
+    def last_image(observed_s: tuple[float, ...]) -> tuple[int, bytes]:
+        drone = TwinConfig(seed=5, image_size_px=(160, 90), scene="train-c").create()
+        drone.connect()
+        drone.send(Command(movement=TakeOff()))
+        for time_s in observed_s:
+            drone.clock.sleep_until(time_s)
+            frame = drone.observe().frame
+        drone.disconnect()
+        assert frame is not None
+        return frame.index, frame.image.tobytes()
+
+    assert last_image((1.8, 1.9, 2.0, 2.1)) == last_image((2.1,))
+    assert last_image((1.8, 1.9, 2.0, 2.37)) == last_image((2.37,))

@@ -1,0 +1,48 @@
+"""Thread that draws the twin's images while the mission computes.
+
+An OpenGL context belongs to one thread, so the renderer is made, used and freed in this one. The GL
+calls release the interpreter lock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TypeVar
+
+from sim_bridge.twin.model import LabModel
+from sim_bridge.twin.render import Renderer
+
+Result = TypeVar("Result")
+
+
+class RenderThread:
+    """Draws images of one lab in a thread; close it when done.
+
+    Args:
+        lab: the compiled scene.
+
+    Raises:
+        MissingDependencyError: OpenGL does not work here; the message says what to install.
+        InputError: this process was forked from one that has drawn.
+    """
+
+    def __init__(self, lab: LabModel) -> None:
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
+        try:
+            self._renderer = self._thread.submit(Renderer, lab).result()
+        except BaseException:
+            self._thread.shutdown()
+            raise
+        self._closed = False
+
+    def start(self, draw: Callable[[Renderer], Result]) -> Future[Result]:
+        """Call a function with the renderer in the thread, after everything started before."""
+        return self._thread.submit(draw, self._renderer)
+
+    def close(self) -> None:
+        """Free the renderer and end the thread, after everything started; safe to call twice."""
+        if not self._closed:
+            self._closed = True
+            self.start(Renderer.close).result()
+            self._thread.shutdown()
