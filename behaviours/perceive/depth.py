@@ -48,6 +48,15 @@ class EstimateDepth(Leaf):
             default="fused",
             doc="'network', or 'fused': by ground contact where it is known",
         ),
+        Port(
+            "network_ahead_m",
+            float,
+            default=2.5,
+            least=0.0,
+            most=20.0,
+            doc="fused: run the network if an obstacle that ground contact does not measure may be "
+            "nearer than this, m; 20: always",
+        ),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP, ODOMETRY)
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
@@ -72,12 +81,12 @@ class EstimateDepth(Leaf):
                 source=CONTACT if model == CONTACT else self.port_value("source"),
                 generator=mission.rng(self.path),
                 config=MetricDepthConfig(
-                    contact=ContactDepthConfig(pad_height_m=mission.mark.height_m)
+                    network_ahead_m=self.port_value("network_ahead_m"),
+                    contact=ContactDepthConfig(pad_height_m=mission.mark.height_m),
                 ),
             ),
         )
-        stages = ("relative_depth", "metric_depth")
-        self._timers = {stage: StageTimer(mission, stage) for stage in stages}
+        self._times_s = mission.stage_times_s
         self._last_index = -1
 
     def update(self) -> Status:
@@ -95,7 +104,7 @@ class EstimateDepth(Leaf):
             state=state,
             near=None if site_map is None else site_map.near,
             motion=self.read(ODOMETRY).value,
-            timed=self._timers.__getitem__,
+            spent=self._spent,
         )
         self.feedback_message = f"no depth: {metric.refusal}" if metric.refusal else ""
         if metric.relative is not None:
@@ -103,6 +112,9 @@ class EstimateDepth(Leaf):
         if metric.depth is not None:
             self.write(METRIC_DEPTH, metric.depth, captured_s=frame.captured_s)
         return Status.SUCCESS
+
+    def _spent(self, stage: str, spent_s: float) -> None:
+        self._times_s.setdefault(stage, []).append(spent_s)
 
     @staticmethod
     def _load(model: str, mission: MissionContext) -> DepthEstimator:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import cv2
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, GroundPlane, view_of
 from perception.depth.contact.contacts import Remembered
-from perception.depth.contact.depth import ContactDepth, ContactDepthConfig, contact_depth
+from perception.depth.contact.depth import ContactDepth, ContactDepthConfig, ContactEstimation
 from perception.depth.scale import (
     AdaptiveScale,
     Scale,
@@ -20,6 +21,7 @@ from perception.depth.scale import (
     ScaleEstimator,
     sample_carpet,
 )
+from uav_bt.classes import is_above_ground
 from uav_bt.errors import UnknownNameError
 from uav_bt.types import (
     CameraModel,
@@ -43,6 +45,13 @@ class MetricDepthConfig:
     min_height_m: float = 0.15  # a lower drone is on the ground and sees no carpet
     max_m: float = 20.0  # larger than any lab; limits the depth of a network's sky
     roll_rad: float = 0.0  # known roll of the image that the gimbal leaves, right side down
+    # `fused` depth needs the network if the farthest possible point of an obstacle of unknown depth
+    # is within these distances of the lens: ahead, to either side, and below. `max_m` ahead always
+    # runs it. The defaults of the sides exceed those of the corridor (0.5 and 0.8).
+    network_ahead_m: float = 20.0
+    network_aside_m: float = 1.0
+    network_below_m: float = 1.0
+    stray_px: int = 4  # fewer pixels of unknown depth are noise of the class map
     sampling: ScaleConfig = field(default_factory=ScaleConfig)
     contact: ContactDepthConfig = field(default_factory=ContactDepthConfig)
 
@@ -93,7 +102,7 @@ class MetricDepthMaker:
         frame: Frame,
         class_map: ClassMap,
         camera: CameraModel,
-        relative: DepthMap | None = None,
+        relative: DepthMap | Callable[[], DepthMap] | None = None,
         remembered: Remembered | None = None,
     ) -> MetricDepth:
         """Return the metric depth of a frame, at the class map's size.
@@ -102,36 +111,50 @@ class MetricDepthMaker:
             frame: its telemetry gives the ground plane.
             class_map: class map of that frame.
             camera: intrinsics, at any size.
-            relative: the network's depth of that frame, at any size; not needed for ``contact``.
+            relative: the network's depth of that frame, at any size, or a function that returns
+                it. The function is called if the depth is needed; ``contact`` never needs it.
             remembered: obstacles' bases seen earlier, for bases now out of view.
         """
-        refusal = self._refusal(frame, class_map, relative)
+        refusal = self._refusal(frame, class_map)
         if refusal:
             return MetricDepth(depth=None, refusal=refusal)
         height_px, width_px = class_map.ids.shape
         view = view_of(frame, camera, (width_px, height_px), roll_rad=self._config.roll_rad)
         if not view.height_m > 0.0:
             return MetricDepth(depth=None, refusal="no height above the carpet")
-        ground = GroundPlane.of(view)
-        scale, network_m, no_scale = None, None, ""
-        if self._source != "contact" and relative is not None:
-            scale, no_scale = self._scale_of(relative, class_map, ground)
-            if scale is not None:
-                metres = scale.apply(_resized(relative.depth, view))
-                network_m = np.clip(metres, 0.0, self._config.max_m)
+        ground, captured_s = GroundPlane.of(view), frame.captured_s
         contact = None
         if self._source != "network":
-            contact = contact_depth(
-                class_map.ids,
-                view,
-                self._config.contact,
-                ground=ground,
-                remembered=remembered,
-                network_m=network_m,
-            )
-        if scale is None or network_m is None:
-            return _contact_only(contact, frame.captured_s, no_scale)
-        return MetricDepth(depth=_fused(scale, network_m, contact, frame.captured_s), scale=scale)
+            contact = ContactEstimation(class_map.ids, ground, self._config.contact, remembered)
+            measured = contact.result()
+            if self._source == "contact" or self._suffices(measured, class_map, ground):
+                return _contact_only(measured, captured_s, "")
+        relative = relative() if callable(relative) else relative
+        refusal = _relative_refusal(frame, relative)
+        if refusal or relative is None:
+            return MetricDepth(depth=None, refusal=refusal, relative=relative)
+        scale, no_scale = self._scale_of(relative, class_map, ground)
+        if scale is None:
+            known = None if contact is None else contact.result()
+            return replace(_contact_only(known, captured_s, no_scale), relative=relative)
+        metres = scale.apply(_resized(relative.depth, view))
+        network_m = np.clip(metres, 0.0, self._config.max_m)
+        if contact is not None:
+            contact.complete(network_m)
+        known = None if contact is None else contact.result()
+        depth = _fused(scale, network_m, known, captured_s)
+        return MetricDepth(depth=depth, scale=scale, relative=relative)
+
+    def _suffices(self, contact: ContactDepth, class_map: ClassMap, ground: GroundPlane) -> bool:
+        """Return whether no obstacle of unknown depth may be near the path ahead."""
+        ahead_m, aside_m = self._config.network_ahead_m, self._config.network_aside_m
+        if ahead_m >= self._config.max_m:
+            return False
+        unknown = ~np.isfinite(contact.depth) & is_above_ground(class_map.ids)
+        forward_m, right_m, down_m = contact.at_most[unknown] * ground.rays[:, unknown]
+        near = (forward_m < ahead_m) & (np.abs(right_m) < aside_m)
+        near &= down_m < self._config.network_below_m
+        return int(np.count_nonzero(near)) <= self._config.stray_px
 
     def _scale_of(
         self, relative: DepthMap, class_map: ClassMap, ground: GroundPlane
@@ -145,7 +168,7 @@ class MetricDepthMaker:
         why = "too little carpet" if sample is None else "the carpet disagrees with itself"
         return None, f"no scale: {why}"
 
-    def _refusal(self, frame: Frame, class_map: ClassMap, relative: DepthMap | None) -> str:
+    def _refusal(self, frame: Frame, class_map: ClassMap) -> str:
         height_m, pitch_rad = frame.height_above_carpet_m, frame.gimbal_pitch_rad
         finite = map(math.isfinite, (height_m, pitch_rad, frame.attitude.pitch_rad))
         if not all(finite):
@@ -157,7 +180,7 @@ class MetricDepthMaker:
             return "the frame is black"
         if class_map.captured_s != frame.captured_s:
             return "the class map is of another frame"
-        return "" if self._source == "contact" else _relative_refusal(frame, relative)
+        return ""
 
 
 def remembered_bases(

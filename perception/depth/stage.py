@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,12 @@ from numpy.typing import NDArray
 from perception.depth.metric import MetricDepth, MetricDepthMaker, remembered_bases
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, NearObstacles
+from uav_bt.types import CameraModel, ClassMap, DepthMap, DroneState, Frame, NearObstacles
 from uav_bt.types.dead_reckoning import MotionEstimate
 
-Timed = Callable[[str], AbstractContextManager[object]]
+
+def _ignore(stage: str, spent_s: float) -> None:
+    """Drop the time of a stage."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +42,7 @@ class DepthStage:
         network: frame in, relative depth out; None for depth by ground contact alone.
         maker: makes the metric depth.
         config: which frames are refused.
+        timer: wall clock of the stages' times, seconds.
     """
 
     def __init__(
@@ -46,8 +50,10 @@ class DepthStage:
         network: DepthEstimator | None,
         maker: MetricDepthMaker,
         config: DepthStageConfig | None = None,
+        *,
+        timer: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._network, self._maker = network, maker
+        self._network, self._maker, self._timer = network, maker, timer
         self._config = config or DepthStageConfig()
         self._last_image: NDArray[np.uint8] | None = None
 
@@ -60,7 +66,7 @@ class DepthStage:
         state: DroneState | None = None,
         near: NearObstacles | None = None,
         motion: MotionEstimate | None = None,
-        timed: Timed = nullcontext,
+        spent: Callable[[str, float], None] = _ignore,
     ) -> MetricDepth:
         """Return the depth of a new frame, at the class map's size.
 
@@ -72,22 +78,30 @@ class DepthStage:
             near: obstacles near the drone, from the body's centre at the pose of `motion`.
             motion: the drone's pose now and at this frame. Without it, or with one of another
                 frame, no remembered obstacle is used.
-            timed: measures the time of a stage, `relative_depth` or `metric_depth`, by its name.
+            spent: called with the name of a stage, `relative_depth` if the network ran and
+                `metric_depth`, and its wall time in seconds.
         """
         refusal = self._frozen(frame, state) or self._misfit(frame, camera)
         if refusal:
             return MetricDepth(depth=None, refusal=refusal)
-        relative = None
-        if self._network is not None:
-            with timed("relative_depth"):
-                relative = self._network.estimate(frame)
-        with timed("metric_depth"):
-            remembered = None
-            same = motion is not None and motion.seen.time_s == frame.captured_s
-            if near is not None and motion is not None and same:
-                remembered = remembered_bases(near, motion.pose, motion.seen, frame, camera)
-            metric = self._maker.make(frame, class_map, camera, relative, remembered)
-        return replace(metric, relative=relative)
+        began_s, network_s = self._timer(), 0.0
+
+        def relative(network: DepthEstimator) -> DepthMap:
+            nonlocal network_s
+            asked_s = self._timer()
+            depth = network.estimate(frame)
+            network_s = self._timer() - asked_s
+            spent("relative_depth", network_s)
+            return depth
+
+        remembered = None
+        same = motion is not None and motion.seen.time_s == frame.captured_s
+        if near is not None and motion is not None and same:
+            remembered = remembered_bases(near, motion.pose, motion.seen, frame, camera)
+        network = None if self._network is None else partial(relative, self._network)
+        metric = self._maker.make(frame, class_map, camera, network, remembered)
+        spent("metric_depth", self._timer() - began_s - network_s)
+        return metric
 
     def _frozen(self, frame: Frame, state: DroneState | None) -> str:
         """Return a refusal if a moving drone sent the same image again."""

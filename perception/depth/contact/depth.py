@@ -82,28 +82,37 @@ def contact_depth(
         ShapeError: a map has another size than the view.
         ValueRangeError: the lens is not above the carpet.
     """
-    size = (view.camera.height_px, view.camera.width_px)
-    for name, given in (("class map", ids), ("network's depth", network_m)):
-        if given is not None and given.shape != size:
-            expected = f"{size[0]}x{size[1]}, as its camera"
-            raise ShapeError(name, expected=expected, actual=given.shape)
-    ground, panorama = ground or GroundPlane.of(view), Panorama.of(ids, view)
-    estimation = _Estimation(ids, ground, config or ContactDepthConfig(), panorama, remembered)
-    return estimation.result(network_m)
+    estimation = ContactEstimation(ids, ground or GroundPlane.of(view), config, remembered)
+    if network_m is not None:
+        estimation.complete(network_m)
+    return estimation.result()
 
 
-class _Estimation:
-    """The estimation on one map; its steps share the rays, the panorama and the result."""
+class ContactEstimation:
+    """Estimation of the depth of one map; its steps share the rays, the panorama and the result.
+
+    Args:
+        ids: (H, W) class ids of `uav_bt.classes`.
+        ground: the ground plane of the view, at the map's size.
+        config: dimensions of the lab.
+        remembered: bases seen earlier, for boxes whose base is now out of view.
+
+    Raises:
+        ShapeError: the map has another size than the view.
+        ValueRangeError: the lens is not above the carpet.
+    """
 
     def __init__(
         self,
         ids: NDArray[np.uint8],
         ground: GroundPlane,
-        config: ContactDepthConfig,
-        panorama: Panorama,
-        remembered: Remembered | None,
+        config: ContactDepthConfig | None = None,
+        remembered: Remembered | None = None,
     ) -> None:
-        self._shape, self._ids = ids.shape, ids.ravel()
+        self._size = (ground.view.camera.height_px, ground.view.camera.width_px)
+        self._check("class map", ids.shape)
+        config, panorama = config or ContactDepthConfig(), Panorama.of(ids, ground.view)
+        self._ids = ids.ravel()
         self._height_m, self._config = ground.view.height_m, config
         self._rays, depth_m = ground.rays.reshape(3, -1), ground.depth_m.ravel()
         self._panorama, self._remembered = panorama, remembered
@@ -111,28 +120,50 @@ class _Estimation:
         self._at_most = np.where(np.isnan(depth_m), np.float32(np.inf), depth_m)
         self._present = np.bincount(self._ids, minlength=256) > 0
 
-    def result(self, network_m: NDArray[np.float32] | None) -> ContactDepth:
         bases = {box: self._base(box) for box in BOXES if self._present[box]}
         for box, base in bases.items():
             self._fill_sides(box, base)
-        for number, roof in enumerate(ROOFS):
-            if self._present[roof]:
-                carriers = {b: bases[b] for b in BOXES[number :: len(ROOFS)] if b in bases}
-                self._fill_roof(roof, carriers.values())
-                if network_m is not None:
-                    self._fill_below_roof(roof, carriers, network_m.ravel())
+        self._carriers = {
+            roof: {box: bases[box] for box in BOXES[number :: len(ROOFS)] if box in bases}
+            for number, roof in enumerate(ROOFS)
+            if self._present[roof]
+        }
+        for roof, carriers in self._carriers.items():
+            self._fill_roof(roof, carriers.values())
+
+    def complete(self, network_m: NDArray[np.float32]) -> None:
+        """Estimate the roofs of boxes whose base is out of sight, and the sides below them.
+
+        Args:
+            network_m: (H, W) a network's metric depth.
+
+        Raises:
+            ShapeError: it has another size than the class map.
+        """
+        self._check("network's depth", network_m.shape)
+        for roof, carriers in self._carriers.items():
+            self._fill_below_roof(roof, carriers, network_m.ravel())
+
+    def result(self) -> ContactDepth:
+        """Return the depth that has been estimated so far."""
+        depth = self._depth.copy()
         if self._present[HELIPAD_BOX] or self._present[HELIPAD_H]:
-            self._fill_helipad()
+            self._fill_helipad(depth)
         with np.errstate(invalid="ignore"):
-            self._depth[self._depth > self._config.max_depth_m] = np.nan
+            depth[depth > self._config.max_depth_m] = np.nan
         things = is_above_ground(self._ids)
         count = int(np.count_nonzero(things))
-        known = int(np.count_nonzero(things & np.isfinite(self._depth)))
+        known = int(np.count_nonzero(things & np.isfinite(depth)))
         return ContactDepth(
-            depth=self._depth.reshape(self._shape),
-            at_most=self._at_most.reshape(self._shape),
+            depth=depth.reshape(self._size),
+            at_most=self._at_most.reshape(self._size).copy(),
             known_share=known / count if count else 1.0,
         )
+
+    def _check(self, name: str, shape: tuple[int, ...]) -> None:
+        if shape != self._size:
+            expected = f"{self._size[0]}x{self._size[1]}, as its camera"
+            raise ShapeError(name, expected=expected, actual=shape)
 
     def _base(self, thing: int) -> Base:
         return find_base(self._panorama, thing, self._height_m, self._config.base, self._remembered)
@@ -238,7 +269,7 @@ class _Estimation:
         depression = panorama.depression_rad
         return columns[meets], np.tan(0.5 * (depression[top[meets]] + depression[above[meets]]))
 
-    def _fill_helipad(self) -> None:
+    def _fill_helipad(self, filled: Floats) -> None:
         """Fill sides and top of the landing box; its rim has the colours of its sides."""
         above_m = self._height_m - self._config.pad_height_m
         base = self._base(HELIPAD_BOX)
@@ -249,5 +280,5 @@ class _Estimation:
             down = np.maximum(self._rays[2], np.float32(1e-6))
             depth = np.maximum(depth, above_m / down[pixels])
             panel = np.flatnonzero((self._ids == HELIPAD_H) & (self._rays[2] > 0.0))
-            self._depth[panel] = above_m / down[panel]
-        self._depth[pixels] = depth
+            filled[panel] = above_m / down[panel]
+        filled[pixels] = depth

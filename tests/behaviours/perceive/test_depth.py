@@ -99,8 +99,9 @@ def fly(
 
 @pytest.fixture
 def estimating() -> LeafBench:
+    """Return the leaf with a network that runs in every frame."""
     Loaded.network = Network()
-    return LeafBench(Loaded)
+    return LeafBench(Loaded, network_ahead_m=20.0)
 
 
 # --- EstimateDepth --------------------------------------------------------------------------------
@@ -126,6 +127,38 @@ def test_each_frame_is_estimated_once(estimating: LeafBench) -> None:
     assert len(Loaded.network.frames) == 2
     times = estimating.leaf.mission.stage_times_s
     assert len(times["relative_depth"]) == len(times["metric_depth"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("rows", "runs"),
+    [
+        pytest.param(slice(10, 60), 0, id="the base is in view"),
+        pytest.param(slice(10, 112), 1, id="the base is below the image"),
+    ],
+)
+def test_the_network_runs_if_a_near_obstacle_has_no_base_in_view(rows: slice, runs: int) -> None:
+    """By default ground contact alone measures frames in which it knows all near obstacles."""
+    Loaded.network = Network()
+    bench = LeafBench(Loaded)
+    ids = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
+    ids[rows, 100:124] = BOXES[0]
+    fly(bench, ids=ids)
+    assert len(Loaded.network.frames) == runs
+    assert (RELATIVE_DEPTH in bench.board) == bool(runs)
+    assert np.isfinite(bench.board[METRIC_DEPTH].depth[40, 110])
+
+
+def test_the_network_does_not_run_for_a_far_obstacle_without_a_base() -> None:
+    """Another obstacle, 3 m ahead, hides the base of the one behind it."""
+    Loaded.network = Network()
+    bench = LeafBench(Loaded)
+    ids = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
+    ids[:20] = BACKGROUND
+    ids[20:25, 100:124] = BOXES[0]
+    ids[25:30, 100:124] = BOXES[1]
+    fly(bench, ids=ids)
+    assert Loaded.network.frames == []
+    assert np.isnan(bench.board[METRIC_DEPTH].depth[22, 110])
 
 
 def test_contact_flies_without_a_network() -> None:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -92,7 +91,7 @@ class Pipeline:
             source="contact" if network is None else self._config.source,
             generator=generator,
         )
-        self._depth = DepthStage(network, maker)
+        self._depth = DepthStage(network, maker, timer=timer)
         self._corridors = CorridorBuilder(self._config.corridor)
         self._finder = HelipadFinder()
         self._state: DroneState | None = None
@@ -123,7 +122,7 @@ class Pipeline:
         with self._timed(spent, "segmentation"):
             class_map = self._segmenter.segment(frame)
         metric = self._depth.perceive(
-            frame, class_map, self.camera, state=self._state, timed=partial(self._timed, spent)
+            frame, class_map, self.camera, state=self._state, spent=spent.__setitem__
         )
         corridor = intruding = None
         if metric.depth is not None:
