@@ -62,14 +62,16 @@ def build_model(scene: Scene) -> LabModel:
         The MuJoCo model; the free joint of the drone is the first seven coordinates.
     """
     builder = _Builder(math.hypot(*scene.room_size_m))
-    builder.room(scene.room_size_m)
-    builder.carpet(scene.ground.size_m)
     builder.lights(scene.lighting)
-    builder.helipad(scene.helipad)
+    # Geoms are drawn in this order. Things in front come first, because a software renderer
+    # textures every pixel that no nearer surface covers yet.
     for name, box in zip(box_names(scene.boxes), scene.boxes, strict=True):
         builder.box(name, box)
     for name, mover in zip(mover_names(scene.movers), scene.movers, strict=True):
         builder.mover(name, mover)
+    builder.helipad(scene.helipad)
+    builder.carpet(scene.ground.size_m)
+    builder.room(scene.room_size_m)
     return builder.done()
 
 
