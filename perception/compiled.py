@@ -5,18 +5,27 @@ flight. Numba keeps the machine code beside the module, or in the user's cache f
 (`NUMBA_CACHE_DIR`, by default `~/.cache/numba`) where the module's folder is read-only. A change of
 the source, of Numba or of the processor compiles the kernel again. Kernels use IEEE arithmetic
 without reassociation, so that results do not depend on the cache.
+
+`python -m perception.compiled` compiles all kernels, for example after an installation.
 """
 
 from __future__ import annotations
 
-import warnings
+import importlib
+import logging
+import pkgutil
 from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar, cast
+from pathlib import Path
+from typing import Any, Final, ParamSpec, TypeVar, cast
 
 import numba
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
+
+_ROOMS: Final = ("perception", "behaviours")
+_log = logging.getLogger(__name__)
+_shown: set[str] = set()  # messages; each is shown once in a process
 
 
 def compiled(signature: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
@@ -32,18 +41,43 @@ def compiled(signature: str) -> Callable[[Callable[Given, Result]], Callable[Giv
     def decorate(function: Callable[Given, Result]) -> Callable[Given, Result]:
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
         try:
-            kernel = numba.njit(signature, cache=True, **options)(function)
+            kernel = numba.njit(cache=True, **options)(function)
+            kernel.compile(signature)
+            if kernel.stats.cache_misses:
+                _say("compiling for this machine; this takes half a minute, once")
         except RuntimeError as error:
             if "cannot cache" not in str(error):
                 raise
-            warnings.warn(
-                "compiled code cannot be kept: neither the installation nor the cache folder can "
-                "be written, so every start compiles again; set NUMBA_CACHE_DIR to a folder that "
-                "can be written",
-                RuntimeWarning,
-                stacklevel=2,
+            _say(
+                "compiled code cannot be kept, because neither the installation nor the cache "
+                "folder can be written: every start compiles for half a minute; set "
+                "NUMBA_CACHE_DIR to a folder that can be written"
             )
-            kernel = numba.njit(signature, **options)(function)
+            kernel = numba.njit(**options)(function)
+            kernel.compile(signature)
+        kernel.disable_compile()
         return cast("Callable[Given, Result]", kernel)
 
     return decorate
+
+
+def _say(message: str) -> None:
+    if message not in _shown:
+        _shown.add(message)
+        _log.warning(message)
+
+
+def compile_all() -> None:
+    """Import all modules with kernels, which compiles those that are not in the cache."""
+    for room in _ROOMS:
+        folder = importlib.import_module(room).__path__
+        for module in pkgutil.walk_packages(folder, f"{room}."):
+            file = Path(folder[0]).parent / (module.name.replace(".", "/") + ".py")
+            if file.is_file() and f"from {_HERE} import" in file.read_text(encoding="utf-8"):
+                importlib.import_module(module.name)
+
+
+_HERE: Final = "perception.compiled"
+
+if __name__ == "__main__":
+    compile_all()
