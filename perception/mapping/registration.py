@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from perception.compiled import compiled
-from perception.mapping.landmarks import Landmarks
 from perception.mapping.view import View
 from uav_bt.classes import BACKGROUND
 from uav_bt.types import Pose2D
@@ -94,24 +93,27 @@ class Registration:
             self._covariance += about @ walk @ about.T * (time_s - self._time_s)
         self._time_s = time_s
 
-    def match(self, view: View, known: Landmarks) -> float | None:
+    def match(
+        self, view: View, known_m: Floats, known_ids: NDArray[np.uint8]
+    ) -> float | None:
         """Correct by the points of a view that are on the map.
 
         Args:
             view: the view, with its dead-reckoned pose.
-            known: points of the map.
+            known_m: (M, 2) points of the map.
+            known_ids: (M,) their classes.
 
         Returns:
             The median distance of the view's points from the map's, across lines; None with too
             few matched points.
         """
         cfg, local_m = self._config, np.vstack([view.bases_m, view.edges_m])
-        if min(len(local_m), len(known)) < cfg.min_points:
+        if min(len(local_m), len(known_m)) < cfg.min_points:
             return None
         seen_m = view.pose.points_to_world(view.body_m(local_m))
         edge_ids = np.full(len(view.edges_m), BACKGROUND, dtype=np.uint8)
         ids = np.concatenate([view.base_ids, edge_ids])
-        tree = cKDTree(_apart(known.xy_m, known.ids))
+        tree = cKDTree(_apart(known_m, known_ids))
         std_m = np.hypot(cfg.point_std_m, cfg.range_std_ratio * np.hypot(*local_m.T))
         prior = np.linalg.inv(self._covariance + 1e-8 * np.eye(3))
         state, hessian = self._state.copy(), prior
@@ -120,12 +122,12 @@ class Registration:
             places_m = _pose(state).points_to_world(seen_m)
             near = tree.query(
                 _apart(places_m, ids),
-                k=min(cfg.neighbours, len(known)),
+                k=min(cfg.neighbours, len(known_m)),
                 # Points beyond have no weight, and their lines do not matter.
                 distance_upper_bound=cfg.gate_m + cfg.line_reach_m,
             )
             limits = cfg.gate_m, cfg.line_reach_m, cfg.line_ratio
-            return _equations(places_m, state[:2], std_m, *near, known.xy_m, limits)
+            return _equations(places_m, state[:2], std_m, *near, known_m, limits)
 
         for _ in range(cfg.rounds):
             residual_m, seen_hessian, seen_gradient = equations()
