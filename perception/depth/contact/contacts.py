@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.compiled import compiled
 from perception.depth.contact.lines import BaseLine, LineConfig, fit_base
 from perception.depth.contact.panorama import OUTSIDE, Panorama
 from uav_bt.classes import CARPET
@@ -111,17 +112,8 @@ def find_base(
 
 
 def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
-    everywhere = panorama.ids == thing
-    across = np.flatnonzero(everywhere.any(axis=0))
-    left, right = (int(across[0]), int(across[-1]) + 1) if across.size else (0, 0)
-    shows = everywhere[:, left:right]
     run = max(1, round(config.min_run_px * panorama.rows_per_px))
-    rows = shows.shape[0] - run + 1
-    solid = shows[:rows].copy()
-    for shift in range(1, run):
-        solid &= shows[shift : rows + shift]
-    inner = np.flatnonzero(solid.any(axis=0))
-    columns, first = inner + left, solid[:, inner].argmax(axis=0)
+    columns, first, last = _runs(panorama.ids, thing, run)
     carpet = rows_above(panorama, first, columns, CARPET, config.gap_px, step=-1)
     depression = panorama.depression_rad
     border = np.tan(0.5 * (depression[first] + depression[carpet]))
@@ -129,12 +121,41 @@ def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
     return _Sight(
         columns=columns,
         first=first,
-        last=shows.shape[0] - 1 - shows[::-1, inner].argmax(axis=0),
+        last=last,
         visible=np.tan(depression[first]),
         base=np.where(carpet >= 0, border, np.nan),
         outside=below == OUTSIDE,
         cut=bool(np.count_nonzero(below == OUTSIDE) > config.specks * columns.size),
     )
+
+
+@compiled("UniTuple(intp[::1], 3)(uint8[:, ::1], int64, int64)")
+def _runs(ids: NDArray[np.uint8], thing: int, run: int) -> tuple[Indices, Indices, Indices]:
+    """Find the lowest run of a class in each column of a panorama.
+
+    Args:
+        ids: (R, A) class ids, the lowest row first.
+        thing: the class id.
+        run: rows of a run at least.
+
+    Returns:
+        (N,) columns with a run; (N,) row where it begins; (N,) uppermost row of the class, be it
+        part of a run or not.
+    """
+    count = np.zeros(ids.shape[1], dtype=np.intp)  # rows of the class up to the present one
+    first = np.full(ids.shape[1], -1, dtype=np.intp)
+    last = np.zeros(ids.shape[1], dtype=np.intp)
+    for row in range(ids.shape[0]):
+        for column in range(ids.shape[1]):
+            if ids[row, column] != thing:
+                count[column] = 0
+                continue
+            count[column] += 1
+            last[column] = row
+            if count[column] == run and first[column] < 0:
+                first[column] = row - run + 1
+    columns = np.flatnonzero(first >= 0)
+    return columns, first[columns], last[columns]
 
 
 def rows_above(
@@ -159,13 +180,38 @@ def rows_above(
     Returns:
         (N,) rows; -1 where the class does not follow.
     """
-    distances = np.arange(1, 2 + round(gap_px * panorama.rows_per_px))
-    candidates = rows[:, None] + step * distances
-    last = panorama.depression_rad.size - 1
-    here = panorama.ids[np.clip(candidates, 0, last), columns[:, None]] == wanted
-    here &= (candidates >= 0) & (candidates <= last)
-    nearest = candidates[np.arange(rows.size), here.argmax(axis=1)]
-    return np.where(here.any(axis=1), nearest, -1)
+    reach = 1 + round(gap_px * panorama.rows_per_px)
+    return _following(panorama.ids, rows, columns, wanted, step, reach)
+
+
+@compiled("intp[::1](uint8[:, ::1], intp[::1], intp[::1], int64, int64, int64)")
+def _following(
+    ids: NDArray[np.uint8], rows: Indices, columns: Indices, wanted: int, step: int, reach: int
+) -> Indices:
+    """Return the first row of a class within a number of rows above or below cells.
+
+    Args:
+        ids: (R, A) class ids.
+        rows: (N,) rows of the cells.
+        columns: (N,) columns of the cells.
+        wanted: the class id.
+        step: 1 towards higher rows, -1 towards lower ones.
+        reach: number of rows.
+
+    Returns:
+        (N,) rows; -1 where the class does not follow.
+    """
+    found = np.full(len(rows), -1, dtype=np.intp)
+    for cell in range(len(rows)):
+        row = rows[cell]
+        for _ in range(reach):
+            row += step
+            if not 0 <= row < ids.shape[0]:
+                break
+            if ids[row, columns[cell]] == wanted:
+                found[cell] = row
+                break
+    return found
 
 
 def _believe(
