@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from perception.compiled import compiled
 from perception.depth.contact.lines import BaseLine, LineConfig, fit_base
 from perception.depth.contact.panorama import OUTSIDE, Panorama
-from uav_bt.classes import CARPET
+from uav_bt.classes import CARPET, CLASS_COUNT
 from uav_bt.types.arrays import Floats, Indices
 
 
@@ -68,6 +68,21 @@ class Remembered:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Runs:
+    """Runs of each class in the columns of a panorama."""
+
+    first: NDArray[np.int32]  # (C, A) row where the lowest run begins; -1 without a run
+    last: NDArray[np.int32]  # (C, A) uppermost row of the class; -1 where it is not visible
+
+    @classmethod
+    def of(cls, panorama: Panorama, config: BaseConfig) -> Runs:
+        """Return the runs of a panorama that are long enough to stand on a base."""
+        run = max(1, round(config.min_run_px * panorama.rows_per_px))
+        first, last = _runs(panorama.ids, run)
+        return cls(first=first, last=last)
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Sight:
     """The panorama's columns that show a class."""
 
@@ -82,6 +97,7 @@ class _Sight:
 
 def find_base(
     panorama: Panorama,
+    runs: Runs,
     thing: int,
     height_m: float,
     config: BaseConfig,
@@ -91,12 +107,13 @@ def find_base(
 
     Args:
         panorama: panorama of the class map.
+        runs: `Runs.of(panorama, config)`.
         thing: the class id.
         height_m: height of the lens above the carpet.
         config: which pixels form a base.
         remembered: bases seen earlier, used where the base is out of view.
     """
-    sight = _look(panorama, thing, config)
+    sight = _look(panorama, runs, thing, config)
     line, found, on_line = _believe(panorama, sight, config)
     if remembered is not None and line is None and np.isnan(found).any():
         recalled = _recall(panorama, sight, remembered, height_m, config)
@@ -111,9 +128,9 @@ def find_base(
     return Base(slope=slope, line=line, fitted=fitted, visible=visible, top_row=top_row)
 
 
-def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
-    run = max(1, round(config.min_run_px * panorama.rows_per_px))
-    columns, first, last = _runs(panorama.ids, thing, run)
+def _look(panorama: Panorama, runs: Runs, thing: int, config: BaseConfig) -> _Sight:
+    columns = np.flatnonzero(runs.first[thing] >= 0)
+    first = runs.first[thing, columns].astype(np.intp)
     carpet = rows_above(panorama, first, columns, CARPET, config.gap_px, step=-1)
     depression = panorama.depression_rad
     border = np.tan(0.5 * (depression[first] + depression[carpet]))
@@ -121,7 +138,7 @@ def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
     return _Sight(
         columns=columns,
         first=first,
-        last=last,
+        last=runs.last[thing, columns].astype(np.intp),
         visible=np.tan(depression[first]),
         base=np.where(carpet >= 0, border, np.nan),
         outside=below == OUTSIDE,
@@ -129,33 +146,34 @@ def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
     )
 
 
-@compiled("UniTuple(intp[::1], 3)(uint8[:, ::1], int64, int64)")
-def _runs(ids: NDArray[np.uint8], thing: int, run: int) -> tuple[Indices, Indices, Indices]:
-    """Find the lowest run of a class in each column of a panorama.
+@compiled("UniTuple(int32[:, ::1], 2)(uint8[:, ::1], int64)")
+def _runs(ids: NDArray[np.uint8], run: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Find the lowest run of each class in each column of a panorama.
 
     Args:
         ids: (R, A) class ids, the lowest row first.
-        thing: the class id.
         run: rows of a run at least.
 
     Returns:
-        (N,) columns with a run; (N,) row where it begins; (N,) uppermost row of the class, be it
-        part of a run or not.
+        (C, A) row where the run of a class begins, -1 without a run; (C, A) uppermost row of the
+        class, be it part of a run or not.
     """
-    count = np.zeros(ids.shape[1], dtype=np.intp)  # rows of the class up to the present one
-    first = np.full(ids.shape[1], -1, dtype=np.intp)
-    last = np.zeros(ids.shape[1], dtype=np.intp)
-    for row in range(ids.shape[0]):
-        for column in range(ids.shape[1]):
-            if ids[row, column] != thing:
-                count[column] = 0
+    rows, columns = ids.shape
+    first = np.full((CLASS_COUNT, columns), -1, dtype=np.int32)
+    last = np.full((CLASS_COUNT, columns), -1, dtype=np.int32)
+    before = np.full(columns, OUTSIDE, dtype=np.uint8)  # class in the row before
+    begin = np.zeros(columns, dtype=np.int32)  # row where the present run begins
+    for row in range(rows):
+        for column in range(columns):
+            thing = ids[row, column]
+            if thing != before[column]:
+                before[column], begin[column] = thing, row
+            if thing == OUTSIDE:
                 continue
-            count[column] += 1
-            last[column] = row
-            if count[column] == run and first[column] < 0:
-                first[column] = row - run + 1
-    columns = np.flatnonzero(first >= 0)
-    return columns, first[columns], last[columns]
+            last[thing, column] = row
+            if row - begin[column] + 1 == run and first[thing, column] < 0:
+                first[thing, column] = begin[column]
+    return first, last
 
 
 def rows_above(

@@ -98,18 +98,25 @@ def _remapped(
         (R, A) class ids; OUTSIDE for cells outside the image.
     """
     fx, fy, cx, cy = pinhole_px[0], pinhole_px[1], pinhole_px[2], pinhole_px[3]
-    remapped = np.full((len(directions), across.shape[1]), OUTSIDE, dtype=np.uint8)
+    first = np.float32(0.0)
+    end_u, end_v = np.float32(ids.shape[1]), np.float32(ids.shape[0])
+    width, pixels = np.int32(ids.shape[1]), ids.ravel()
+    places = np.empty(across.shape[1], dtype=np.int32)
+    remapped = np.empty((len(directions), across.shape[1]), dtype=np.uint8)
     for row in range(remapped.shape[0]):
         level, down = directions[row, 0], directions[row, 1]
+        # Without branches, so that the processor computes several columns at once.
         for column in range(remapped.shape[1]):
             z = level * across[2, column] + vertical[2] * down
-            if not z > np.float32(1e-3):  # behind the camera
-                continue
             scale = np.float32(1.0) / z
             u = np.rint((level * across[0, column] + vertical[0] * down) * scale * fx + cx)
             v = np.rint((level * across[1, column] + vertical[1] * down) * scale * fy + cy)
-            if 0 <= u < ids.shape[1] and 0 <= v < ids.shape[0]:
-                remapped[row, column] = ids[int(v), int(u)]
+            inside = (u >= first) & (u < end_u) & (v >= first) & (v < end_v)
+            ahead = z > np.float32(1e-3)
+            places[column] = np.int32(v) * width + np.int32(u) if inside & ahead else np.int32(-1)
+        for column in range(remapped.shape[1]):
+            place = places[column]
+            remapped[row, column] = pixels[place] if place >= 0 else OUTSIDE
     return remapped
 
 
