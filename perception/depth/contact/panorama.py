@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView
 from perception.compiled import compiled
+from uav_bt.types import CameraModel
 from uav_bt.types.projection import camera_axes, pixel_rays, project
 
 OUTSIDE = 255  # in the panorama: not in the image
@@ -35,7 +37,7 @@ class Panorama:
             view: the camera, at the map's size.
         """
         camera, pixel_rad = view.camera, 1.0 / view.camera.fy_px
-        left, right, steepest = _extent(view)
+        left, right, steepest = _extent(camera, view.pitch_rad, view.roll_rad)
         azimuths = np.arange(left, right, 1.0 / camera.fx_px)
         flattest = min(_MIN_DEPRESSION_RAD, steepest - 2.0 * pixel_rad)
         depressions = np.arange(steepest, flattest, -pixel_rad / _ROWS_PER_PX)
@@ -120,20 +122,20 @@ def _remapped(
     return remapped
 
 
-def _extent(view: CameraView) -> tuple[float, float, float]:
+@functools.lru_cache(maxsize=8)  # the gimbal's pitch seldom changes
+def _extent(camera: CameraModel, pitch_rad: float, roll_rad: float) -> tuple[float, float, float]:
     """Return the image's leftmost and rightmost azimuth and its steepest depression."""
-    camera = view.camera
     width, height = camera.width_px - 0.5, camera.height_px - 0.5
     across, along = np.linspace(-0.5, width, 17), np.linspace(-0.5, height, 9)
     border = np.concatenate(
         [np.stack([across, np.full_like(across, edge)], axis=-1) for edge in (-0.5, height)]
         + [np.stack([np.full_like(along, edge), along], axis=-1) for edge in (-0.5, width)]
     )
-    rays = pixel_rays(border, camera, view.pitch_rad, view.roll_rad)
+    rays = pixel_rays(border, camera, pitch_rad, roll_rad)
     azimuth = np.arctan2(rays[:, 1], rays[:, 0])
     depression = np.arctan2(rays[:, 2], np.hypot(rays[:, 0], rays[:, 1]))
     with np.errstate(invalid="ignore"):
-        nadir = project(np.array([0.0, 0.0, 1.0]), camera, view.pitch_rad, view.roll_rad)
+        nadir = project(np.array([0.0, 0.0, 1.0]), camera, pitch_rad, roll_rad)
         below = bool(np.all((nadir >= -0.5) & (nadir <= (width, height))))
     if below:
         return -math.pi, math.pi, math.pi / 2 - 1e-3
