@@ -93,9 +93,7 @@ class Registration:
             self._covariance += about @ walk @ about.T * (time_s - self._time_s)
         self._time_s = time_s
 
-    def match(
-        self, view: View, known_m: Floats, known_ids: NDArray[np.uint8]
-    ) -> float | None:
+    def match(self, view: View, known_m: Floats, known_ids: NDArray[np.uint8]) -> float | None:
         """Correct by the points of a view that are on the map.
 
         Args:
@@ -223,9 +221,7 @@ def _equations(
             continue
         x_m, y_m = places_m[place, 0], places_m[place, 1]
         number, middle_x, middle_y = 0, 0.0, 0.0
-        while (
-            number < indices.shape[1] and distances_m[place, number] <= nearest_m + line_reach_m
-        ):
+        while number < indices.shape[1] and distances_m[place, number] <= nearest_m + line_reach_m:
             middle_x += known_m[indices[place, number], 0]
             middle_y += known_m[indices[place, number], 1]
             number += 1
