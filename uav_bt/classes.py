@@ -127,7 +127,8 @@ def is_ground(ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 def is_above_ground(ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """Return where class ids, uint8 of any shape, are obstacles or the landing mark's box."""
-    return np.isin(group_of(ids), (GROUP_HELIPAD, GROUP_OBSTACLE))
+    groups = group_of(ids)
+    return np.asarray((groups == GROUP_HELIPAD) | (groups == GROUP_OBSTACLE))
 
 
 def standing_classes() -> tuple[int, ...]:

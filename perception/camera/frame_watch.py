@@ -45,6 +45,7 @@ _SMALL = (64, 36)  # width and height of the shrunk image, px
 # Immerkaer's kernel does not respond to edges and slopes. The median instead of the mean also
 # suppresses texture.
 _KERNEL = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
+_LEVELS = 8 * 255 + 1  # of its absolute response to an image of 256 grey levels
 _KERNEL_GAIN = 6.0
 _MEDIAN_TO_SIGMA = 0.6745
 
@@ -86,8 +87,8 @@ class FrameWatch:
             return "the image is overexposed"
         if contrast < config.contrast:
             return "the image shows nothing: is the lens covered?"
-        detail = cv2.filter2D(grey[::2, ::2].astype(np.float32), -1, _KERNEL)
-        noise = float(np.median(np.abs(detail))) / (_KERNEL_GAIN * _MEDIAN_TO_SIGMA)
+        detail = np.abs(cv2.filter2D(np.ascontiguousarray(grey[::2, ::2]), cv2.CV_16S, _KERNEL))
+        noise = _median(detail) / (_KERNEL_GAIN * _MEDIAN_TO_SIGMA)
         if noise > config.noise:
             return f"the image is all noise ({noise:.0f} grey levels)"
         return None
@@ -116,3 +117,12 @@ class FrameWatch:
         tilted_rad = frame.gimbal_pitch_rad - first.gimbal_pitch_rad
         turned = max(abs(turned_rad), abs(tilted_rad)) > self._config.turned_rad
         return turned or self._moved_m > self._config.moved_m
+
+
+def _median(detail: NDArray[np.int16]) -> float:
+    """Return the median of integers within 0 and `_LEVELS`, by their histogram."""
+    levels = detail.view(np.uint16)
+    counts = cv2.calcHist([levels], [0], None, [_LEVELS], [0, _LEVELS]).ravel()
+    below = np.cumsum(counts, dtype=np.int64)
+    middle = np.array([(detail.size - 1) // 2, detail.size // 2])
+    return float(np.searchsorted(below, middle, side="right").mean())

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from perception.mapping.landmarks import Landmarks
+from perception.mapping.tables import nearest_circles
 from uav_bt.types.arrays import Flags, Floats
 
 
@@ -53,8 +53,6 @@ def _off_standing_m(seen: Landmarks, known: Landmarks, config: ArrivalConfig) ->
     """Return the distance of points to the circles around settled points, (N,), m."""
     time_s = float(seen.seen_s[0])
     known = known.take((known.settled_s <= time_s) & (known.missed == 0.0))
-    if not len(known):
-        return np.full(len(seen), math.inf)
     reach_m = config.beside_new_m + config.beside_mps * (time_s - known.settled_s)
-    apart_m = np.hypot(*np.moveaxis(seen.xy_m[:, None] - known.xy_m, -1, 0))
-    return np.asarray((apart_m - np.minimum(config.beside_m, reach_m)).min(axis=1))
+    reach_m = np.minimum(config.beside_m, reach_m)
+    return nearest_circles(seen.xy_m, known.xy_m, reach_m)[0]

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.compiled import compiled
 from perception.mapping.contact_scan import NO_CLASS
 from perception.mapping.view import View
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_HELIPAD
 from uav_bt.errors import ValueRangeError
-from uav_bt.types.arrays import Flags, Floats
+from uav_bt.types.arrays import Flags, Floats, Indices
 from uav_bt.types.site_map import is_beyond_edge
 
 
@@ -66,25 +68,28 @@ class GroundGrid:
             view: placed in the map's frame.
         """
         cfg, scan, lens = self.config, view.scan, view.lens
-        groups = scan.groups
-        near = np.hypot(*np.moveaxis(scan.level_m, -1, 0)) <= cfg.max_range_m
-        is_ground = near & (groups == GROUP_CARPET)
-        is_beyond = near & (groups == GROUP_BACKGROUND)
-        ground = self._inside(lens.points_to_world(scan.level_m[is_ground]))
-        self.full |= bool(len(ground) < np.count_nonzero(is_ground))
-        beyond = self._inside(lens.points_to_world(scan.level_m[is_beyond]))
-        both = np.concatenate([ground, beyond])
-        self._use(both)
-        if len(both):
-            low, size = both.min(axis=0), np.ptp(both, axis=0) + 1
-            window = slice(low[0], low[0] + size[0]), slice(low[1], low[1] + size[1])
-            more_ground = _counts(ground - low, size) - _counts(beyond - low, size)
-            more, less, votes = more_ground > 0, more_ground < 0, self._beyond[window]
-            votes[more] = np.maximum(votes[more] - 1, -cfg.max_votes)
-            votes[less] = np.minimum(votes[less] + 1, cfg.max_votes)
-            self.seen_s[window][more] = view.captured_s
-            self.free[window][more] = True
-        self._clear_below(view)
+        lens_at = (lens.x_m, lens.y_m, math.cos(lens.yaw_rad), math.sin(lens.yaw_rad))
+        used, outside = _vote(
+            scan.level_m,
+            scan.groups,
+            lens_at,
+            (view.captured_s, cfg.max_range_m, cfg.cell_m),
+            cfg.max_votes,
+            self._beyond,
+            self.seen_s,
+            self.free,
+        )
+        self.full |= outside
+        if used[0, 0] <= used[1, 0]:
+            self._use(used)
+        _clear_below(
+            scan.level_m,
+            scan.groups,
+            lens_at,
+            (cfg.near_step_m, cfg.max_range_m, cfg.cell_m),
+            cfg.near_bearings,
+            self.free,
+        )
 
     def fly_over(self, x_m: float, y_m: float) -> None:
         """Mark the cells below the drone as passed and free of obstacles."""
@@ -179,29 +184,6 @@ class GroundGrid:
             (window[1].start - middle) * cfg.cell_m,
         )
 
-    def _clear_below(self, view: View) -> None:
-        """Mark the cells between the camera and the nearest ground in view as free.
-
-        An obstacle there that reached the flight height would hide that ground.
-        """
-        cfg, scan = self.config, view.scan
-        groups, level_m = scan.groups[:: cfg.near_bearings], scan.level_m[:: cfg.near_bearings]
-        first = (groups != NO_CLASS).argmax(axis=1)
-        rows = np.arange(len(groups))
-        shows = np.isin(groups[rows, first], (GROUP_CARPET, GROUP_HELIPAD))
-        ends = level_m[rows, first][shows]
-        lengths = np.hypot(*ends.T)
-        steps = np.arange(cfg.near_step_m, cfg.max_range_m, cfg.near_step_m)
-        shares = steps / np.maximum(lengths, cfg.near_step_m)[:, None]
-        below = (ends[:, None, :] * shares[..., None])[shares < 1.0]
-        cells = self._inside(view.lens.points_to_world(below))
-        self.free[tuple(cells.T)] = True
-
-    def _inside(self, places_m: Floats) -> NDArray[np.intp]:
-        cells = self._cells(places_m)
-        inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
-        return np.asarray(cells[inside])
-
     def _cells(self, places_m: Floats) -> NDArray[np.intp]:
         middle = self.seen_s.shape[0] // 2
         return np.asarray(np.rint(places_m / self.config.cell_m).astype(np.intp) + middle)
@@ -212,10 +194,117 @@ class GroundGrid:
             self._high = np.maximum(self._high, cells.max(axis=0))
 
 
-def _counts(cells: NDArray[np.intp], size: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return how often each cell occurs in a window, given its rows and columns."""
-    flat = np.bincount(cells[:, 0] * size[1] + cells[:, 1], minlength=int(size.prod()))
-    return flat.reshape(size)
+@compiled(
+    "Tuple((intp[:, ::1], boolean))"
+    "(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4), UniTuple(float64, 3), int64,"
+    " int8[:, ::1], float64[:, ::1], boolean[:, ::1])"
+)
+def _vote(
+    level_m: Floats,
+    groups: NDArray[np.uint8],
+    lens_at: tuple[float, float, float, float],
+    limits: tuple[float, float, float],
+    max_votes: int,
+    beyond: NDArray[np.int8],
+    seen_s: Floats,
+    free: Flags,
+) -> tuple[Indices, bool]:
+    """Let the samples of a view vote whether cells are ground or beyond its end.
+
+    Args:
+        level_m: (B, E, 2) samples, forward and right of the point below the camera.
+        groups: (B, E) their group ids.
+        lens_at: x and y of the camera in the map's frame, m; cosine and sine of its heading.
+        limits: capture time, s; range of samples that count, m; side of a cell, m.
+        max_votes: limit of the votes.
+        beyond: (S, S) votes of all views, changed.
+        seen_s: (S, S) capture times, changed.
+        free: (S, S) cells free of obstacles, changed.
+
+    Returns:
+        (2, 2) the lowest and the highest row and column with a sample, the lowest above the highest
+        without any; and whether ground lay outside the grid.
+    """
+    x_m, y_m, cos, sin = lens_at
+    captured_s, max_range_m, cell_m = limits
+    side = beyond.shape[0]
+    middle = side // 2
+    more_ground = np.zeros((side, side), dtype=np.int32)  # samples of ground less those beyond
+    used = np.array([[side, side], [-1, -1]], dtype=np.intp)
+    outside = False
+    for bearing in range(groups.shape[0]):
+        for sample in range(groups.shape[1]):
+            group = groups[bearing, sample]
+            forward_m, right_m = level_m[bearing, sample, 0], level_m[bearing, sample, 1]
+            if group not in (GROUP_CARPET, GROUP_BACKGROUND) or (
+                np.hypot(forward_m, right_m) > max_range_m
+            ):
+                continue
+            row = int(np.rint((forward_m * cos - right_m * sin + x_m) / cell_m)) + middle
+            column = int(np.rint((forward_m * sin + right_m * cos + y_m) / cell_m)) + middle
+            if 0 <= row < side and 0 <= column < side:
+                more_ground[row, column] += 1 if group == GROUP_CARPET else -1
+                used[0, 0], used[0, 1] = min(used[0, 0], row), min(used[0, 1], column)
+                used[1, 0], used[1, 1] = max(used[1, 0], row), max(used[1, 1], column)
+            elif group == GROUP_CARPET:
+                outside = True
+    for row in range(used[0, 0], used[1, 0] + 1):
+        for column in range(used[0, 1], used[1, 1] + 1):
+            if more_ground[row, column] > 0:
+                beyond[row, column] = max(beyond[row, column] - 1, -max_votes)
+                seen_s[row, column] = captured_s
+                free[row, column] = True
+            elif more_ground[row, column] < 0:
+                beyond[row, column] = min(beyond[row, column] + 1, max_votes)
+    return used, outside
+
+
+@compiled(
+    "void(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4), UniTuple(float64, 3), int64,"
+    " boolean[:, ::1])"
+)
+def _clear_below(
+    level_m: Floats,
+    groups: NDArray[np.uint8],
+    lens_at: tuple[float, float, float, float],
+    limits: tuple[float, float, float],
+    every: int,
+    free: Flags,
+) -> None:
+    """Mark the cells between the camera and the nearest ground in view as free.
+
+    An obstacle there that reached the flight height would hide that ground.
+
+    Args:
+        level_m: (B, E, 2) samples, forward and right of the point below the camera.
+        groups: (B, E) their group ids.
+        lens_at: x and y of the camera in the map's frame, m; cosine and sine of its heading.
+        limits: step along a bearing, greatest range, side of a cell, m.
+        every: the number of bearings of which one is cleared.
+        free: (S, S) cells free of obstacles, changed.
+    """
+    x_m, y_m, cos, sin = lens_at
+    step_m, max_range_m, cell_m = limits
+    side = free.shape[0]
+    middle = side // 2
+    steps = int(np.ceil((max_range_m - step_m) / step_m))
+    for bearing in range(0, groups.shape[0], every):
+        nearest = 0
+        while nearest < groups.shape[1] - 1 and groups[bearing, nearest] == NO_CLASS:
+            nearest += 1
+        if groups[bearing, nearest] not in (GROUP_CARPET, GROUP_HELIPAD):
+            continue
+        forward_m, right_m = level_m[bearing, nearest, 0], level_m[bearing, nearest, 1]
+        length_m = max(np.hypot(forward_m, right_m), step_m)
+        for step in range(steps):
+            share = (step_m + step * step_m) / length_m
+            if share >= 1.0:
+                break
+            near_m, beside_m = forward_m * share, right_m * share
+            row = int(np.rint((near_m * cos - beside_m * sin + x_m) / cell_m)) + middle
+            column = int(np.rint((near_m * sin + beside_m * cos + y_m) / cell_m)) + middle
+            if 0 <= row < side and 0 <= column < side:
+                free[row, column] = True
 
 
 def _disc(radius_cells: float) -> Flags:

@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from perception.mapping.tables import PointTable, first_in_cells
+from perception.mapping.tables import PointTable, first_in_cells, nearest_circles
 from perception.mapping.view import View
 from uav_bt.classes import BACKGROUND
 from uav_bt.types.arrays import Flags, Floats
@@ -128,7 +127,7 @@ def merge(
     seen = seen.take(first_in_cells(seen.xy_m, config.same_m))
     if not len(known) or not len(seen):
         return known.with_rows(seen) if adds else known
-    apart_m, nearest = cKDTree(known.xy_m).query(seen.xy_m)
+    apart_m, nearest = nearest_circles(seen.xy_m, known.xy_m, np.zeros(len(known)))
     again = apart_m <= config.same_m
     result = known.with_rows(seen.take(~again & adds))  # a copy
     rows, sighted = nearest[again], seen.take(again)  # several may be of one known point

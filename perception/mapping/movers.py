@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.optimize import linear_sum_assignment
 
 from perception.mapping.mover_track import MoverConfig, MoverTrack
+from perception.mapping.tables import clusters
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import MapMover
 
@@ -208,9 +208,9 @@ class MoverTracker:
         cfg = self._config
         if len(points_m) < max(cfg.min_points, 2):
             return []
-        labels = fcluster(linkage(points_m), cfg.apart_m, criterion="distance")
+        labels = clusters(np.ascontiguousarray(points_m), cfg.apart_m)
         found = []
-        for label in range(1, labels.max() + 1):
+        for label in range(labels.max() + 1):
             rows = np.flatnonzero(labels == label)
             members = points_m[rows]
             width_m = float(np.hypot(*np.ptp(members, axis=0)))

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.cluster.hierarchy import fcluster, linkage
 
+from perception.compiled import compiled
 from perception.mapping.landmarks import Landmarks
+from perception.mapping.tables import clusters
 from uav_bt.classes import standing_classes
 from uav_bt.types import rotation
 from uav_bt.types.arrays import Floats
@@ -43,8 +44,8 @@ def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple
         of_class = lasting.take(lasting.ids == class_id)
         if len(of_class) < config.min_points:
             continue
-        labels = fcluster(linkage(of_class.xy_m), config.apart_m, criterion="distance")
-        for label in range(1, labels.max() + 1):
+        labels = clusters(of_class.xy_m, config.apart_m)
+        for label in range(labels.max() + 1):
             members = of_class.take(labels == label)
             if len(members) >= config.min_points:
                 found.append(_object(class_id, members, config))
@@ -85,11 +86,36 @@ def _yaw_of_sides(points_m: Floats, config: ObjectConfig) -> float:
     Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners, IV 2017.)
     """
     yaws, axes = _axes(config.yaws)
-    along_m = points_m @ axes  # (yaws, N, 2)
-    to_low_m = along_m - along_m.min(axis=1, keepdims=True)
-    to_high_m = along_m.max(axis=1, keepdims=True) - along_m
-    to_side_m = np.minimum(to_low_m, to_high_m).min(axis=-1)
-    return float(yaws[(1.0 / np.maximum(to_side_m, config.near_m)).sum(axis=1).argmax()])
+    return float(yaws[_closeness(points_m, axes, config.near_m).argmax()])
+
+
+@compiled("float64[::1](float64[:, ::1], float64[:, :, ::1], float64)")
+def _closeness(points_m: Floats, axes: Floats, near_m: float) -> Floats:
+    """Return the closeness of points to the sides of the rectangles around them.
+
+    Args:
+        points_m: (N, 2) points.
+        axes: (K, 2, 2) axes of the rectangles, in columns.
+        near_m: points this near to a side lie on it.
+
+    Returns:
+        (K,) sum of the inverse distances to the nearest sides, 1/m.
+    """
+    closeness = np.zeros(len(axes))
+    along_m = np.empty(points_m.shape)
+    for yaw in range(len(axes)):
+        low_x, high_x, low_y, high_y = np.inf, -np.inf, np.inf, -np.inf
+        for point in range(len(points_m)):
+            x_m = points_m[point, 0] * axes[yaw, 0, 0] + points_m[point, 1] * axes[yaw, 1, 0]
+            y_m = points_m[point, 0] * axes[yaw, 0, 1] + points_m[point, 1] * axes[yaw, 1, 1]
+            low_x, high_x = min(low_x, x_m), max(high_x, x_m)
+            low_y, high_y = min(low_y, y_m), max(high_y, y_m)
+            along_m[point, 0], along_m[point, 1] = x_m, y_m
+        for point in range(len(points_m)):
+            x_m, y_m = along_m[point, 0], along_m[point, 1]
+            to_x_m, to_y_m = min(x_m - low_x, high_x - x_m), min(y_m - low_y, high_y - y_m)
+            closeness[yaw] += 1.0 / max(min(to_x_m, to_y_m), near_m)
+    return closeness
 
 
 @cache

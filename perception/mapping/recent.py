@@ -123,12 +123,15 @@ class RecentLayer:
         self._drop_where_ground_shows(view)
         self._drop_assumed_before_ground(view)
         base_s, edge_s = view.captured_s + cfg.max_age_s, view.captured_s + cfg.edge_age_s
+        new = []
         for seen_m, until_s, kind in (
             (found.placed_m, base_s, _Kind.BASE),
             (found.edges_m, edge_s, _Kind.EDGE),
         ):
             near_m = seen_m[np.hypot(*seen_m.T) <= view.config.max_range_m]
-            self._add(pose.points_to_world(view.body_m(near_m)), until_s, kind)
+            xy_m = pose.points_to_world(view.body_m(near_m))
+            new.append(_Points.of(xy_m, until_s=until_s, seen_s=self._newest_s, kind=kind))
+        self._add(new[0].with_rows(new[1]))
         unplaced_rad = self._unexplained(view, found.hidden_m, _Kind.BASE, base_s)
         self._unplaced_rad = unplaced_rad + pose.yaw_rad
         ended_rad = self._unexplained(view, found.hidden_edges_m, _Kind.EDGE, edge_s)
@@ -136,7 +139,8 @@ class RecentLayer:
         rays = np.stack([np.cos(unplaced_rad), np.sin(unplaced_rad)], axis=-1)
         assumed_m = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
         assumed_s = view.captured_s + cfg.assumed_age_s
-        self._add(pose.points_to_world(assumed_m), assumed_s, _Kind.ASSUMED)
+        xy_m, seen_s = pose.points_to_world(assumed_m), self._newest_s
+        self._add(_Points.of(xy_m, until_s=assumed_s, seen_s=seen_s, kind=_Kind.ASSUMED))
 
     def near(self, pose: OdometryPose) -> NearObstacles:
         """Return the points relative to the body.
@@ -168,17 +172,20 @@ class RecentLayer:
 
         An obstacle there that reached up to the drone would hide the nearest ground.
         """
-        scan = view.scan
+        scan, assumed = view.scan, self._points.kinds == _Kind.ASSUMED
+        if not assumed.any():
+            return
         first = np.arange(len(scan.groups)), (scan.groups != NO_CLASS).argmax(axis=1)
         bearings = np.arctan2(scan.level_m[:, 0, 1], scan.level_m[:, 0, 0])
-        local_m = view.pose.points_to_body(self._points.xy_m) - view.body_m(np.zeros(2))
+        local_m = view.pose.points_to_body(self._points.xy_m[assumed]) - view.body_m(np.zeros(2))
         azimuths = np.arctan2(local_m[:, 1], local_m[:, 0])
         nearest = np.abs(azimuths[:, None] - bearings).argmin(axis=1)
         hidden = np.hypot(*local_m.T) < np.hypot(*scan.level_m[first].T)[nearest]
         in_view = (azimuths >= bearings[0]) & (azimuths <= bearings[-1])
         ground = scan.groups[first][nearest] == GROUP_CARPET
-        assumed = self._points.kinds == _Kind.ASSUMED
-        self._points = self._points.take(~(hidden & in_view & ground & assumed))
+        kept = ~assumed
+        kept[assumed] = ~(hidden & in_view & ground)
+        self._points = self._points.take(kept)
 
     def _unexplained(self, view: View, hidden_m: Floats, kind: _Kind, until_s: float) -> Floats:
         """Return the bearings of obstacles of unknown range that no known point explains.
@@ -194,6 +201,8 @@ class RecentLayer:
         Returns:
             (M,) radians from the heading.
         """
+        if not len(hidden_m):
+            return np.empty(0)
         cfg, points, hidden_m = self._config, self._points, view.body_m(hidden_m)
         bearings = np.arctan2(hidden_m[:, 1], hidden_m[:, 0])
         local_m = view.pose.points_to_body(points.xy_m)
@@ -211,9 +220,9 @@ class RecentLayer:
         )
         return np.asarray(bearings[~explains.any(axis=1)])
 
-    def _add(self, xy_m: Floats, until_s: float, kind: _Kind) -> None:
-        new = _Points.of(xy_m, until_s=until_s, seen_s=self._newest_s, kind=kind)
-        points = new.with_rows(self._points)
-        order = np.lexsort((-points.until_s, points.kinds))  # of one kind the newest first
-        first = first_in_cells(points.xy_m[order], self._config.cell_m)
-        self._points = points.take(order[first])
+    def _add(self, new: _Points) -> None:
+        if len(new):
+            points = new.with_rows(self._points)
+            # Of one kind the newest point is kept.
+            cell_m, keys = self._config.cell_m, (-points.until_s, points.kinds)
+            self._points = points.take(first_in_cells(points.xy_m, cell_m, *keys))

@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from perception.mapping.landmarks import Landmarks
+from perception.compiled import compiled
 from perception.mapping.view import View
 from uav_bt.classes import BACKGROUND
 from uav_bt.types import Pose2D
-from uav_bt.types.arrays import Floats
+from uav_bt.types.arrays import Floats, Indices
 
 _CLASSES_APART_M: Final = 1000.0  # wider than any place
 
@@ -93,46 +93,53 @@ class Registration:
             self._covariance += about @ walk @ about.T * (time_s - self._time_s)
         self._time_s = time_s
 
-    def match(self, view: View, known: Landmarks) -> float | None:
+    def match(self, view: View, known_m: Floats, known_ids: NDArray[np.uint8]) -> float | None:
         """Correct by the points of a view that are on the map.
 
         Args:
             view: the view, with its dead-reckoned pose.
-            known: points of the map.
+            known_m: (M, 2) points of the map.
+            known_ids: (M,) their classes.
 
         Returns:
             The median distance of the view's points from the map's, across lines; None with too
             few matched points.
         """
         cfg, local_m = self._config, np.vstack([view.bases_m, view.edges_m])
-        if min(len(local_m), len(known)) < cfg.min_points:
+        if min(len(local_m), len(known_m)) < cfg.min_points:
             return None
         seen_m = view.pose.points_to_world(view.body_m(local_m))
         edge_ids = np.full(len(view.edges_m), BACKGROUND, dtype=np.uint8)
         ids = np.concatenate([view.base_ids, edge_ids])
-        tree = cKDTree(_apart(known.xy_m, known.ids))
+        tree = cKDTree(_apart(known_m, known_ids))
         std_m = np.hypot(cfg.point_std_m, cfg.range_std_ratio * np.hypot(*local_m.T))
         prior = np.linalg.inv(self._covariance + 1e-8 * np.eye(3))
         state, hessian = self._state.copy(), prior
-        for _ in range(cfg.rounds):
+
+        def equations() -> tuple[Floats, Floats, Floats]:
             places_m = _pose(state).points_to_world(seen_m)
-            residual_m, normals, distance_m = _equations(places_m, ids, tree, known.xy_m, cfg)
-            near = distance_m <= cfg.gate_m
-            if np.count_nonzero(near) < cfg.min_points:
+            near = tree.query(
+                _apart(places_m, ids),
+                k=min(cfg.neighbours, len(known_m)),
+                # Points beyond have no weight, and their lines do not matter.
+                distance_upper_bound=cfg.gate_m + cfg.line_reach_m,
+            )
+            limits = cfg.gate_m, cfg.line_reach_m, cfg.line_ratio
+            return _equations(places_m, state[:2], std_m, *near, known_m, limits)
+
+        for _ in range(cfg.rounds):
+            residual_m, seen_hessian, seen_gradient = equations()
+            if len(residual_m) < cfg.min_points:
                 return None
-            slopes = np.column_stack([normals, _turning(normals, places_m - state[:2])])
-            weight = near / (1.0 + (residual_m / std_m) ** 2) / std_m**2 / cfg.alike
-            hessian = prior + slopes.T @ (weight[:, None] * slopes)
-            gradient = slopes.T @ (weight * residual_m) + prior @ (state - self._state)
+            hessian = prior + seen_hessian / cfg.alike
+            gradient = seen_gradient / cfg.alike + prior @ (state - self._state)
             step = np.linalg.solve(hessian, gradient)
             state = state - step
             if np.abs(step).max() < cfg.settled_m:
                 break
         self._state, self._covariance = state, np.linalg.inv(hessian)
-        places_m = _pose(state).points_to_world(seen_m)
-        residual_m, _, distance_m = _equations(places_m, ids, tree, known.xy_m, cfg)
-        near = distance_m <= cfg.gate_m
-        return float(np.median(np.abs(residual_m[near]))) if near.any() else None
+        residual_m, _, _ = equations()
+        return float(np.median(np.abs(residual_m))) if len(residual_m) else None
 
     def correct_by_mark(self, seen_m: Floats, known_m: Floats, std_m: float) -> bool:
         """Correct by the landing mark, whose place in the map is known.
@@ -164,38 +171,84 @@ def _pose(state: Floats) -> Pose2D:
     return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
-def _turning(normals: Floats, arms: Floats) -> Floats:
-    """Return the movement of points along their normals per radian about the frame's origin."""
-    return np.asarray(normals[:, 1] * arms[:, 0] - normals[:, 0] * arms[:, 1])
-
-
 def _apart(places_m: Floats, ids: NDArray[np.uint8]) -> Floats:
     """Return (N, 3) places with the class as third axis, so that classes are far apart."""
     return np.column_stack([places_m, _CLASSES_APART_M * ids])
 
 
+@compiled(
+    "Tuple((float64[::1], float64[:, ::1], float64[::1]))"
+    "(float64[:, ::1], float64[::1], float64[::1], float64[:, ::1], intp[:, ::1], float64[:, ::1],"
+    " UniTuple(float64, 3))"
+)
 def _equations(
     places_m: Floats,
-    ids: NDArray[np.uint8],
-    tree: cKDTree,
+    origin_m: Floats,
+    std_m: Floats,
+    distances_m: Floats,
+    indices: Indices,
     known_m: Floats,
-    cfg: RegistrationConfig,
+    limits: tuple[float, float, float],
 ) -> tuple[Floats, Floats, Floats]:
-    """Return each place's residual, (N,), its normal, (N, 2), and its distance, (N,).
+    """Set up the least squares of one round of matching.
 
-    The residual is the distance from the map along the normal. The third value is the distance to
-    the nearest known point of the same class.
+    The residual of a place is its distance from the map along a normal: across the line of its
+    neighbours, or towards the nearest neighbour where they form no line.
+
+    Args:
+        places_m: (N, 2) points of the view in the map's frame.
+        origin_m: (2,) origin of the dead-reckoned frame, about which the correction turns.
+        std_m: (N,) standard deviation of each point.
+        distances_m: (N, K) distances of the nearest known points, the nearest first.
+        indices: (N, K) rows of these points; any value where the distance is infinite.
+        known_m: (M, 2) known points.
+        limits: distance of a place from its nearest known point at most, m; distance of the
+            neighbours beyond it that determine a line, m; least ratio of variances along and
+            across a line.
+
+    Returns:
+        (R,) residuals of the places near enough to known points; the Hessian (3, 3) and the
+        gradient (3,) of their weighted squares by x, y and yaw.
     """
-    distances, indices = tree.query(_apart(places_m, ids), k=min(cfg.neighbours, len(known_m)))
-    around = known_m[indices]
-    counted = (distances <= distances[:, :1] + cfg.line_reach_m)[..., None]
-    number = counted.sum(axis=1)
-    centre = (around * counted).sum(axis=1) / number
-    spread = (around - centre[:, None, :]) * counted
-    values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", spread, spread))
-    is_line = (values[:, 1] > cfg.line_ratio * np.maximum(values[:, 0], 1e-9))[:, None]
-    apart_m = places_m - around[:, 0]
-    towards = apart_m / np.maximum(distances[:, :1], 1e-9)
-    normals = np.where(is_line, vectors[:, :, 0], towards)
-    offset = np.where(is_line, places_m - centre, apart_m)
-    return np.einsum("ni,ni->n", offset, normals), normals, distances[:, 0]
+    gate_m, line_reach_m, line_ratio = limits
+    residuals_m = np.empty(len(places_m))
+    hessian, gradient = np.zeros((3, 3)), np.zeros(3)
+    slope = np.empty(3)
+    count = 0
+    for place in range(len(places_m)):
+        nearest_m = distances_m[place, 0]
+        if not nearest_m <= gate_m:
+            continue
+        x_m, y_m = places_m[place, 0], places_m[place, 1]
+        number, middle_x, middle_y = 0, 0.0, 0.0
+        while number < indices.shape[1] and distances_m[place, number] <= nearest_m + line_reach_m:
+            middle_x += known_m[indices[place, number], 0]
+            middle_y += known_m[indices[place, number], 1]
+            number += 1
+        middle_x, middle_y = middle_x / number, middle_y / number
+        xx, xy, yy = 0.0, 0.0, 0.0
+        for neighbour in range(number):
+            dx = known_m[indices[place, neighbour], 0] - middle_x
+            dy = known_m[indices[place, neighbour], 1] - middle_y
+            xx, xy, yy = xx + dx * dx, xy + dx * dy, yy + dy * dy
+        # Eigenvalues of the symmetric 2x2 matrix of the spread; the normal has the smaller one.
+        half, root = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+        if half + root > line_ratio * max(half - root, 1e-9):
+            angle = 0.5 * math.atan2(2.0 * xy, xx - yy)  # of the line
+            normal_x, normal_y = -math.sin(angle), math.cos(angle)
+            residual_m = (x_m - middle_x) * normal_x + (y_m - middle_y) * normal_y
+        else:
+            off_x = x_m - known_m[indices[place, 0], 0]
+            off_y = y_m - known_m[indices[place, 0], 1]
+            normal_x, normal_y = off_x / max(nearest_m, 1e-9), off_y / max(nearest_m, 1e-9)
+            residual_m = off_x * normal_x + off_y * normal_y
+        residuals_m[count] = residual_m
+        count += 1
+        slope[0], slope[1] = normal_x, normal_y
+        slope[2] = normal_y * (x_m - origin_m[0]) - normal_x * (y_m - origin_m[1])
+        weight = 1.0 / (1.0 + (residual_m / std_m[place]) ** 2) / std_m[place] ** 2
+        for row in range(3):
+            gradient[row] += weight * slope[row] * residual_m
+            for column in range(3):
+                hessian[row, column] += weight * slope[row] * slope[column]
+    return residuals_m[:count], hessian, gradient

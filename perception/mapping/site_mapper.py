@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.mapping.arrivals import ArrivalConfig, find_arrivals
 from perception.mapping.contradiction import Contradiction, ContradictionConfig
@@ -107,7 +108,7 @@ class SiteMapper:
         cfg, time_s = self.config, view.captured_s
         self._captured_s = time_s
         self._recent.add(view)
-        off_m = self._registration.match(view, self._settled(time_s))
+        off_m = self._registration.match(view, *self._settled(time_s))
         if off_m is not None:
             self._matched = min(self._matched + 1, cfg.residual_views)
             self._residual_m += (off_m - self._residual_m) / self._matched
@@ -169,10 +170,14 @@ class SiteMapper:
         trails_m[:, :2] = self._registration.correction.points_to_body(trails_m[:, :2])
         return trails_m
 
-    def _settled(self, time_s: float) -> Landmarks:
-        """Return the points known for long enough to correct the drone's pose."""
-        known = self._bases.with_rows(self._edges)
-        return known.take(time_s - known.first_s >= self.config.settled_s)
+    def _settled(self, time_s: float) -> tuple[Floats, NDArray[np.uint8]]:
+        """Return points known for long enough to correct the drone's pose: (M, 2), and classes."""
+        xy_m, ids = [], []
+        for known in (self._bases, self._edges):
+            settled = time_s - known.first_s >= self.config.settled_s
+            xy_m.append(known.xy_m[settled])
+            ids.append(known.ids[settled])
+        return np.concatenate(xy_m), np.concatenate(ids)
 
     def _drop_missed(self, view: View) -> None:
         """Count points that a view shows to be ground, and drop those missed too often."""

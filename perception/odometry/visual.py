@@ -17,11 +17,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from perception.compiled import compiled
 from uav_bt.types import (
     CameraModel,
     Pose2D,
     rotate_points,
-    rotation,
 )
 from uav_bt.types.arrays import Floats, Image
 from uav_bt.types.projection import ground_points, project
@@ -134,41 +134,84 @@ def _fitted(
     """Fit a motion of the plane by iterative reweighting, which rejects points off the plane."""
     if len(here) < config.min_points:
         return None
-    # The error of one pixel on the ground grows with the square of the distance.
-    trust = 1.0 / (1.0 + (there**2).sum(axis=1)) ** 2
-    scale_m = 4.0 * config.inlier_m
     # The guess may have a common error: remove the median shift before weighting points.
-    residual = there - _moved(here, guess)
-    centre = np.median(residual, axis=0)
-    weight = trust / (1.0 + (((residual - centre) / scale_m) ** 2).sum(axis=1)) ** 2
-    for _ in range(config.rounds):
-        found, scale = _similarity(here, there, weight, max_scale)
-        residual = scale * there - _moved(here, found.motion)
-        scale_m = max(config.inlier_m, 0.6 * scale_m)
-        weight = trust / (1.0 + ((residual / scale_m) ** 2).sum(axis=1)) ** 2
-    inliers = np.count_nonzero(np.hypot(*residual.T) < config.inlier_m)
-    enough = inliers >= config.min_points and found.spread_m >= config.min_spread_m
-    return found if enough and config.believes(found.motion, guess) else None
+    residual_m = there - _moved(here, guess)
+    residual_m -= np.median(residual_m, axis=0)
+    x_m, y_m, yaw_rad, spread_m, inliers = _reweighted(
+        here, there, residual_m, config.inlier_m, max_scale, config.rounds
+    )
+    motion = Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+    enough = inliers >= config.min_points and spread_m >= config.min_spread_m
+    return GroundMotion(motion, spread_m) if enough and config.believes(motion, guess) else None
 
 
-def _similarity(
-    here: Floats, there: Floats, weight: Floats, max_scale: float
-) -> tuple[GroundMotion, float]:
-    """Return the weighted least-squares motion, and the scale (Umeyama, in the plane).
+@compiled(
+    "Tuple((float64, float64, float64, float64, int64))"
+    "(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64, float64, int64)"
+)
+def _reweighted(
+    here: Floats,
+    there: Floats,
+    residual_m: Floats,
+    inlier_m: float,
+    max_scale: float,
+    rounds: int,
+) -> tuple[float, float, float, float, int]:
+    """Fit a motion of the plane by rounds of weighted least squares (Umeyama, in the plane).
 
     The scale absorbs the error of the second height relative to the first, which would otherwise
     appear as forward motion. OpenCV's `estimateAffinePartial2D` has no weights, and SciPy's
     `Rotation.align_vectors` works in three dimensions without the translation.
+
+    Args:
+        here: (N, 2) points in the level frame of the first camera, m.
+        there: (N, 2) the same points in that of the second, m.
+        residual_m: (N, 2) differences by which the points are first weighted, m; overwritten.
+        inlier_m: largest residual of an inlier.
+        max_scale: largest relative error of the second height.
+        rounds: of fitting and reweighting.
+
+    Returns:
+        Pose of the second camera in the level frame of the first: x, y, yaw; root mean square of
+        the points around their middle, m; number of inliers.
     """
-    share = weight / weight.sum()
-    from_, to = share @ here, share @ there
-    a, b = here - from_, there - to
-    # Points turn opposite to the camera, and y is to the right: signs of a clockwise heading.
-    across = float(share @ (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1]))
-    along = float(share @ (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]))
-    yaw_rad, spread_m2 = math.atan2(across, along), float(share @ (b**2).sum(axis=1))
-    scale = math.hypot(across, along) / spread_m2 if spread_m2 > 0.0 else 1.0
-    scale = min(max(scale, 1.0 - max_scale), 1.0 + max_scale)
-    origin = from_ - rotation(yaw_rad) @ (scale * to)
-    motion = Pose2D(x_m=float(origin[0]), y_m=float(origin[1]), yaw_rad=yaw_rad)
-    return GroundMotion(motion, math.sqrt(spread_m2)), scale
+    x_m, y_m, yaw_rad, spread_m2 = 0.0, 0.0, 0.0, 0.0
+    weights = np.empty(len(here))
+    scale_m = 4.0 * inlier_m
+    for _ in range(rounds):
+        total, from_x, from_y, to_x, to_y = 0.0, 0.0, 0.0, 0.0, 0.0
+        for point in range(len(here)):
+            # The error of one pixel on the ground grows with the square of the distance.
+            range_m2 = there[point, 0] ** 2 + there[point, 1] ** 2
+            off = (residual_m[point, 0] / scale_m) ** 2 + (residual_m[point, 1] / scale_m) ** 2
+            weight = 1.0 / (1.0 + range_m2) ** 2 / (1.0 + off) ** 2
+            weights[point] = weight
+            total += weight
+            from_x, from_y = from_x + weight * here[point, 0], from_y + weight * here[point, 1]
+            to_x, to_y = to_x + weight * there[point, 0], to_y + weight * there[point, 1]
+        from_x, from_y, to_x, to_y = from_x / total, from_y / total, to_x / total, to_y / total
+        across, along, spread_m2 = 0.0, 0.0, 0.0
+        for point in range(len(here)):
+            share = weights[point] / total
+            ax, ay = here[point, 0] - from_x, here[point, 1] - from_y
+            bx, by = there[point, 0] - to_x, there[point, 1] - to_y
+            # Points turn opposite to the camera, and y is to the right: signs of a clockwise
+            # heading.
+            across += share * (ay * bx - ax * by)
+            along += share * (ax * bx + ay * by)
+            spread_m2 += share * (bx * bx + by * by)
+        yaw_rad = math.atan2(across, along)
+        scale = math.hypot(across, along) / spread_m2 if spread_m2 > 0.0 else 1.0
+        scale = min(max(scale, 1.0 - max_scale), 1.0 + max_scale)
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        x_m = from_x - scale * (cos * to_x - sin * to_y)
+        y_m = from_y - scale * (sin * to_x + cos * to_y)
+        for point in range(len(here)):
+            off_x, off_y = here[point, 0] - x_m, here[point, 1] - y_m
+            residual_m[point, 0] = scale * there[point, 0] - (cos * off_x + sin * off_y)
+            residual_m[point, 1] = scale * there[point, 1] - (cos * off_y - sin * off_x)
+        scale_m = max(inlier_m, 0.6 * scale_m)
+    inliers = 0
+    for point in range(len(here)):
+        inliers += math.hypot(residual_m[point, 0], residual_m[point, 1]) < inlier_m
+    return x_m, y_m, yaw_rad, math.sqrt(spread_m2), inliers

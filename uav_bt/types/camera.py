@@ -34,6 +34,11 @@ class CameraModel:
                 f"{self.width_px}x{self.height_px}, f = ({self.fx_px}, {self.fy_px})"
             )
 
+    @property
+    def pinhole_px(self) -> tuple[float, float, float, float]:
+        """Focal lengths and principal point, px: fx, fy, cx, cy."""
+        return self.fx_px, self.fy_px, self.cx_px, self.cy_px
+
     def resized(self, width_px: int, height_px: int) -> CameraModel:
         """Return the intrinsics of the same image resized (not cropped) to another size.
 

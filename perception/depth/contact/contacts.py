@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.compiled import compiled
 from perception.depth.contact.lines import BaseLine, LineConfig, fit_base
 from perception.depth.contact.panorama import OUTSIDE, Panorama
-from uav_bt.classes import CARPET
+from uav_bt.classes import CARPET, CLASS_COUNT
 from uav_bt.types.arrays import Floats, Indices
 
 
@@ -67,6 +68,21 @@ class Remembered:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Runs:
+    """Runs of each class in the columns of a panorama."""
+
+    first: NDArray[np.int32]  # (C, A) row where the lowest run begins; -1 without a run
+    last: NDArray[np.int32]  # (C, A) uppermost row of the class; -1 where it is not visible
+
+    @classmethod
+    def of(cls, panorama: Panorama, config: BaseConfig) -> Runs:
+        """Return the runs of a panorama that are long enough to stand on a base."""
+        run = max(1, round(config.min_run_px * panorama.rows_per_px))
+        first, last = _runs(panorama.ids, run)
+        return cls(first=first, last=last)
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Sight:
     """The panorama's columns that show a class."""
 
@@ -81,6 +97,7 @@ class _Sight:
 
 def find_base(
     panorama: Panorama,
+    runs: Runs,
     thing: int,
     height_m: float,
     config: BaseConfig,
@@ -90,12 +107,13 @@ def find_base(
 
     Args:
         panorama: panorama of the class map.
+        runs: `Runs.of(panorama, config)`.
         thing: the class id.
         height_m: height of the lens above the carpet.
         config: which pixels form a base.
         remembered: bases seen earlier, used where the base is out of view.
     """
-    sight = _look(panorama, thing, config)
+    sight = _look(panorama, runs, thing, config)
     line, found, on_line = _believe(panorama, sight, config)
     if remembered is not None and line is None and np.isnan(found).any():
         recalled = _recall(panorama, sight, remembered, height_m, config)
@@ -110,18 +128,9 @@ def find_base(
     return Base(slope=slope, line=line, fitted=fitted, visible=visible, top_row=top_row)
 
 
-def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
-    everywhere = panorama.ids == thing
-    across = np.flatnonzero(everywhere.any(axis=0))
-    left, right = (int(across[0]), int(across[-1]) + 1) if across.size else (0, 0)
-    shows = everywhere[:, left:right]
-    run = max(1, round(config.min_run_px * panorama.rows_per_px))
-    rows = shows.shape[0] - run + 1
-    solid = shows[:rows].copy()
-    for shift in range(1, run):
-        solid &= shows[shift : rows + shift]
-    inner = np.flatnonzero(solid.any(axis=0))
-    columns, first = inner + left, solid[:, inner].argmax(axis=0)
+def _look(panorama: Panorama, runs: Runs, thing: int, config: BaseConfig) -> _Sight:
+    columns = np.flatnonzero(runs.first[thing] >= 0)
+    first = runs.first[thing, columns].astype(np.intp)
     carpet = rows_above(panorama, first, columns, CARPET, config.gap_px, step=-1)
     depression = panorama.depression_rad
     border = np.tan(0.5 * (depression[first] + depression[carpet]))
@@ -129,12 +138,42 @@ def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
     return _Sight(
         columns=columns,
         first=first,
-        last=shows.shape[0] - 1 - shows[::-1, inner].argmax(axis=0),
+        last=runs.last[thing, columns].astype(np.intp),
         visible=np.tan(depression[first]),
         base=np.where(carpet >= 0, border, np.nan),
         outside=below == OUTSIDE,
         cut=bool(np.count_nonzero(below == OUTSIDE) > config.specks * columns.size),
     )
+
+
+@compiled("UniTuple(int32[:, ::1], 2)(uint8[:, ::1], int64)")
+def _runs(ids: NDArray[np.uint8], run: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Find the lowest run of each class in each column of a panorama.
+
+    Args:
+        ids: (R, A) class ids, the lowest row first.
+        run: rows of a run at least.
+
+    Returns:
+        (C, A) row where the run of a class begins, -1 without a run; (C, A) uppermost row of the
+        class, be it part of a run or not.
+    """
+    rows, columns = ids.shape
+    first = np.full((CLASS_COUNT, columns), -1, dtype=np.int32)
+    last = np.full((CLASS_COUNT, columns), -1, dtype=np.int32)
+    before = np.full(columns, OUTSIDE, dtype=np.uint8)  # class in the row before
+    begin = np.zeros(columns, dtype=np.int32)  # row where the present run begins
+    for row in range(rows):
+        for column in range(columns):
+            thing = ids[row, column]
+            if thing != before[column]:
+                before[column], begin[column] = thing, row
+            if thing == OUTSIDE:
+                continue
+            last[thing, column] = row
+            if row - begin[column] + 1 == run and first[thing, column] < 0:
+                first[thing, column] = begin[column]
+    return first, last
 
 
 def rows_above(
@@ -159,13 +198,38 @@ def rows_above(
     Returns:
         (N,) rows; -1 where the class does not follow.
     """
-    distances = np.arange(1, 2 + round(gap_px * panorama.rows_per_px))
-    candidates = rows[:, None] + step * distances
-    last = panorama.depression_rad.size - 1
-    here = panorama.ids[np.clip(candidates, 0, last), columns[:, None]] == wanted
-    here &= (candidates >= 0) & (candidates <= last)
-    nearest = candidates[np.arange(rows.size), here.argmax(axis=1)]
-    return np.where(here.any(axis=1), nearest, -1)
+    reach = 1 + round(gap_px * panorama.rows_per_px)
+    return _following(panorama.ids, rows, columns, wanted, step, reach)
+
+
+@compiled("intp[::1](uint8[:, ::1], intp[::1], intp[::1], int64, int64, int64)")
+def _following(
+    ids: NDArray[np.uint8], rows: Indices, columns: Indices, wanted: int, step: int, reach: int
+) -> Indices:
+    """Return the first row of a class within a number of rows above or below cells.
+
+    Args:
+        ids: (R, A) class ids.
+        rows: (N,) rows of the cells.
+        columns: (N,) columns of the cells.
+        wanted: the class id.
+        step: 1 towards higher rows, -1 towards lower ones.
+        reach: number of rows.
+
+    Returns:
+        (N,) rows; -1 where the class does not follow.
+    """
+    found = np.full(len(rows), -1, dtype=np.intp)
+    for cell in range(len(rows)):
+        row = rows[cell]
+        for _ in range(reach):
+            row += step
+            if not 0 <= row < ids.shape[0]:
+                break
+            if ids[row, columns[cell]] == wanted:
+                found[cell] = row
+                break
+    return found
 
 
 def _believe(

@@ -18,6 +18,7 @@ a network's depth over the roof gives it; the geometry gives the rest.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -25,13 +26,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, GroundPlane
-from perception.depth.contact.contacts import Base, BaseConfig, Remembered, find_base, rows_above
+from perception.compiled import compiled
+from perception.depth.contact.contacts import (
+    Base,
+    BaseConfig,
+    Remembered,
+    Runs,
+    find_base,
+    rows_above,
+)
 from perception.depth.contact.lines import fit_base
 from perception.depth.contact.panorama import Panorama
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, is_above_ground
 from uav_bt.errors import ShapeError
 from uav_bt.types import LandingMark
-from uav_bt.types.arrays import Floats, Indices
+from uav_bt.types.arrays import Flags, Floats, Indices
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +125,7 @@ class ContactEstimation:
         self._height_m, self._config = ground.view.height_m, config
         self._rays, depth_m = ground.rays.reshape(3, -1), ground.depth_m.ravel()
         self._panorama, self._remembered = panorama, remembered
+        self._runs = Runs.of(panorama, config.base)
         self._depth = np.where(self._ids == CARPET, depth_m, np.float32(np.nan))
         self._at_most = np.where(np.isnan(depth_m), np.float32(np.inf), depth_m)
         self._present = np.bincount(self._ids, minlength=256) > 0
@@ -166,7 +176,14 @@ class ContactEstimation:
             raise ShapeError(name, expected=expected, actual=shape)
 
     def _base(self, thing: int) -> Base:
-        return find_base(self._panorama, thing, self._height_m, self._config.base, self._remembered)
+        return find_base(
+            self._panorama,
+            self._runs,
+            thing,
+            self._height_m,
+            self._config.base,
+            self._remembered,
+        )
 
     def _pixels(self, thing: int) -> tuple[Indices, Floats, Floats]:
         """Return the pixels of a class, their azimuths, and their rays' level parts."""
@@ -175,24 +192,27 @@ class ContactEstimation:
         return pixels, np.arctan2(right, forward), np.hypot(forward, right)
 
     def _fill_sides(self, box: int, base: Base) -> None:
-        pixels, azimuth, level = self._pixels(box)
-        self._depth[pixels] = self._side_depth(azimuth, level, base)
-        self._bound(pixels, azimuth, level, base)
+        pixels, depth, bound = self._side_depth(box, base)
+        self._depth[pixels] = depth
+        self._at_most[pixels] = np.fmin(self._at_most[pixels], bound)
 
-    def _side_depth(self, azimuth: Floats, level: Floats, base: Base) -> Floats:
-        """Return the depth of side pixels by their azimuth, NaN where unknown."""
-        columns = self._panorama.columns(azimuth)
-        slope = base.slope[columns]
-        if base.line is not None:
-            exact = base.line.slope(azimuth)
-            fitted = base.fitted[columns] & (exact > 0.0)
-            slope = np.where(fitted, exact, slope)
-        return np.asarray(self._height_m / (slope * level))
+    def _side_depth(self, thing: int, base: Base) -> tuple[Indices, Floats, Floats]:
+        """Return the pixels of a side, their depth, NaN where unknown, and its upper bound.
 
-    def _bound(self, pixels: Indices, azimuth: Floats, level: Floats, base: Base) -> None:
-        """Limit the depth of sides by the ground at their lowest pixel."""
-        visible = base.visible[self._panorama.columns(azimuth)]
-        self._at_most[pixels] = np.fmin(self._at_most[pixels], self._height_m / (visible * level))
+        The bound is the ground at the lowest pixel of the column.
+        """
+        azimuth, line = self._panorama.azimuth_rad, base.line
+        return _sides(
+            self._ids,
+            thing,
+            self._rays,
+            self._height_m,
+            (float(azimuth[0]), float(azimuth[1] - azimuth[0])),
+            np.stack([base.slope, base.visible]),
+            base.fitted,
+            np.empty((0, 2)) if line is None else line.faces,
+            math.inf if line is None else line.corner_rad,
+        )
 
     # --- level faces ------------------------------------------------------------------------------
 
@@ -273,8 +293,7 @@ class ContactEstimation:
         """Fill sides and top of the landing box; its rim has the colours of its sides."""
         above_m = self._height_m - self._config.pad_height_m
         base = self._base(HELIPAD_BOX)
-        pixels, azimuth, level = self._pixels(HELIPAD_BOX)
-        depth = self._side_depth(azimuth, level, base)
+        pixels, depth, _ = self._side_depth(HELIPAD_BOX, base)
         if above_m > 0.0:
             # A ray that passes above the upper edge of the side meets the top.
             down = np.maximum(self._rays[2], np.float32(1e-6))
@@ -282,3 +301,59 @@ class ContactEstimation:
             panel = np.flatnonzero((self._ids == HELIPAD_H) & (self._rays[2] > 0.0))
             filled[panel] = above_m / down[panel]
         filled[pixels] = depth
+
+
+@compiled(
+    "Tuple((intp[::1], float64[::1], float64[::1]))"
+    "(Array(uint8, 1, 'C', readonly=True), int64, float32[:, ::1], float64, UniTuple(float64, 2),"
+    " float64[:, ::1], boolean[::1], float64[:, ::1], float64)"
+)
+def _sides(
+    ids: NDArray[np.uint8],
+    thing: int,
+    rays: NDArray[np.float32],
+    height_m: float,
+    azimuths_rad: tuple[float, float],
+    slopes: Floats,
+    fitted: Flags,
+    faces: Floats,
+    corner_rad: float,
+) -> tuple[Indices, Floats, Floats]:
+    """Return the depth of the side pixels of a class from the base below them.
+
+    Args:
+        ids: (P,) class ids of the image.
+        thing: the class id.
+        rays: (3, P) rays of unit depth: forward, right, down.
+        height_m: height of the lens above the carpet.
+        azimuths_rad: azimuth of the panorama's first column, and step between columns.
+        slopes: (2, A) slope of the base, and of the lowest visible pixel, by column; or NaN.
+        fitted: (A,) columns whose slope comes from the fitted line.
+        faces: (0 to 2, 2) factors of cosine and sine of the line.
+        corner_rad: azimuth where its second face begins.
+
+    Returns:
+        (N,) pixels; (N,) their depth, m, NaN where unknown; (N,) upper bounds, m, or NaN.
+    """
+    first_rad, step_rad = azimuths_rad
+    pixels = np.empty(len(ids), dtype=np.intp)
+    depth_m, bound_m = np.empty(len(ids)), np.empty(len(ids))
+    count = 0
+    for pixel in range(len(ids)):
+        if ids[pixel] != thing:
+            continue
+        forward, right = rays[0, pixel], rays[1, pixel]
+        azimuth_rad, level = math.atan2(right, forward), math.hypot(forward, right)
+        nearest = np.rint((azimuth_rad - first_rad) / step_rad)
+        column = int(min(max(nearest, 0.0), slopes.shape[1] - 1.0))
+        slope = slopes[0, column]
+        if fitted[column] and len(faces):
+            face = 1 if azimuth_rad >= corner_rad else 0
+            cos, sin = math.cos(azimuth_rad), math.sin(azimuth_rad)
+            exact = faces[face, 0] * cos + faces[face, 1] * sin
+            slope = exact if exact > 0.0 else slope
+        pixels[count] = pixel
+        depth_m[count] = height_m / (slope * level)
+        bound_m[count] = height_m / (slopes[1, column] * level)
+        count += 1
+    return pixels[:count], depth_m[:count], bound_m[:count]

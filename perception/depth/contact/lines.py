@@ -9,11 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
+from perception.compiled import compiled
 from uav_bt.types import rotate_points
 from uav_bt.types.arrays import Floats
+
+# Factors of the six different products of cosine, sine and slope.
+_FIRST: Final = [0, 0, 1, 0, 1, 2]
+_SECOND: Final = [0, 1, 1, 2, 2, 2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,37 +88,68 @@ def _fit(
     # Azimuths relative to the middle one make the normal equations well conditioned.
     middle = 0.5 * float(azimuth_rad[0] + azimuth_rad[-1])
     weight = _weight(slope, pixel_rad)
-    c = np.cos(azimuth_rad - middle) * weight
-    d = np.sin(azimuth_rad - middle) * weight
-    s = slope * weight
-    sums = np.cumsum(np.stack([c * c, c * d, d * d, c * s, d * s, s * s]), axis=1)
-    whole, whole_sse = _solve(sums[:, -1:])
-    faces, corner, sse = whole, math.inf, float(whole_sse[0])
-    if count >= 2 * config.min_bearings and math.sqrt(sse / count) > config.one_face_px:
-        before = sums[:, config.min_bearings - 1 : count - config.min_bearings]
-        left, left_sse = _solve(before)
-        right, right_sse = _solve(sums[:, -1:] - before)
-        # A convex box bends only one way: the line is steepest at its nearest corner.
-        both = np.where(left[:, 1] > right[:, 1], left_sse + right_sse, np.inf)
-        best = int(both.argmin())
-        if both[best] < config.split_gain * sse:
-            faces, sse = np.stack([left[best], right[best]]), float(both[best])
-            corner = _meeting(faces, middle, azimuth_rad[config.min_bearings - 1 + best])
+    basis = np.stack([np.cos(azimuth_rad - middle), np.sin(azimuth_rad - middle), slope])
+    faces, split, sse = _faces(
+        np.cumsum(basis[_FIRST] * basis[_SECOND] * weight**2, axis=1),
+        config.min_bearings,
+        config.one_face_px**2 * count,
+        config.split_gain,
+    )
+    corner = math.inf if split < 0 else _meeting(faces, middle, float(azimuth_rad[split]))
     return BaseLine(
         faces=rotate_points(faces, middle),
         corner_rad=corner,
-        rms_px=math.sqrt(max(sse, 0.0) / count),
+        rms_px=math.sqrt(sse / count),
         spread_rad=float(azimuth_rad[-1] - azimuth_rad[0]),
     )
 
 
-def _solve(sums: Floats) -> tuple[Floats, Floats]:
-    """Solve stacked 2x2 normal equations: (M, 2) factors and (M,) squared residuals."""
-    cc, cd, dd, cs, ds, ss = sums
-    determinant = np.maximum(cc * dd - cd * cd, 1e-12)
+@compiled("UniTuple(float64, 3)(float64[::1])")
+def _solved(sums: Floats) -> tuple[float, float, float]:
+    """Solve 2x2 normal equations: both factors and the squared residuals.
+
+    Args:
+        sums: (6,) sums of cc, cd, dd, cs, ds, ss: cosine, sine and slope.
+    """
+    cc, cd, dd, cs, ds, ss = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
+    determinant = max(cc * dd - cd * cd, 1e-12)
     first = (cs * dd - ds * cd) / determinant
     second = (ds * cc - cs * cd) / determinant
-    return np.stack([first, second], axis=1), np.maximum(ss - first * cs - second * ds, 0.0)
+    return first, second, max(ss - first * cs - second * ds, 0.0)
+
+
+@compiled("Tuple((float64[:, ::1], int64, float64))(float64[:, ::1], int64, float64, float64)")
+def _faces(
+    sums: Floats, min_bearings: int, one_face_px2: float, split_gain: float
+) -> tuple[Floats, int, float]:
+    """Fit one face, or two if they reduce the residuals enough.
+
+    Args:
+        sums: (6, N) cumulative sums of cc, cd, dd, cs, ds, ss: cosine, sine and slope by bearing.
+        min_bearings: of a face.
+        one_face_px2: sum of squared residuals up to which one face suffices.
+        split_gain: two faces must reduce the squared residuals below this share.
+
+    Returns:
+        (1 or 2, 2) factors of cosine and sine; the last bearing of the first of two faces, -1 for
+        one face; and the squared residuals.
+    """
+    count = sums.shape[1]
+    whole = sums[:, -1].copy()
+    first, second, sse = _solved(whole)
+    faces, split = np.array([[first, second]]), -1
+    if count < 2 * min_bearings or sse <= one_face_px2:
+        return faces, split, sse
+    least = split_gain * sse
+    both = np.empty((2, 2))
+    for last in range(min_bearings - 1, count - min_bearings):
+        before = sums[:, last].copy()
+        left, right = _solved(before), _solved(whole - before)
+        # A convex box bends only one way: the line is steepest at its nearest corner.
+        if left[1] > right[1] and left[2] + right[2] < least:
+            least, split = left[2] + right[2], last
+            both[0, 0], both[0, 1], both[1, 0], both[1, 1] = left[0], left[1], right[0], right[1]
+    return (faces, split, sse) if split < 0 else (both, split, least)
 
 
 def _meeting(faces: Floats, middle: float, split_rad: float) -> float:
