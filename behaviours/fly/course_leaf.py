@@ -61,6 +61,9 @@ class CourseLeaf(MovingLeaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a course."""
+        # Here and not at the top: see that module.
+        import behaviours.path.compiled_loops  # noqa: F401, PLC0415
+
         super().on_setup(mission)
         self._course = Course()
         giving_way = GivingWayConfig()

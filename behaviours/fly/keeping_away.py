@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from behaviours.path.nearby import recent_obstacles
-from uav_bt.types import NearObstacles
-from uav_bt.types.site_map import SiteMap
+from uav_bt.types import NearObstacles, Pose2D
+from uav_bt.types.site_map import MapObject, SiteMap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +59,11 @@ def by_the_map(
 
     # Of most objects only one or two sides were seen. The outline adds the others; without them
     # the push could lead into them.
-    outlines = [each.outline_m(config.outline_m) for each in site_map.objects]
+    outlines = [
+        each.outline_m(config.outline_m)
+        for each in site_map.objects
+        if _may_reach(each, site_map.pose, config.keep_away_m)
+    ]
     seen = obstacles.within(config.keep_away_m + config.alike_m)
     lately, to_body = recent_obstacles(seen, site_map), site_map.pose.points_to_body
     found = NearObstacles(
@@ -67,6 +72,12 @@ def by_the_map(
         captured_s=obstacles.captured_s,
     )
     return found.within(config.keep_away_m)
+
+
+def _may_reach(item: MapObject, pose: Pose2D, reach_m: float) -> bool:
+    """Return whether the base of an object may lie within a distance of the body's centre."""
+    apart_m = math.hypot(item.x_m - pose.x_m, item.y_m - pose.y_m)
+    return apart_m <= reach_m + math.hypot(item.size_m, item.width_m)
 
 
 def step_away_m(

@@ -83,35 +83,49 @@ class ClearanceMap:
         self.margins = margins = (margins or Margins()).by(site_map.residual_m)
         self.map = site_map
         self._free = site_map.free | self._around(over, margins.over_m)
-        self._doubted = np.zeros_like(self._free)
+        self._doubted: Flags | None = None  # cells that may hold an obstacle; None: none
         if margins.cross_unknown:
             beside = self._around(over, margins.cross_m) if over is not None else True
             unseen = ~(self._free | site_map.outside) & beside
-            self._doubted |= unseen | (self._distance_m(recent.assumed_m) < margins.doubt_m)
+            assumed_m = self._distance_of(self._marked(recent.assumed_m))
+            self._doubted = unseen | (assumed_m < margins.doubt_m)
             self._free = self._free | unseen
         points_m = np.vstack([site_map.obstacles_m, outlines_m(site_map.movers), recent.seen_m])
         self.obstacle_m = self._distance_of(self._marked(points_m) | self._filled())
-        ends_m = self._distance_m(np.vstack([site_map.edges_m, recent.edges_m]))
-        edge_m = np.minimum(ends_m, self._distance_of(site_map.outside))
-        # The distances are shifted so that each margin falls on `touch_m`: one clearance for all.
-        closing, slowing = self._assumed(recent.assumed_m)
-        nearer_m = margins.touch_m - margins.doubt_m
-        clear_m = np.minimum(self.obstacle_m, self._distance_of(closing) + nearer_m)
-        slower_m = np.maximum(self._distance_of(slowing) + nearer_m, margins.touch_m)
-        clear_m = np.minimum(clear_m, slower_m)
-        lane_m = self._distance_m(site_map.lanes_m)
-        clear_m = np.minimum(clear_m, lane_m + margins.touch_m - margins.lane_m)
-        clear_m = np.minimum(clear_m, self._unknown_m() + margins.touch_m - margins.unknown_m)
-        self.clear_m = np.minimum(clear_m, edge_m + margins.touch_m - margins.edge_m)
+        self.clear_m = self._clearance_m(recent)
         self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))
-        rows, columns = np.indices(self.clear_m.shape)
-        from_start_m = site_map.cell_m * np.hypot(rows - self.start[0], columns - self.start[1])
         flyable = self._free & ~site_map.outside
         self.open = flyable & (self.clear_m >= margins.touch_m)
         here_m = float(self.clear_m[self.start])
         as_near_m = min(here_m, max(margins.min_start_m, here_m - margins.start_slack_m))
-        self.open |= flyable & (from_start_m <= margins.start_m) & (self.clear_m >= as_near_m)
+        near, from_start_m = self._from_start_m(margins.start_m)
+        as_clear = self.clear_m[near] >= as_near_m
+        self.open[near] |= flyable[near] & (from_start_m <= margins.start_m) & as_clear
         self.open[self.start] = True
+
+    def _clearance_m(self, recent: RecentObstacles) -> Floats:
+        """Return the clearance of each cell, as `clearance_at` returns it, metres.
+
+        The distances are shifted so that each margin falls on `touch_m`.
+        """
+        margins, found = self.margins, self.map
+        closing, slowing = self._assumed(recent.assumed_m)
+        nearer_m, clear_m = margins.touch_m - margins.doubt_m, self.obstacle_m
+        if closing.any():
+            clear_m = np.minimum(clear_m, self._distance_of(closing) + nearer_m)
+        if slowing.any():
+            slower_m = np.maximum(self._distance_of(slowing) + nearer_m, margins.touch_m)
+            clear_m = np.minimum(clear_m, slower_m)
+        ends = self._marked(np.vstack([found.edges_m, recent.edges_m])) | found.outside
+        for marked, margin_m in (
+            (self._marked(found.lanes_m), margins.lane_m),
+            (self._unknown(), margins.unknown_m),
+            (ends, margins.edge_m),
+        ):
+            if marked.any():
+                least_m = self._distance_of(marked) + margins.touch_m - margin_m
+                clear_m = np.minimum(clear_m, least_m)
+        return clear_m
 
     def clearance_at(self, x_m: float, y_m: float) -> float:
         """Return the clearance of a place, metres.
@@ -138,16 +152,24 @@ class ClearanceMap:
         The turn to a cell near the drone is added to its cost, spread over the first `turn_m`.
         """
         margins, found = self.margins, self.map
-        forward_m, right_m = np.moveaxis(found.pose.points_to_body(found.places_m()), -1, 0)
+        near, _ = self._from_start_m(margins.turn_m + 2.0 * found.cell_m)
+        places_m = found.middles_m(np.moveaxis(np.mgrid[near], 0, -1))
+        forward_m, right_m = np.moveaxis(found.pose.points_to_body(places_m), -1, 0)
         turn_s = np.abs(np.arctan2(right_m, forward_m)) / margins.yaw_rate_radps
         around = np.hypot(forward_m, right_m) <= margins.turn_m
         shares = np.where(around, found.cell_m / margins.turn_m, 0.0)
-        return fastest_paths(self.open, self._cell_s + shares * turn_s, self.start)
+        cell_s = self._cell_s
+        cell_s[near] += shares * turn_s
+        return fastest_paths(self.open, cell_s, self.start)
 
     @property
     def _cell_s(self) -> Floats:
-        cell_s = self.map.cell_m / self.margins.speed_mps(self.clear_m)
-        return np.asarray(cell_s * np.where(self._doubted, self.margins.unknown_times, 1.0))
+        """(rows, columns) time to fly one side length of each cell, seconds; inf if not open."""
+        margins, cell_s = self.margins, np.full(self.open.shape, math.inf)
+        cell_s[self.open] = self.map.cell_m / margins.speed_mps(self.clear_m[self.open])
+        if self._doubted is not None:
+            cell_s[self._doubted] *= margins.unknown_times
+        return cell_s
 
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
         """Return the fastest route to the surroundings of a place; None without one.
@@ -157,16 +179,17 @@ class ClearanceMap:
             near_m: The fastest route that ends within this distance is preferred.
             far_m: Without such a route, the one that ends nearest is taken, within this distance.
         """
-        time_s = self._turned.time_s
-        apart_m = np.linalg.norm(self.map.places_m() - to, axis=-1)
-        apart_m = np.where(np.isfinite(time_s), apart_m, math.inf)
+        paths = self._turned
+        cells = np.stack(np.divmod(paths.reached, paths.time_s.shape[1]), axis=-1)
+        time_s = paths.time_s.reshape(-1)[paths.reached]
+        apart_m = np.linalg.norm(self.map.middles_m(cells) - to, axis=-1)
         end = int(np.where(apart_m <= near_m, time_s, math.inf).argmin())
         if apart_m.min() > near_m:
             end = int(apart_m.argmin())
-        if apart_m.reshape(-1)[end] > max(near_m, far_m):
+        if apart_m[end] > max(near_m, far_m):
             return None
-        cell = divmod(end, apart_m.shape[1])
-        return self.route_along(self._turned.to(cell), time_s=float(time_s[cell]))
+        row, column = map(int, cells[end])
+        return self.route_along(paths.to((row, column)), time_s=float(time_s[end]))
 
     def route_to_cell(self, cell: Cell) -> Route:
         """Return the fastest route to a reachable cell."""
@@ -176,7 +199,7 @@ class ClearanceMap:
         """Return the route along a path over cells."""
         cells = np.array(path)
         return Route(
-            path_m=np.array(self.map.corner_m) + self.map.cell_m * cells,
+            path_m=self.map.middles_m(cells),
             clear_m=self.clear_m[tuple(cells.T)],
             straight_m=self._straight_m(cells),
             time_s=time_s,
@@ -212,16 +235,31 @@ class ClearanceMap:
         apart_m = np.linalg.norm(self.map.places_m() - place, axis=-1)
         return np.asarray(apart_m <= reach_m)
 
-    def _unknown_m(self) -> Floats:
-        """Return the distance to unknown patches; single cells between rays are left out."""
+    def _from_start_m(self, reach_m: float) -> tuple[tuple[slice, slice], Floats]:
+        """Return a window of cells around the start, and their distances from it, metres.
+
+        Args:
+            reach_m: The window holds all cells within this distance.
+        """
+        reach = math.ceil(reach_m / self.map.cell_m)
+        (row, column), shape = self.start, self.clear_m.shape
+        near = (
+            slice(max(row - reach, 0), min(row + reach + 1, shape[0])),
+            slice(max(column - reach, 0), min(column + reach + 1, shape[1])),
+        )
+        rows, columns = np.ogrid[near]
+        return near, self.map.cell_m * np.hypot(rows - row, columns - column)
+
+    def _unknown(self) -> Flags:
+        """Return the cells of unknown patches; single cells between rays are left out."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
-        unknown = (~(self._free | self.map.outside)).astype(np.uint8)
+        unknown = (~(self._free | self.map.outside)).view(np.uint8)
         square = np.ones((2, 2), np.uint8)
         # OpenCV anchors an even kernel at its lower right cell. Without the other anchor the
         # dilation would shift the opened patches by a cell.
         patches = cv2.dilate(cv2.erode(unknown, square), square, anchor=(0, 0))
-        return self._distance_of(patches.astype(bool))
+        return np.asarray(patches.view(np.bool_))
 
     def _assumed(self, places_m: Floats) -> tuple[Flags, Flags]:
         """Return the cells of assumed obstacles: those that block, and those that only slow down.
@@ -241,18 +279,16 @@ class ClearanceMap:
         rows, columns = self.map.seen_s.shape
         return min(max(cell[0], 0), rows - 1), min(max(cell[1], 0), columns - 1)
 
-    def _distance_m(self, points_m: Floats) -> Floats:
-        return self._distance_of(self._marked(points_m))
-
     def _cells(self, points_m: Floats) -> NDArray[np.intp]:
         apart_m = points_m - np.array(self.map.corner_m)
         return np.asarray(np.rint(apart_m / self.map.cell_m).astype(np.intp))
 
     def _marked(self, points_m: Floats) -> Flags:
-        cells = self._cells(points_m)
-        inside = ((cells >= 0) & (cells < self.map.seen_s.shape)).all(axis=1)
         marked = np.zeros(self.map.seen_s.shape, dtype=bool)
-        marked[tuple(cells[inside].T)] = True
+        if len(points_m):
+            cells = self._cells(points_m)
+            inside = ((cells >= 0) & (cells < marked.shape)).all(axis=1)
+            marked[tuple(cells[inside].T)] = True
         return marked
 
     def _filled(self) -> Flags:
@@ -260,16 +296,19 @@ class ClearanceMap:
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         filled = np.zeros(self.map.seen_s.shape, dtype=np.uint8)
-        for each in self.map.objects:
+        margin_m = -self.map.cell_m / 2
+        corners_m = [each.corners_m(margin_m=margin_m) for each in self.map.objects]
+        if corners_m:
             # OpenCV's x is the column. It also fills the cells of the border.
-            corners_m = each.corners_m(margin_m=-self.map.cell_m / 2)
-            cv2.fillConvexPoly(filled, self._cells(corners_m)[:, ::-1].astype(np.int32), 1)
-        return filled.astype(bool)
+            for corners in self._cells(np.stack(corners_m))[..., ::-1].astype(np.int32):
+                cv2.fillConvexPoly(filled, corners, 1)
+        return filled.view(np.bool_)
 
     def _distance_of(self, marked: Flags) -> Floats:
+        """Return the distance of each cell to the nearest marked one, metres; inf without any."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         if not marked.any():
             return np.full(marked.shape, math.inf)
-        free = (~marked).astype(np.uint8)
-        return self.map.cell_m * cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64)
+        apart = cv2.distanceTransform((~marked).view(np.uint8), cv2.DIST_L2, 5)
+        return np.asarray(np.multiply(apart, self.map.cell_m, dtype=np.float64))

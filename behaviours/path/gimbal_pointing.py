@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, NearObstacles
+from uav_bt.types.arrays import Floats
 from uav_bt.types.projection import ground_points
 from uav_bt.types.site_map import SiteMap
 
@@ -64,16 +66,21 @@ def ground_share(
         config: Source of the distance up to which ground counts.
     """
     config = config or GimbalConfig()
-    across, down = (np.linspace(0.0, 1.0, count) for count in _SAMPLES)
-    pixels = np.stack(
-        np.meshgrid((camera.width_px - 1) * across, (camera.height_px - 1) * down), axis=-1
-    ).reshape(-1, 2)
+    pixels = _samples(camera.width_px, camera.height_px)
     height_m = max(height_m, MIN_VIEW_HEIGHT_M)
     shown_m = ground_points(pixels, camera, pitch_rad, height_m)
     near = np.hypot(*shown_m.T) <= config.far_heights * height_m
     lens_m = np.array([camera.forward_offset_m, 0.0])
     places_m = site_map.pose.points_to_world(shown_m + lens_m)
     return float(np.mean(near & site_map.lies_on(~site_map.outside, places_m)))
+
+
+@cache
+def _samples(width_px: int, height_px: int) -> Floats:
+    """Return pixels spread over an image, (N, 2) as (column, row)."""
+    columns, rows = _SAMPLES
+    across, down = np.linspace(0.0, width_px - 1, columns), np.linspace(0.0, height_px - 1, rows)
+    return np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
 
 
 def ground_pitch_rad(

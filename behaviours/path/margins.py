@@ -131,6 +131,8 @@ class Margins:
             residual_m: Mean distance of the views' points from the map's.
         """
         more_m = min(self.unsure_times * max(residual_m - self.sure_m, 0.0), self.unsure_m)
+        if more_m == 0.0:
+            return self
         return replace(
             self,
             touch_m=self.touch_m + more_m,

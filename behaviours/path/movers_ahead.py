@@ -48,6 +48,8 @@ class MoversAheadConfig:
 
 def outlines_m(movers: Sequence[MapMover], config: MoversAheadConfig | None = None) -> Floats:
     """Return points that movers occupy within `taken_s`, (N, 2) metres in the map's frame."""
+    if not movers:
+        return np.empty((0, 2))
     config = config or MoversAheadConfig()
     times_s = np.arange(0.0, config.taken_s + config.step_s / 2, config.step_s)
     angles = np.linspace(0.0, 2.0 * math.pi, _RIM, endpoint=False)

@@ -52,32 +52,24 @@ def recent_obstacles(
         unmapped_s: Points last seen longer ago are dropped on ground that the map has seen: a lost
             drone may have misplaced them.
     """
+    from behaviours.path.compiled_loops import has_near  # noqa: PLC0415  (see that module)
+
     if obstacles is None:
         return RecentObstacles()
     to_map = site_map.pose.points_to_world
     points_m = _believed(site_map, to_map(obstacles.points_m), obstacles.points_age_s, unmapped_s)
     edges_m = _believed(site_map, to_map(obstacles.edges_m), obstacles.edges_age_s, unmapped_s)
-    new_m = _far_from(site_map.obstacles_m, points_m, same_m)
-    alike = np.linalg.norm(new_m[:, None] - new_m, axis=-1) < same_m
+    new_m = points_m[~has_near(points_m, site_map.obstacles_m, same_m, 1)]
     return RecentObstacles(
-        seen_m=new_m[alike.sum(axis=1) >= least],
+        seen_m=new_m[has_near(new_m, new_m, same_m, least)],
         assumed_m=to_map(obstacles.assumed_m),
-        edges_m=_far_from(site_map.edges_m, edges_m, same_m),
+        edges_m=edges_m[~has_near(edges_m, site_map.edges_m, same_m, 1)],
     )
 
 
 def _believed(site_map: SiteMap, places_m: Floats, age_s: Floats, unmapped_s: float) -> Floats:
     """Return the places that are recent, or not on ground that the map has seen."""
-    if not len(age_s):
+    old = age_s > unmapped_s
+    if not old.any():
         return places_m
-    return places_m[(age_s <= unmapped_s) | ~site_map.lies_on(site_map.ground, places_m)]
-
-
-def _far_from(known_m: Floats, points_m: Floats, near_m: float) -> Floats:
-    """Return the points at least `near_m` from all known ones."""
-    if not len(points_m):
-        return points_m
-    from scipy.spatial import cKDTree  # noqa: PLC0415  (`uav-bt check` must answer at once)
-
-    nearest_m, _ = cKDTree(known_m).query(points_m, distance_upper_bound=near_m)
-    return np.asarray(points_m[nearest_m >= near_m])
+    return places_m[~(old & site_map.lies_on(site_map.ground, places_m))]

@@ -32,30 +32,27 @@ def passed_for_the_first_time(paths: FastestPaths, worth: Floats, radius_cells: 
     Returns:
         (rows, columns) worth; 0 where no path leads.
     """
-    reach = int(radius_cells)
-    framed = np.pad(worth, reach + 1)
-    flat, width = framed.reshape(-1), framed.shape[1]
-    rows, columns = np.divmod(paths.reached, worth.shape[1])
-    places = (rows + reach + 1) * width + columns + reach + 1
-    came_rows, came_columns = np.divmod(paths.reached[paths.parents], worth.shape[1])
-    down, right = rows - came_rows, columns - came_columns
-    added = np.zeros(len(places))
-    for step in _STEPS:
-        mine = np.flatnonzero((down == step[0]) & (right == step[1]))
-        offsets = _crescent(step, radius_cells) @ (width, 1)
-        added[mine] = flat[places[mine, None] + offsets].sum(axis=1)
-    return paths.summed(added)
+    from behaviours.path.compiled_loops import sum_of_crescents  # noqa: PLC0415  (see that module)
+
+    cells, begins = _crescents(radius_cells)
+    return sum_of_crescents(paths.order, paths.before.reshape(-1), worth, cells, begins)
 
 
 @cache
-def _crescent(step: tuple[int, int], radius_cells: float) -> NDArray[np.intp]:
-    """Return the cells around a place that are not around the place one step before, (K, 2).
+def _crescents(radius_cells: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the cells that each step of `_STEPS` adds: around its end, but not its beginning.
 
     For the step (0, 0) all cells around the place.
+
+    Returns:
+        (K, 2) rows and columns relative to the step's end, grouped by step; (10,) index of the
+        first cell of each step.
     """
     reach = int(radius_cells)
-    down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    near = np.hypot(down, right) <= radius_cells
-    if step != (0, 0):
-        near &= np.hypot(down + step[0], right + step[1]) > radius_cells
-    return np.stack([down[near], right[near]], axis=1)
+    around = np.argwhere(np.ones((2 * reach + 1, 2 * reach + 1))) - reach
+    around = around[np.hypot(*around.T) <= radius_cells]
+    added = [
+        around[np.hypot(*(around + step).T) > radius_cells] if step != (0, 0) else around
+        for step in _STEPS
+    ]
+    return np.vstack(added), np.cumsum([0, *map(len, added)])

@@ -38,27 +38,28 @@ class ClearanceMaps:
         past_assumed: bool = False,
         over: Place | None = None,
     ) -> None:
-        narrow = replace(site_map, lanes_m=np.empty((0, 2))) if crossing else site_map
-        margins_of = {
-            Passage.ORDINARY: margins,
-            Passage.TIGHT: margins.tight(),
-            Passage.TIGHTEST: replace(margins.tightest(), past_assumed=past_assumed),
-        }
-        if over is not None:
-            at_pad = margins.at_pad()
-            margins_of |= {Passage.TIGHT: at_pad, Passage.TIGHTEST: at_pad.sure()}
-        self._parts = {
-            passage: (site_map if passage is Passage.ORDINARY else narrow, each)
-            for passage, each in margins_of.items()
-        }
-        self.map, self._recent, self._over = site_map, recent, over
+        self.map, self._recent, self._margins = site_map, recent, margins
+        self._crossing, self._past_assumed, self._over = crossing, past_assumed, over
         self._made: dict[Passage, ClearanceMap] = {}
 
     def __getitem__(self, passage: Passage) -> ClearanceMap:
         if passage not in self._made:
-            site_map, margins = self._parts[passage]
-            self._made[passage] = ClearanceMap(site_map, self._recent, margins, over=self._over)
+            found, margins = self.map, self._margins_of(passage)
+            if self._crossing and passage is not Passage.ORDINARY:
+                found = replace(found, lanes_m=np.empty((0, 2)))
+            self._made[passage] = ClearanceMap(found, self._recent, margins, over=self._over)
         return self._made[passage]
+
+    def _margins_of(self, passage: Passage) -> Margins:
+        margins = self._margins
+        if passage is Passage.ORDINARY:
+            return margins
+        if self._over is not None:
+            at_pad = margins.at_pad()
+            return at_pad if passage is Passage.TIGHT else at_pad.sure()
+        if passage is Passage.TIGHT:
+            return margins.tight()
+        return replace(margins.tightest(), past_assumed=self._past_assumed)
 
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
         """Return the route to a place; None without one.
@@ -71,8 +72,8 @@ class ClearanceMaps:
             far_m: As in `ClearanceMap.route_to`.
         """
         best: Route | None = None
+        margins = self._margins
         for passage in Passage:
-            margins = self._parts[passage][1]
             if best is not None and best.length_m <= margins.direct * best.apart_m:
                 break
             found = self[passage].route_to(to, near_m=near_m, far_m=far_m)

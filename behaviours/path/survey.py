@@ -70,7 +70,8 @@ def best_route(
     )
     # A route may begin with less clearance around the drone, but must end with enough.
     roomy = clearance.clear_m.reshape(-1)[paths.reached] >= clearance.margins.touch_m
-    worth_it = roomy & (new_m2 >= cfg.min_leg_m2) & (paths.parents != np.arange(len(new_m2)))
+    moves = paths.before.reshape(-1)[paths.reached] >= 0
+    worth_it = roomy & (new_m2 >= cfg.min_leg_m2) & moves
     if not worth_it.any():
         return None
     best = int(np.where(worth_it, value(new_m2, spent_s), -math.inf).argmax())
@@ -96,7 +97,10 @@ def _worth(clearance: ClearanceMap, unseen_worth: float) -> Floats:
 
 def _first_turns_s(clearance: ClearanceMap, yaw_rate_radps: float) -> Floats:
     """Return the time of the first turn on the path to each reached cell, seconds."""
-    apart = clearance.fastest.after(_AHEAD_CELLS) - np.array(clearance.start)
-    azimuth = np.arctan2(apart[:, 1], apart[:, 0])
+    steps = np.arange(-_AHEAD_CELLS, _AHEAD_CELLS + 1)
+    azimuth = np.arctan2(steps, steps[:, None])  # of the cells around the start
     turn_rad = np.abs(np.angle(np.exp(1j * (azimuth - clearance.map.pose.yaw_rad))))
+    rows, columns = clearance.fastest.after(_AHEAD_CELLS)
+    start_row, start_column = clearance.start
+    turn_rad = turn_rad[rows - start_row + _AHEAD_CELLS, columns - start_column + _AHEAD_CELLS]
     return np.asarray(turn_rad / yaw_rate_radps)

@@ -127,7 +127,7 @@ class CoveragePolicy:
 
 def _ground_rad(site_map: SiteMap, around_m: float) -> float | None:
     """Return the bearing of the mean of the ground around the drone; None if none was seen."""
-    places_m = site_map.pose.points_to_body(site_map.places_m()[site_map.ground])
+    places_m = site_map.pose.points_to_body(site_map.middles_m(np.argwhere(site_map.ground)))
     if not len(places_m):
         return None
     near_m = places_m[np.hypot(*places_m.T) <= around_m]

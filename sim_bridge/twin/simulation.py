@@ -164,9 +164,10 @@ class Simulation:
         while self._queue and self._queue[0][0] <= self.now_s + _TIME_SLACK_S:
             _, command, pace = self._queue.popleft()
             self._obey(command, pace)
-        height = self.motion.z_m - self._surface_m(self.motion.x_m, self.motion.y_m)
         demand = self._autopilot.update(
-            self._estimate, height_m=height, touching=bool(self._touching)
+            self._estimate,
+            height_m=self.motion.z_m - self._surface_m,
+            touching=bool(self._touching),
         )
         if demand is None:
             self.body.drop()
@@ -208,14 +209,14 @@ class Simulation:
         elif self._touched_s:
             self._touched_s.clear()
         self._estimate = self._sensors.estimate(motion, airborne=self._autopilot.lifting)
-        surface = self._surface_m(motion.x_m, motion.y_m)
-        self._telemetry = self._sensors.telemetry(motion, self._estimate, surface)
+        self._surface_m = self._surface_at(motion.x_m, motion.y_m)
+        self._telemetry = self._sensors.telemetry(motion, self._estimate, self._surface_m)
         events = Events(flying=self._autopilot.flying_state, movement=self._autopilot.movement)
         self._downlink.take(self._telemetry, self._gimbal_rad, events, self.now_s)
         if self.now_s >= self._frame_count / self._profile.video_rate_hz - _TIME_SLACK_S:
             self._capture()
 
-    def _surface_m(self, x_m: float, y_m: float) -> float:
+    def _surface_at(self, x_m: float, y_m: float) -> float:
         """Return the height of the surface at a world point, movers included."""
         standing_m = self._scene.surface_m(x_m, y_m)
         return max(standing_m, self._traffic.top_m(self.movers, x_m, y_m))

@@ -23,6 +23,9 @@ class Footprint(Pose2D):
 
     def contains(self, x_m: float, y_m: float) -> bool:
         """Return whether a world point lies on the rectangle, including its edge."""
+        reach_m = self.half_x_m + self.half_y_m
+        if abs(x_m - self.x_m) > reach_m or abs(y_m - self.y_m) > reach_m:
+            return False  # most points are far away, and a rotation costs more
         u, v = self.to_body(x_m, y_m)
         return abs(u) <= self.half_x_m and abs(v) <= self.half_y_m
 

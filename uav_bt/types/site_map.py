@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -45,8 +46,8 @@ class MapObject:
         corners_m = self.corners_m()
         count = max(1, math.ceil(max(self.size_m, self.width_m) / step_m))
         shares = np.arange(count)[:, None] / count
-        sides = zip(corners_m, np.roll(corners_m, -1, axis=0), strict=True)
-        return np.vstack([begin + shares * (end - begin) for begin, end in sides])
+        sides_m = np.roll(corners_m, -1, axis=0) - corners_m
+        return (corners_m[:, None] + shares * sides_m[:, None]).reshape(-1, 2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +162,7 @@ class SiteMap(SiteMapBase):
             if grid.shape != self.seen_s.shape or grid.ndim != 2:
                 raise ShapeError("map grid", expected=str(self.seen_s.shape), actual=grid.shape)
 
-    @property
+    @cached_property
     def ground(self) -> Flags:
         """Cells in which ground was seen."""
         return np.asarray(np.isfinite(self.seen_s))
@@ -197,8 +198,15 @@ class SiteMap(SiteMapBase):
 
     def places_m(self) -> Floats:
         """Return the centres of the cells, (rows, columns, 2)."""
-        steps = np.moveaxis(np.indices(self.seen_s.shape), 0, -1)
-        return np.asarray(np.array(self.corner_m) + self.cell_m * steps)
+        return self.middles_m(np.moveaxis(np.indices(self.seen_s.shape), 0, -1))
+
+    def middles_m(self, cells: NDArray[np.intp]) -> Floats:
+        """Return the centres of cells, (..., 2).
+
+        Args:
+            cells: (..., 2) rows and columns; they may lie outside the grid.
+        """
+        return np.asarray(np.array(self.corner_m) + self.cell_m * cells)
 
 
 def is_beyond_edge(beyond: Flags | NDArray[np.int8], row: int, column: int, cell_m: float) -> bool:

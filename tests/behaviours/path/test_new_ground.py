@@ -36,9 +36,8 @@ def test_it_is_the_union_of_the_discs_along_the_path() -> None:
     assert passed[11, 10] == 0.0
 
 
-def test_sums_and_ancestors_follow_the_path() -> None:
-    open_ = np.ones((1, 12), dtype=bool)
-    paths = fastest_paths(open_, np.ones((1, 12)), (0, 3))
-    values = np.arange(12.0)
-    assert paths.summed(values)[0].tolist() == [6, 6, 5, 3, 7, 12, 18, 25, 33, 42, 52, 63]
-    assert paths.after(2)[:, 1].tolist() == [1, 1, 2, 3, 4, 5, 5, 5, 5, 5, 5, 5]
+def test_a_straight_path_adds_a_crescent_per_step() -> None:
+    paths = fastest_paths(np.ones((1, 12), dtype=bool), np.ones((1, 12)), (0, 3))
+    passed = passed_for_the_first_time(paths, np.arange(12.0)[None], 2.0)
+    # Around the start the cells 1 to 5; each step adds the cell two ahead of its end.
+    assert passed[0].tolist() == [15, 15, 15, 15, 21, 28, 36, 45, 55, 66, 66, 66]

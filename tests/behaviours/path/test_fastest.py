@@ -1,0 +1,65 @@
+"""Fastest paths over a grid, against SciPy's search over the graph of neighbouring cells."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from behaviours.path.fastest import fastest_paths
+
+
+def by_scipy(open_: np.ndarray, cell_s: np.ndarray, start: tuple[int, int]) -> np.ndarray:
+    """Return the time to each cell; inf where no path leads."""
+    height, width = open_.shape
+    begins, ends, times_s = [], [], []
+    for row, column in np.argwhere(open_):
+        for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            there = row + down, column + right
+            if there[0] < height and 0 <= there[1] < width and open_[there]:
+                begins.append(row * width + column)
+                ends.append(there[0] * width + there[1])
+                mean_s = (cell_s[row, column] + cell_s[there]) / 2
+                times_s.append(math.hypot(down, right) * mean_s)
+    graph = coo_array((times_s, (begins, ends)), shape=(open_.size, open_.size)).tocsr()
+    time_s = dijkstra(graph, directed=False, indices=start[0] * width + start[1])
+    return np.asarray(time_s).reshape(open_.shape)
+
+
+def test_times_are_those_of_scipy_and_paths_take_them() -> None:
+    rng = np.random.default_rng(7)
+    for shape, start in (((25, 31), (12, 15)), ((31, 8), (0, 0)), ((1, 9), (0, 8))):
+        open_ = rng.random(shape) < 0.7
+        open_[start] = True
+        cell_s = rng.choice([0.2, 0.25, 0.4], size=shape)  # equal times occur
+        paths = fastest_paths(open_, cell_s, start)
+        np.testing.assert_array_equal(paths.time_s, by_scipy(open_, cell_s, start))
+        assert (np.diff(paths.time_s.reshape(-1)[paths.order]) >= 0.0).all()
+        for cell in map(tuple, np.argwhere(np.isfinite(paths.time_s))):
+            path = paths.to(cell)
+            assert path[0] == start
+            assert path[-1] == cell
+            assert all(open_[step] for step in path)
+            spent_s = sum(
+                math.dist(one, two) * (cell_s[one] + cell_s[two]) / 2
+                for one, two in itertools.pairwise(path)
+            )
+            assert math.isclose(spent_s, paths.time_s[cell], rel_tol=1e-12, abs_tol=1e-12)
+
+
+def test_no_path_leads_over_a_closed_cell() -> None:
+    open_ = np.array([[True, True, False, True]])
+    paths = fastest_paths(open_, np.full((1, 4), 2.0), (0, 0))
+    assert paths.time_s.tolist() == [[0.0, 2.0, math.inf, math.inf]]
+    assert paths.before.tolist() == [[-1, 0, -1, -1]]
+    assert paths.reached.tolist() == [0, 1]
+
+
+def test_the_cells_after_two_steps() -> None:
+    paths = fastest_paths(np.ones((1, 12), dtype=bool), np.ones((1, 12)), (0, 3))
+    rows, columns = paths.after(2)
+    assert rows.tolist() == [0] * 12
+    assert columns.tolist() == [1, 1, 2, 3, 4, 5, 5, 5, 5, 5, 5, 5]
