@@ -97,3 +97,6 @@ if ! draws; then
     pip_install -c constraints.txt --no-deps lavavu-osmesa
     draws || { tail -n 1 "$log" >&2; die "there is no OpenGL that works (all is in $log)"; }
 fi
+
+say "compiling"
+"$venv/bin/python" -m perception.compiled >>"$log" 2>&1 || { complain; die "the compilation failed"; }
