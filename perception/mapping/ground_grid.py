@@ -199,7 +199,7 @@ class GroundGrid:
     "(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4), UniTuple(float64, 3), int64,"
     " int8[:, ::1], float64[:, ::1], boolean[:, ::1])"
 )
-def _vote(
+def _vote(  # noqa: PLR0917 - Numba passes arguments by position
     level_m: Floats,
     groups: NDArray[np.uint8],
     lens_at: tuple[float, float, float, float],
@@ -263,7 +263,7 @@ def _vote(
     "void(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4), UniTuple(float64, 3), int64,"
     " boolean[:, ::1])"
 )
-def _clear_below(
+def _clear_below(  # noqa: PLR0917 - Numba passes arguments by position
     level_m: Floats,
     groups: NDArray[np.uint8],
     lens_at: tuple[float, float, float, float],

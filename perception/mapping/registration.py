@@ -181,7 +181,7 @@ def _apart(places_m: Floats, ids: NDArray[np.uint8]) -> Floats:
     "(float64[:, ::1], float64[::1], float64[::1], float64[:, ::1], intp[:, ::1], float64[:, ::1],"
     " UniTuple(float64, 3))"
 )
-def _equations(
+def _equations(  # noqa: PLR0917 - Numba passes arguments by position
     places_m: Floats,
     origin_m: Floats,
     std_m: Floats,

@@ -101,6 +101,7 @@ def find_base(
     thing: int,
     height_m: float,
     config: BaseConfig,
+    *,
     remembered: Remembered | None = None,
 ) -> Base:
     """Find the base of the pixels of one class.
@@ -203,7 +204,7 @@ def rows_above(
 
 
 @compiled("intp[::1](uint8[:, ::1], intp[::1], intp[::1], int64, int64, int64)")
-def _following(
+def _following(  # noqa: PLR0917 - Numba passes arguments by position
     ids: NDArray[np.uint8], rows: Indices, columns: Indices, wanted: int, step: int, reach: int
 ) -> Indices:
     """Return the first row of a class within a number of rows above or below cells.

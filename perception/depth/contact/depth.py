@@ -151,7 +151,7 @@ class _Estimation:
             thing,
             self._height_m,
             self._config.base,
-            self._remembered,
+            remembered=self._remembered,
         )
 
     def _pixels(self, thing: int) -> tuple[Indices, Floats, Floats]:
@@ -277,7 +277,7 @@ class _Estimation:
     "(Array(uint8, 1, 'C', readonly=True), int64, float32[:, ::1], float64, UniTuple(float64, 2),"
     " float64[:, ::1], boolean[::1], float64[:, ::1], float64)"
 )
-def _sides(
+def _sides(  # noqa: PLR0917 - Numba passes arguments by position
     ids: NDArray[np.uint8],
     thing: int,
     rays: NDArray[np.float32],
