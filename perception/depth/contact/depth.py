@@ -311,15 +311,15 @@ def _sides(  # noqa: PLR0917 - Numba passes arguments by position
     for pixel in range(len(ids)):
         if ids[pixel] != thing:
             continue
-        forward, right = rays[0, pixel], rays[1, pixel]
-        azimuth_rad, level = math.atan2(right, forward), math.hypot(forward, right)
+        azimuth_rad = math.atan2(rays[1, pixel], rays[0, pixel])
+        forward, right = np.float64(rays[0, pixel]), np.float64(rays[1, pixel])
+        level = math.sqrt(forward * forward + right * right)
         nearest = np.rint((azimuth_rad - first_rad) / step_rad)
         column = int(min(max(nearest, 0.0), slopes.shape[1] - 1.0))
         slope = slopes[0, column]
         if fitted[column] and len(faces):
             face = 1 if azimuth_rad >= corner_rad else 0
-            cos, sin = math.cos(azimuth_rad), math.sin(azimuth_rad)
-            exact = faces[face, 0] * cos + faces[face, 1] * sin
+            exact = (faces[face, 0] * forward + faces[face, 1] * right) / level
             slope = exact if exact > 0.0 else slope
         pixels[count] = pixel
         depth_m[count] = height_m / (slope * level)
