@@ -178,8 +178,13 @@ def _seen_inside(
     offset_m: float,
     config: CorridorConfig,
 ) -> _Seen:
+    """Return what `_intrusions` finds in a depth map."""
     metres = np.ascontiguousarray(depth.depth, dtype=np.float32).ravel()
-    bounds = metres if depth.at_most is None else np.ascontiguousarray(depth.at_most).ravel()
+    bounds = (
+        metres
+        if depth.at_most is None
+        else np.ascontiguousarray(depth.at_most, dtype=np.float32).ravel()
+    )
     counts = np.isfinite(metres) if things is None else np.ascontiguousarray(things).ravel()
     walls_m = -config.left_m, config.right_m, -config.up_m, config.down_m, offset_m
     rays, exits_m = planes.rays.reshape(3, -1), planes.depth_m.ravel()

@@ -169,7 +169,7 @@ def _runs(ids: NDArray[np.uint8], run: int) -> tuple[NDArray[np.int32], NDArray[
             thing = ids[row, column]
             if thing != before[column]:
                 before[column], begin[column] = thing, row
-            if thing == OUTSIDE:
+            if thing >= CLASS_COUNT:  # outside the image
                 continue
             last[thing, column] = row
             if row - begin[column] + 1 == run and first[thing, column] < 0:
