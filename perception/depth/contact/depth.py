@@ -119,6 +119,7 @@ class _Estimation:
         self._runs = Runs.of(panorama, config.base)
         self._depth = np.where(self._ids == CARPET, depth_m, np.float32(np.nan))
         self._at_most = np.where(np.isnan(depth_m), np.float32(np.inf), depth_m)
+        self._incomplete: set[int] = set()  # boxes with pixels of unknown depth
         self._present = np.bincount(self._ids, minlength=256) > 0
 
     def result(self, network_m: NDArray[np.float32] | None) -> ContactDepth:
@@ -164,6 +165,8 @@ class _Estimation:
         pixels, depth, bound = self._side_depth(box, base)
         self._depth[pixels] = depth
         self._at_most[pixels] = np.fmin(self._at_most[pixels], bound)
+        if np.isnan(depth).any():
+            self._incomplete.add(box)
 
     def _side_depth(self, thing: int, base: Base) -> tuple[Indices, Floats, Floats]:
         """Return the pixels of a side, their depth, NaN where unknown, and its upper bound.
@@ -216,6 +219,8 @@ class _Estimation:
         """
         pixels = np.flatnonzero((self._ids == roof) & (self._rays[2] > 0.0))
         pixels = pixels[np.isnan(self._depth[pixels])]
+        if not pixels.size and self._incomplete.isdisjoint(carriers):
+            return
         above_m = {box: self._above_roof(base, roof) for box, base in carriers.items()}
         if pixels.size:
             down = self._rays[2, pixels]
@@ -225,7 +230,7 @@ class _Estimation:
             only_m = next(iter(above_m.values())) if len(above_m) == 1 else seen_m
             self._depth[pixels] = only_m / down
         for box, base in carriers.items():
-            if above_m[box] > 0.0:
+            if above_m[box] > 0.0 and box in self._incomplete:
                 self._fill_sides(box, self._below_edge(base, roof, above_m[box]))
 
     def _below_edge(self, base: Base, roof: int, above_m: float) -> Base:

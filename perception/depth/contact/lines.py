@@ -64,9 +64,9 @@ def fit_base(
         return None
     weight = _weight(slope, pixel_rad)
     residual_px = np.abs(fitted.slope(azimuth_rad) - slope) * weight
-    kept = residual_px <= max(config.outlier_px, 2.5 * float(np.median(residual_px)))
-    if kept.all():
+    if residual_px.max() <= config.outlier_px:
         return fitted
+    kept = residual_px <= max(config.outlier_px, 2.5 * float(np.median(residual_px)))
     return _fit(azimuth_rad[kept], slope[kept], pixel_rad, config) or fitted
 
 
