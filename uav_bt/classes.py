@@ -112,7 +112,7 @@ def group_of(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """
     if ids.dtype != np.uint8:
         raise ValueRangeError(f"class ids must be uint8, got {ids.dtype}")
-    groups = _GROUP_TABLE[ids]
+    groups = _GROUP_TABLE.take(ids)
     if groups.size and int(groups.max()) == _NO_GROUP:
         raise ValueRangeError(
             f"class ids must lie within 0 and {CLASS_COUNT - 1}, got {int(ids.max())}"

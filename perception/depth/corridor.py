@@ -29,8 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, level_rays
+from perception.compiled import compiled
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import Airframe, BodyVelocity, Corridor, DepthMap
+from uav_bt.types.arrays import Flags, Floats32, Indices
 
 Side = Literal["left", "right", "front", "up", "down"]
 SIDES: Final[tuple[Side, ...]] = ("left", "right", "front", "up", "down")
@@ -81,26 +83,43 @@ class CorridorPlanes:
     def of(cls, view: CameraView, config: CorridorConfig) -> CorridorPlanes:
         """Intersect every ray with the five planes (equations 10A to 10E, 11 and 12)."""
         rays = level_rays(view)
-        forward, right, down = rays
-        offset_m = view.camera.forward_offset_m  # C: the lens ahead of the centre
-        planes = (
-            (-right, config.left_m),
-            (right, config.right_m),
-            (forward, config.front_m - offset_m),
-            (-down, config.up_m),
-            (down, config.down_m),
+        ahead_m = config.front_m - view.camera.forward_offset_m  # C: the lens ahead of the centre
+        distances_m = (config.left_m, config.right_m, ahead_m, config.up_m, config.down_m)
+        depth_m, side = _exits(
+            rays,
+            np.array(distances_m, dtype=np.float32),
+            np.float32(config.focal_factor * config.image_plane_m),
         )
-        min_m = np.float32(config.focal_factor * config.image_plane_m)
-        depth = np.full(forward.shape, _NEVER)
-        side = np.zeros(forward.shape, dtype=np.uint8)
-        for index, (towards, distance_m) in enumerate(planes):
-            crossed = np.full(forward.shape, _NEVER)
-            np.divide(np.float32(distance_m), towards, out=crossed, where=towards > 1e-6)
-            crossed[crossed <= min_m] = _NEVER
-            nearer = crossed < depth
-            depth[nearer] = crossed[nearer]
-            side[nearer] = index
-        return cls(rays=rays, depth_m=depth, side=side)
+        return cls(rays=rays, depth_m=depth_m, side=side)
+
+
+@compiled("Tuple((float32[:, ::1], uint8[:, ::1]))(float32[:, :, ::1], float32[::1], float32)")
+def _exits(
+    rays: NDArray[np.float32], distances_m: NDArray[np.float32], min_m: np.float32
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Find the nearest plane that each ray crosses.
+
+    Args:
+        rays: (3, H, W) rays of unit depth: forward, right, down.
+        distances_m: (5,) distances of the planes from the lens, in the order of SIDES.
+        min_m: planes at this depth or nearer do not count.
+
+    Returns:
+        (H, W) depth of the crossing, inf without one; (H, W) index into SIDES.
+    """
+    shape = rays.shape[1:]
+    depth_m, side = np.full(shape, _NEVER), np.zeros(shape, dtype=np.uint8)
+    for row in range(shape[0]):
+        for column in range(shape[1]):
+            for index in range(5):
+                axis = 1 if index < 2 else 0 if index == 2 else 2
+                towards = rays[axis, row, column]
+                towards = -towards if index in (0, 3) else towards
+                if towards > np.float32(1e-6):
+                    crossed_m = distances_m[index] / towards
+                    if min_m < crossed_m < depth_m[row, column]:
+                        depth_m[row, column], side[row, column] = crossed_m, index
+    return depth_m, side
 
 
 def build_corridor(
@@ -132,44 +151,101 @@ def build_corridor(
     """
     config = config or CorridorConfig()
     _check(depth, planes, things)
-    known, lost, bound = _looked_at(depth, things)
-    inside = _inside(known, depth.depth, planes)
-    lost_inside = _inside(lost, bound, planes)
-    found = np.flatnonzero(inside | lost_inside)
-    points = bound.ravel()[found] * planes.rays.reshape(3, -1)[:, found]
-    points[0] += np.float32(offset_m)
-    range_m = np.sqrt((points**2).sum(axis=0))
+    found, range_m, right_m, ahead_m, unseen, unknown = _seen_inside(
+        depth, planes, things, offset_m, config
+    )
     nearest = _nearest(range_m, config.stray_px)
-    unseen = int(np.count_nonzero(lost_inside))
-    free_m = 0.0 if unseen > config.stray_px else _free(depth, planes, known, offset_m, config)
+    free_m = 0.0 if unseen > config.stray_px else _nearest_m(ahead_m, config.stray_px)
     return Corridor(
         captured_s=depth.captured_s,
         free_distance_m=free_m,
         nearest_m=math.inf if nearest is None else float(range_m[nearest]),
         nearest_side=None if nearest is None else SIDES[planes.side.ravel()[found[nearest]]],
         time_to_impact_s=_impact(free_m, velocity, config),
-        nearest_left_m=_nearest_m(range_m[points[1] < 0.0], config.stray_px),
-        nearest_right_m=_nearest_m(range_m[points[1] >= 0.0], config.stray_px),
-        unknown_px=int(np.count_nonzero(lost)),
+        nearest_left_m=_nearest_m(range_m[right_m < 0.0], config.stray_px),
+        nearest_right_m=_nearest_m(range_m[right_m >= 0.0], config.stray_px),
+        unknown_px=unknown,
     )
 
 
-def _looked_at(
-    depth: DepthMap, things: NDArray[np.bool_] | None
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float32]]:
-    """Return the counted pixels of known depth, those of unknown depth, and the upper bounds."""
-    counts = np.ones(depth.depth.shape, dtype=bool) if things is None else things
-    finite = np.isfinite(depth.depth)
-    lost = ~finite & counts if things is not None else np.zeros_like(counts)
-    bound = depth.depth if depth.at_most is None else np.fmin(depth.depth, depth.at_most)
-    return finite & counts, lost, bound
+_Seen = tuple[Indices, Floats32, Floats32, Floats32, int, int]
 
 
-def _inside(
-    pixels: NDArray[np.bool_], metres: NDArray[np.float32], planes: CorridorPlanes
-) -> NDArray[np.bool_]:
-    with np.errstate(invalid="ignore"):
-        return np.asarray(pixels & (metres < planes.depth_m))
+def _seen_inside(
+    depth: DepthMap,
+    planes: CorridorPlanes,
+    things: NDArray[np.bool_] | None,
+    offset_m: float,
+    config: CorridorConfig,
+) -> _Seen:
+    """Return what `_intrusions` finds in a depth map."""
+    metres = np.ascontiguousarray(depth.depth, dtype=np.float32).ravel()
+    bounds = (
+        metres
+        if depth.at_most is None
+        else np.ascontiguousarray(depth.at_most, dtype=np.float32).ravel()
+    )
+    counts = np.isfinite(metres) if things is None else np.ascontiguousarray(things).ravel()
+    walls_m = -config.left_m, config.right_m, -config.up_m, config.down_m, offset_m
+    rays, exits_m = planes.rays.reshape(3, -1), planes.depth_m.ravel()
+    return _intrusions(metres, bounds, counts, rays, exits_m, np.array(walls_m, dtype=np.float32))
+
+
+@compiled(
+    "Tuple((intp[::1], float32[::1], float32[::1], float32[::1], int64, int64))"
+    "(Array(float32, 1, 'C', readonly=True), Array(float32, 1, 'C', readonly=True),"
+    " Array(boolean, 1, 'C', readonly=True), float32[:, ::1], float32[::1], float32[::1])"
+)
+def _intrusions(  # noqa: PLR0917 - Numba passes arguments by position
+    depth_m: Floats32,
+    bounds_m: Floats32,
+    counts: Flags,
+    rays: Floats32,
+    exits_m: Floats32,
+    walls_m: Floats32,
+) -> _Seen:
+    """Find the pixels inside the corridor, and those ahead of the centre between its walls.
+
+    Args:
+        depth_m: (P,) depth of each pixel, not finite where unknown.
+        bounds_m: (P,) upper bounds of the depth.
+        counts: (P,) pixels that count.
+        rays: (3, P) rays of unit depth: forward, right, down.
+        exits_m: (P,) depth at which the rays leave the corridor.
+        walls_m: (5,) left, right, upper and lower wall from the lens along right and down, and the
+            lens ahead of the centre.
+
+    Returns:
+        (N,) pixels inside; (N,) their range from the centre; (N,) their position to the right;
+        (K,) distance ahead of the pixels between the walls; the number of pixels inside whose depth
+        is unknown; the number of pixels whose depth is unknown.
+    """
+    left_m, right_m, up_m, down_m, offset_m = walls_m
+    found = np.empty(len(depth_m), dtype=np.intp)
+    ranges_m, across_m = np.empty_like(depth_m), np.empty_like(depth_m)
+    ahead_m = np.empty_like(depth_m)
+    inside, ahead, unseen, unknown = 0, 0, 0, 0
+    for pixel in range(len(depth_m)):
+        if not counts[pixel]:
+            continue
+        forward, right, down = rays[0, pixel], rays[1, pixel], rays[2, pixel]
+        metres, bound = depth_m[pixel], bounds_m[pixel]
+        is_known = np.isfinite(metres)
+        if is_known:
+            bound = metres if not bound < metres else bound
+            x, y, z = metres * forward + offset_m, metres * right, metres * down
+            if x > 0.0 and left_m <= y <= right_m and up_m <= z <= down_m:
+                ahead_m[ahead] = x
+                ahead += 1
+        else:
+            unknown += 1
+        if (metres if is_known else bound) < exits_m[pixel]:
+            unseen += not is_known
+            x, y, z = bound * forward + offset_m, bound * right, bound * down
+            found[inside], across_m[inside] = pixel, y
+            ranges_m[inside] = np.sqrt(x * x + y * y + z * z)
+            inside += 1
+    return found[:inside], ranges_m[:inside], across_m[:inside], ahead_m[:ahead], unseen, unknown
 
 
 def _check(depth: DepthMap, planes: CorridorPlanes, things: NDArray[np.bool_] | None) -> None:
@@ -194,24 +270,6 @@ def _nearest(distances: NDArray[np.float32], stray_px: int) -> int | None:
 def _nearest_m(distances: NDArray[np.float32], stray_px: int) -> float:
     place = _nearest(distances, stray_px)
     return math.inf if place is None else float(distances[place])
-
-
-def _free(
-    depth: DepthMap,
-    planes: CorridorPlanes,
-    known: NDArray[np.bool_],
-    offset_m: float,
-    config: CorridorConfig,
-) -> float:
-    """Return the free distance ahead of the centre between the four walls; inf without limit."""
-    forward, right, down = planes.rays
-    metres = depth.depth
-    with np.errstate(invalid="ignore"):
-        across, below = metres * right, metres * down
-        ahead = known & (metres * forward + offset_m > 0.0)
-        ahead &= (across >= -config.left_m) & (across <= config.right_m)
-        ahead &= (below >= -config.up_m) & (below <= config.down_m)
-    return _nearest_m(metres[ahead] * forward[ahead] + np.float32(offset_m), config.stray_px)
 
 
 def _impact(free_m: float, velocity: BodyVelocity | None, config: CorridorConfig) -> float:
@@ -257,8 +315,10 @@ class CorridorBuilder:
         """
         planes = self.planes(view)
         _check(depth, planes, things)
-        known, lost, bound = _looked_at(depth, things)
-        return _inside(known, depth.depth, planes) | _inside(lost, bound, planes)
+        found = _seen_inside(depth, planes, things, view.camera.forward_offset_m, self._config)[0]
+        intruding = np.zeros(depth.depth.shape, dtype=bool)
+        intruding.ravel()[found] = True
+        return intruding
 
     def build(
         self,

@@ -102,7 +102,7 @@ def scan_ground(
     "(Array(uint8, 2, 'C', readonly=True), uint8[:, ::1], float64[:, ::1], float64[::1], float64,"
     " float64[:, ::1], UniTuple(float64, 4))"
 )
-def _sampled(
+def _sampled(  # noqa: PLR0917 - Numba passes arguments by position
     image_ids: NDArray[np.uint8],
     image_groups: NDArray[np.uint8],
     directions: NDArray[np.float64],

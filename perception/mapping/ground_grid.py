@@ -199,7 +199,7 @@ class GroundGrid:
     "(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4), UniTuple(float64, 3), int64,"
     " int8[:, ::1], float64[:, ::1], boolean[:, ::1])"
 )
-def _vote(
+def _vote(  # noqa: PLR0917 - Numba passes arguments by position
     level_m: Floats,
     groups: NDArray[np.uint8],
     lens_at: tuple[float, float, float, float],
@@ -263,7 +263,7 @@ def _vote(
     "void(float64[:, :, ::1], uint8[:, ::1], UniTuple(float64, 4), UniTuple(float64, 3), int64,"
     " boolean[:, ::1])"
 )
-def _clear_below(
+def _clear_below(  # noqa: PLR0917 - Numba passes arguments by position
     level_m: Floats,
     groups: NDArray[np.uint8],
     lens_at: tuple[float, float, float, float],
@@ -290,9 +290,11 @@ def _clear_below(
     steps = int(np.ceil((max_range_m - step_m) / step_m))
     for bearing in range(0, groups.shape[0], every):
         nearest = 0
-        while nearest < groups.shape[1] - 1 and groups[bearing, nearest] == NO_CLASS:
+        while nearest < groups.shape[1] and groups[bearing, nearest] == NO_CLASS:
             nearest += 1
-        if groups[bearing, nearest] not in (GROUP_CARPET, GROUP_HELIPAD):
+        if nearest == groups.shape[1] or (
+            groups[bearing, nearest] not in (GROUP_CARPET, GROUP_HELIPAD)
+        ):
             continue
         forward_m, right_m = level_m[bearing, nearest, 0], level_m[bearing, nearest, 1]
         length_m = max(np.hypot(forward_m, right_m), step_m)

@@ -173,7 +173,7 @@ class RecentLayer:
         An obstacle there that reached up to the drone would hide the nearest ground.
         """
         scan, assumed = view.scan, self._points.kinds == _Kind.ASSUMED
-        if not assumed.any():
+        if not assumed.any() or not scan.groups.size:
             return
         first = np.arange(len(scan.groups)), (scan.groups != NO_CLASS).argmax(axis=1)
         bearings = np.arctan2(scan.level_m[:, 0, 1], scan.level_m[:, 0, 0])

@@ -118,14 +118,14 @@ class Registration:
 
         def equations() -> tuple[Floats, Floats, Floats]:
             places_m = _pose(state).points_to_world(seen_m)
-            near = tree.query(
+            distances_m, indices = tree.query(
                 _apart(places_m, ids),
                 k=min(cfg.neighbours, len(known_m)),
                 # Points beyond have no weight, and their lines do not matter.
                 distance_upper_bound=cfg.gate_m + cfg.line_reach_m,
             )
             limits = cfg.gate_m, cfg.line_reach_m, cfg.line_ratio
-            return _equations(places_m, state[:2], std_m, *near, known_m, limits)
+            return _equations(places_m, state[:2], std_m, distances_m, indices, known_m, limits)
 
         for _ in range(cfg.rounds):
             residual_m, seen_hessian, seen_gradient = equations()
@@ -181,7 +181,7 @@ def _apart(places_m: Floats, ids: NDArray[np.uint8]) -> Floats:
     "(float64[:, ::1], float64[::1], float64[::1], float64[:, ::1], intp[:, ::1], float64[:, ::1],"
     " UniTuple(float64, 3))"
 )
-def _equations(
+def _equations(  # noqa: PLR0917 - Numba passes arguments by position
     places_m: Floats,
     origin_m: Floats,
     std_m: Floats,

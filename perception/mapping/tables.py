@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.compiled import compiled
 from uav_bt.types.arrays import Flags, Floats, Indices
@@ -43,7 +44,7 @@ class PointTable:
         return type(self)(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
 
 
-def first_in_cells(xy_m: Floats, cell_m: float, *keys: Floats) -> Indices:
+def first_in_cells(xy_m: Floats, cell_m: float, *keys: NDArray[Any]) -> Indices:
     """Return the row of the first point in each cell of a grid, ordered by cell.
 
     Args:

@@ -149,7 +149,7 @@ def _fitted(
     "Tuple((float64, float64, float64, float64, int64))"
     "(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64, float64, int64)"
 )
-def _reweighted(
+def _reweighted(  # noqa: PLR0917 - Numba passes arguments by position
     here: Floats,
     there: Floats,
     residual_m: Floats,

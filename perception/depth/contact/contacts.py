@@ -101,6 +101,7 @@ def find_base(
     thing: int,
     height_m: float,
     config: BaseConfig,
+    *,
     remembered: Remembered | None = None,
 ) -> Base:
     """Find the base of the pixels of one class.
@@ -168,7 +169,7 @@ def _runs(ids: NDArray[np.uint8], run: int) -> tuple[NDArray[np.int32], NDArray[
             thing = ids[row, column]
             if thing != before[column]:
                 before[column], begin[column] = thing, row
-            if thing == OUTSIDE:
+            if thing >= CLASS_COUNT:  # outside the image
                 continue
             last[thing, column] = row
             if row - begin[column] + 1 == run and first[thing, column] < 0:
@@ -203,7 +204,7 @@ def rows_above(
 
 
 @compiled("intp[::1](uint8[:, ::1], intp[::1], intp[::1], int64, int64, int64)")
-def _following(
+def _following(  # noqa: PLR0917 - Numba passes arguments by position
     ids: NDArray[np.uint8], rows: Indices, columns: Indices, wanted: int, step: int, reach: int
 ) -> Indices:
     """Return the first row of a class within a number of rows above or below cells.

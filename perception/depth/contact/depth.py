@@ -128,6 +128,7 @@ class ContactEstimation:
         self._runs = Runs.of(panorama, config.base)
         self._depth = np.where(self._ids == CARPET, depth_m, np.float32(np.nan))
         self._at_most = np.where(np.isnan(depth_m), np.float32(np.inf), depth_m)
+        self._incomplete: set[int] = set()  # boxes with pixels of unknown depth
         self._present = np.bincount(self._ids, minlength=256) > 0
 
         bases = {box: self._base(box) for box in BOXES if self._present[box]}
@@ -182,7 +183,7 @@ class ContactEstimation:
             thing,
             self._height_m,
             self._config.base,
-            self._remembered,
+            remembered=self._remembered,
         )
 
     def _pixels(self, thing: int) -> tuple[Indices, Floats, Floats]:
@@ -195,6 +196,8 @@ class ContactEstimation:
         pixels, depth, bound = self._side_depth(box, base)
         self._depth[pixels] = depth
         self._at_most[pixels] = np.fmin(self._at_most[pixels], bound)
+        if np.isnan(depth).any():
+            self._incomplete.add(box)
 
     def _side_depth(self, thing: int, base: Base) -> tuple[Indices, Floats, Floats]:
         """Return the pixels of a side, their depth, NaN where unknown, and its upper bound.
@@ -247,6 +250,8 @@ class ContactEstimation:
         """
         pixels = np.flatnonzero((self._ids == roof) & (self._rays[2] > 0.0))
         pixels = pixels[np.isnan(self._depth[pixels])]
+        if not pixels.size and self._incomplete.isdisjoint(carriers):
+            return
         above_m = {box: self._above_roof(base, roof) for box, base in carriers.items()}
         if pixels.size:
             down = self._rays[2, pixels]
@@ -256,7 +261,7 @@ class ContactEstimation:
             only_m = next(iter(above_m.values())) if len(above_m) == 1 else seen_m
             self._depth[pixels] = only_m / down
         for box, base in carriers.items():
-            if above_m[box] > 0.0:
+            if above_m[box] > 0.0 and box in self._incomplete:
                 self._fill_sides(box, self._below_edge(base, roof, above_m[box]))
 
     def _below_edge(self, base: Base, roof: int, above_m: float) -> Base:
@@ -308,7 +313,7 @@ class ContactEstimation:
     "(Array(uint8, 1, 'C', readonly=True), int64, float32[:, ::1], float64, UniTuple(float64, 2),"
     " float64[:, ::1], boolean[::1], float64[:, ::1], float64)"
 )
-def _sides(
+def _sides(  # noqa: PLR0917 - Numba passes arguments by position
     ids: NDArray[np.uint8],
     thing: int,
     rays: NDArray[np.float32],
@@ -342,15 +347,15 @@ def _sides(
     for pixel in range(len(ids)):
         if ids[pixel] != thing:
             continue
-        forward, right = rays[0, pixel], rays[1, pixel]
-        azimuth_rad, level = math.atan2(right, forward), math.hypot(forward, right)
+        azimuth_rad = math.atan2(rays[1, pixel], rays[0, pixel])
+        forward, right = np.float64(rays[0, pixel]), np.float64(rays[1, pixel])
+        level = math.sqrt(forward * forward + right * right)
         nearest = np.rint((azimuth_rad - first_rad) / step_rad)
         column = int(min(max(nearest, 0.0), slopes.shape[1] - 1.0))
         slope = slopes[0, column]
         if fitted[column] and len(faces):
             face = 1 if azimuth_rad >= corner_rad else 0
-            cos, sin = math.cos(azimuth_rad), math.sin(azimuth_rad)
-            exact = faces[face, 0] * cos + faces[face, 1] * sin
+            exact = (faces[face, 0] * forward + faces[face, 1] * right) / level
             slope = exact if exact > 0.0 else slope
         pixels[count] = pixel
         depth_m[count] = height_m / (slope * level)

@@ -9,17 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from perception.compiled import compiled
 from uav_bt.types import rotate_points
 from uav_bt.types.arrays import Floats
-
-# Factors of the six different products of cosine, sine and slope.
-_FIRST: Final = [0, 0, 1, 0, 1, 2]
-_SECOND: Final = [0, 1, 1, 2, 2, 2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +64,9 @@ def fit_base(
         return None
     weight = _weight(slope, pixel_rad)
     residual_px = np.abs(fitted.slope(azimuth_rad) - slope) * weight
-    kept = residual_px <= max(config.outlier_px, 2.5 * float(np.median(residual_px)))
-    if kept.all():
+    if residual_px.max() <= config.outlier_px:
         return fitted
+    kept = residual_px <= max(config.outlier_px, 2.5 * float(np.median(residual_px)))
     return _fit(azimuth_rad[kept], slope[kept], pixel_rad, config) or fitted
 
 
@@ -87,13 +82,12 @@ def _fit(
         return None
     # Azimuths relative to the middle one make the normal equations well conditioned.
     middle = 0.5 * float(azimuth_rad[0] + azimuth_rad[-1])
-    weight = _weight(slope, pixel_rad)
-    basis = np.stack([np.cos(azimuth_rad - middle), np.sin(azimuth_rad - middle), slope])
     faces, split, sse = _faces(
-        np.cumsum(basis[_FIRST] * basis[_SECOND] * weight**2, axis=1),
+        azimuth_rad - middle,
+        slope,
+        pixel_rad,
         config.min_bearings,
-        config.one_face_px**2 * count,
-        config.split_gain,
+        (config.one_face_px, config.split_gain),
     )
     corner = math.inf if split < 0 else _meeting(faces, middle, float(azimuth_rad[split]))
     return BaseLine(
@@ -118,32 +112,50 @@ def _solved(sums: Floats) -> tuple[float, float, float]:
     return first, second, max(ss - first * cs - second * ds, 0.0)
 
 
-@compiled("Tuple((float64[:, ::1], int64, float64))(float64[:, ::1], int64, float64, float64)")
+@compiled(
+    "Tuple((float64[:, ::1], int64, float64))"
+    "(float64[::1], float64[::1], float64, int64, UniTuple(float64, 2))"
+)
 def _faces(
-    sums: Floats, min_bearings: int, one_face_px2: float, split_gain: float
+    azimuth_rad: Floats,
+    slope: Floats,
+    pixel_rad: float,
+    min_bearings: int,
+    limits: tuple[float, float],
 ) -> tuple[Floats, int, float]:
     """Fit one face, or two if they reduce the residuals enough.
 
     Args:
-        sums: (6, N) cumulative sums of cc, cd, dd, cs, ds, ss: cosine, sine and slope by bearing.
+        azimuth_rad: (N,) azimuths in increasing order, about zero.
+        slope: (N,) tangent of the depression of the base.
+        pixel_rad: depression of one pixel.
         min_bearings: of a face.
-        one_face_px2: sum of squared residuals up to which one face suffices.
-        split_gain: two faces must reduce the squared residuals below this share.
+        limits: root mean square error, px, up to which one face suffices; two faces must reduce the
+            squared residuals below this share.
 
     Returns:
         (1 or 2, 2) factors of cosine and sine; the last bearing of the first of two faces, -1 for
-        one face; and the squared residuals.
+        one face; and the sum of the squared residuals, px2.
     """
-    count = sums.shape[1]
-    whole = sums[:, -1].copy()
+    one_face_px, split_gain = limits
+    count = len(slope)
+    sums = np.zeros((count + 1, 6))  # cumulative
+    for bearing in range(count):
+        weight = 1.0 / ((1.0 + slope[bearing] ** 2) * pixel_rad)
+        c = math.cos(azimuth_rad[bearing]) * weight
+        d = math.sin(azimuth_rad[bearing]) * weight
+        s = slope[bearing] * weight
+        for place, product in enumerate((c * c, c * d, d * d, c * s, d * s, s * s)):
+            sums[bearing + 1, place] = sums[bearing, place] + product
+    whole = sums[count]
     first, second, sse = _solved(whole)
     faces, split = np.array([[first, second]]), -1
-    if count < 2 * min_bearings or sse <= one_face_px2:
+    if count < 2 * min_bearings or math.sqrt(sse / count) <= one_face_px:
         return faces, split, sse
     least = split_gain * sse
     both = np.empty((2, 2))
     for last in range(min_bearings - 1, count - min_bearings):
-        before = sums[:, last].copy()
+        before = sums[last + 1]
         left, right = _solved(before), _solved(whole - before)
         # A convex box bends only one way: the line is steepest at its nearest corner.
         if left[1] > right[1] and left[2] + right[2] < least:

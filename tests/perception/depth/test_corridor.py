@@ -351,3 +351,38 @@ def test_the_pixels_told_for_pictures_are_those_inside() -> None:
     assert sorted(map(tuple, np.argwhere(marked).tolist())) == [(20, 30), (20, 40)]
     with pytest.raises(ShapeError, match="mask of things"):
         CorridorBuilder(CONFIG).intruding(depth_map(depth), LEVEL, things=things[1:])
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("all_count", [False, True])
+def test_a_corridor_is_what_its_pixels_say(seed: int, *, all_count: bool) -> None:
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(0.2, 6.0, (41, 61)).astype(np.float32)
+    depth[rng.random((41, 61)) < 0.2] = np.nan
+    at_most = rng.uniform(0.2, 6.0, (41, 61)).astype(np.float32)
+    things = None if all_count else rng.random((41, 61)) < 0.5
+    config = CorridorConfig(stray_px=2000)  # none near enough: the free distance stays unlimited
+    planes = CorridorPlanes.of(LEVEL, config)
+    given = depth_map(depth, at_most)
+    corridor = build_corridor(
+        given, planes, offset_m=0.15, things=things, config=CorridorConfig(stray_px=2)
+    )
+    free = build_corridor(given, planes, offset_m=0.15, things=things, config=config)
+
+    counts = np.ones((41, 61), dtype=bool) if things is None else things
+    known, bound = np.isfinite(depth) & counts, np.fmin(depth, at_most)
+    lost = np.zeros_like(known) if things is None else ~np.isfinite(depth) & counts
+    with np.errstate(invalid="ignore"):
+        inside = (known & (depth < planes.depth_m)) | (lost & (bound < planes.depth_m))
+    points = bound * planes.rays + np.array([0.15, 0.0, 0.0], dtype=np.float32)[:, None, None]
+    ranges = np.sqrt((points**2).sum(axis=0))
+    assert corridor.nearest_m == pytest.approx(np.sort(ranges[inside])[2], rel=1e-6)
+    left, right = inside & (points[1] < 0.0), inside & (points[1] >= 0.0)
+    assert corridor.nearest_left_m == pytest.approx(np.sort(ranges[left])[2], rel=1e-6)
+    assert corridor.nearest_right_m == pytest.approx(np.sort(ranges[right])[2], rel=1e-6)
+    assert corridor.unknown_px == np.count_nonzero(lost)
+    assert free.free_distance_m == math.inf
+    if things is None:  # otherwise unknown things leave nothing free
+        x, y, z = depth * planes.rays
+        between = known & (np.abs(y) <= 0.5) & (np.abs(z) <= 0.8) & (x + 0.15 > 0.0)
+        assert corridor.free_distance_m == pytest.approx(np.sort(x[between])[2] + 0.15, rel=1e-6)

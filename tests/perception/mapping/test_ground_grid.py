@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from perception.mapping.contact_scan import GroundScan, find_bases
+from perception.mapping.contact_scan import NO_CLASS, GroundScan, find_bases
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
 from perception.mapping.view import View, ViewConfig
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET
@@ -93,3 +94,43 @@ def test_a_lane_is_over_once_the_ground_was_seen_since(epoch_s: float) -> None:
 
     assert is_lane(epoch_s + 0.5)
     assert not is_lane(epoch_s + 0.3)
+
+
+def test_cells_are_ground_by_the_majority_of_samples_and_beyond_by_votes() -> None:
+    """Three bearings from (1, 0) with the heading along y; cells have a side of 0.1 m."""
+    grid = GroundGrid(SMALL)
+    ground, beyond, below = GROUP_CARPET, GROUP_BACKGROUND, NO_CLASS
+    groups = np.array(
+        [
+            [below, ground, ground, ground],
+            [below, ground, beyond, beyond],
+            [below, beyond, ground, beyond],
+        ],
+        dtype=np.uint8,
+    )
+    ahead_m = np.array([0.1, 0.5, 0.51, 0.7])  # the second and the third lie in one cell
+    level_m = np.zeros((3, 4, 2))
+    level_m[..., 0] = ahead_m
+    scan = GroundScan(level_m, groups, groups, groups, 1)
+    view = View(
+        captured_s=2.0,
+        pose=Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2),
+        camera=CAMERA,
+        pitch_rad=-0.7,
+        height_m=1.5,
+        config=ViewConfig(),
+        scan=scan,
+        contacts=find_bases(scan),
+        bases_m=np.empty((0, 2)),
+        base_ids=np.empty(0, dtype=np.uint8),
+        edges_m=np.empty((0, 2)),
+    )
+    grid.add(view)
+    # Rows along x: 1.0 m is row 30. Columns along y: 0.5 m is column 25, 0.7 m is column 27.
+    assert np.argwhere(np.isfinite(grid.seen_s)).tolist() == [[30, 25]]  # four of six are ground
+    assert grid.seen_s[30, 25] == 2.0
+    assert np.argwhere(grid.outside((slice(0, 41), slice(0, 41)))).tolist() == [[30, 27]]
+    # On the first bearing: 0.08 m to 0.48 m, steps of 0.08 m, are nearer than 0.5 m.
+    assert np.argwhere(grid.free).tolist() == [[30, column] for column in range(21, 26)]
+    window = grid.window(margin=0)
+    assert window == (slice(20, 31), slice(20, 28))

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from perception.mapping.landmarks import Landmarks
-from perception.mapping.objects import ObjectConfig, find_objects
+from perception.mapping.objects import ObjectConfig, _closeness, find_objects
 from uav_bt import classes
+from uav_bt.types import rotation
 from uav_bt.types.site_map import MapObject
 
 
@@ -71,3 +72,15 @@ def test_every_obstacle_class_of_a_lab_makes_objects(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(classes, "CLASS_TO_GROUP", groups)
     (found,) = find_objects(landmarks(side((1.0, -0.25), (1.0, 0.25)), class_id=2))
     assert found.class_id == 2
+
+
+def test_closeness_is_the_sum_of_inverse_distances_to_the_nearest_sides() -> None:
+    points_m = np.random.default_rng(6).uniform(-1.0, 1.0, (30, 2))
+    yaws = np.linspace(0.0, 1.5, 7)
+    axes = np.stack([rotation(yaw) for yaw in yaws])
+    along_m = points_m @ axes
+    to_low_m = along_m - along_m.min(axis=1, keepdims=True)
+    to_high_m = along_m.max(axis=1, keepdims=True) - along_m
+    to_side_m = np.minimum(to_low_m, to_high_m).min(axis=-1)
+    expected = (1.0 / np.maximum(to_side_m, 0.02)).sum(axis=1)
+    assert _closeness(points_m, axes, 0.02) == pytest.approx(expected, rel=1e-9)

@@ -10,7 +10,12 @@ import numpy as np
 import pytest
 
 from perception.odometry.carpet import CarpetOdometry
-from perception.odometry.visual import GroundView, OdometryConfig, ground_motion
+from perception.odometry.visual import (
+    GroundView,
+    OdometryConfig,
+    _reweighted,
+    ground_motion,
+)
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.profile import Profile
@@ -25,6 +30,7 @@ from uav_bt.types import (
     FlyingState,
     Frame,
     Pose2D,
+    rotate_points,
 )
 
 SIZE_PX = (320, 180)
@@ -250,3 +256,31 @@ def test_a_velocity_that_is_only_late_is_no_error_of_telemetry() -> None:
 
 def _horizontal(velocity: BodyVelocity) -> tuple[float, float]:
     return velocity.forward_mps, velocity.right_mps
+
+
+@pytest.mark.parametrize("max_scale", [0.0, 0.02])
+def test_the_fit_is_that_of_reweighted_least_squares(max_scale: float) -> None:
+    rng = np.random.default_rng(4)
+    there = rng.uniform((0.5, -1.5), (3.5, 1.5), (80, 2))
+    noise_m = rng.normal(0.0, 0.01, (80, 2))
+    here = rotate_points(there, 0.05) + np.array([0.12, -0.03]) + noise_m
+    here[:15] += 0.2  # points that do not lie on the ground
+    residual_m = there - rotate_points(here - (0.1, 0.0), -0.04)
+
+    trust, scale_m, off_m = 1.0 / (1.0 + (there**2).sum(axis=1)) ** 2, 0.12, residual_m.copy()
+    for _ in range(6):
+        share = trust / (1.0 + ((off_m / scale_m) ** 2).sum(axis=1)) ** 2
+        share = share / share.sum()
+        a, b = here - share @ here, there - share @ there
+        across, along = share @ (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1]), share @ (a * b).sum(axis=1)
+        spread_m2, yaw_rad = share @ (b**2).sum(axis=1), math.atan2(across, along)
+        scale = np.clip(math.hypot(across, along) / spread_m2, 1.0 - max_scale, 1.0 + max_scale)
+        place_m = share @ here - scale * rotate_points(share @ there, yaw_rad)
+        off_m = scale * there - rotate_points(here - place_m, -yaw_rad)
+        scale_m = max(0.03, 0.6 * scale_m)
+
+    x_m, y_m, turn_rad, spread_m, inliers = _reweighted(here, there, residual_m, 0.03, max_scale, 6)
+    assert (x_m, y_m, turn_rad) == pytest.approx((*place_m, yaw_rad), rel=1e-9)
+    assert (x_m, y_m, turn_rad) == pytest.approx((0.12, -0.03, 0.05), abs=0.01)
+    assert spread_m == pytest.approx(math.sqrt(spread_m2), rel=1e-9)
+    assert inliers == np.count_nonzero(np.hypot(*off_m.T) < 0.03) > 55

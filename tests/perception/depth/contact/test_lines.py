@@ -73,3 +73,28 @@ def test_specks_do_not_move_the_line() -> None:
 def test_three_bearings_are_too_few() -> None:
     azimuth = np.array([0.0, 0.1, 0.2])
     assert fit_base(azimuth, slope_of(azimuth, (0.0, 2.0)), PIXEL_RAD) is None
+
+
+@pytest.mark.parametrize("corner", [False, True])
+def test_the_fit_has_the_least_squares_in_pixels(*, corner: bool) -> None:
+    azimuth = np.linspace(-0.2, 0.3, 41)
+    faces = ((-0.4, 1.7), (0.9, 1.2)) if corner else ((0.2, 2.0),)
+    noise = np.random.default_rng(3).normal(0.0, 0.1 * PIXEL_RAD, 41)
+    slope = slope_of(azimuth, *faces) + noise
+    line = fit_base(azimuth, slope, PIXEL_RAD)
+
+    assert line is not None
+    weight = 1.0 / ((1.0 + slope**2) * PIXEL_RAD)
+    basis = np.column_stack([np.cos(azimuth), np.sin(azimuth)]) * weight[:, None]
+
+    def fitted(part: slice) -> tuple[np.ndarray, float]:
+        factors, squares, _, _ = np.linalg.lstsq(basis[part], (slope * weight)[part], rcond=None)
+        return factors, float(squares[0])
+
+    splits = [
+        (fitted(slice(0, at))[1] + fitted(slice(at, 41))[1], at) for at in range(4, 38) if corner
+    ]
+    least, at = min(splits, default=(fitted(slice(0, 41))[1], 41))
+    parts = [slice(0, at), slice(at, 41)] if corner else [slice(0, 41)]
+    assert line.faces == pytest.approx(np.stack([fitted(part)[0] for part in parts]), rel=1e-7)
+    assert line.rms_px == pytest.approx(math.sqrt(least / 41))

@@ -1,0 +1,97 @@
+"""Sampling of a class map along bearings, and runs of a group on a bearing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.mapping.contact_scan import NO_CLASS, GroundScan, find_bases, scan_ground
+from perception.mapping.ground_grid import GroundGrid
+from perception.mapping.view import View
+from uav_bt.classes import CLASS_COUNT, group_of
+from uav_bt.testing import pinhole
+from uav_bt.types import ClassMap, Frame, Pose2D
+from uav_bt.types.projection import project
+
+CAMERA = replace(pinhole(224, 112), forward_offset_m=0.1)
+HERE = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+
+
+def noise(seed: int = 0) -> ClassMap:
+    """Return a class map in which every pixel has a random class."""
+    ids = np.random.default_rng(seed).integers(0, CLASS_COUNT, (112, 224), dtype=np.uint8)
+    return ClassMap(ids=ids, captured_s=1.0)
+
+
+def frame(pitch_rad: float) -> Frame:
+    return Frame(
+        image=np.zeros((36, 64, 3), dtype=np.uint8),
+        index=1,
+        captured_s=1.0,
+        gimbal_pitch_rad=pitch_rad,
+        height_above_carpet_m=1.5,
+    )
+
+
+@pytest.mark.parametrize("pitch_deg", [-5, -40, -85])
+def test_a_sample_has_the_class_of_the_nearest_pixel(pitch_deg: int) -> None:
+    class_map, pitch_rad = noise(), math.radians(pitch_deg)
+    scan = scan_ground(class_map, frame(pitch_rad), CAMERA)
+    down_m = np.full((*scan.ids.shape, 1), 1.5)
+    pixels = np.rint(project(np.concatenate([scan.level_m, down_m], axis=-1), CAMERA, pitch_rad))
+    inside = ((pixels >= 0) & (pixels <= (223, 111))).all(axis=-1)
+    columns, rows = pixels[inside].astype(int).T
+    assert inside.any()
+    assert np.array_equal(scan.ids[inside], class_map.ids[rows, columns])
+    assert np.array_equal(scan.groups[inside], group_of(class_map.ids)[rows, columns])
+    assert (scan.ids[~inside] == NO_CLASS).all()
+    assert (scan.groups[~inside] == NO_CLASS).all()
+
+
+def test_the_nearest_long_run_of_a_group_counts() -> None:
+    """Groups: 0 background, 1 carpet, 3 obstacle; runs have two samples at least."""
+    groups = np.array(
+        [
+            [1, 3, 1, 3, 3, 0],  # a speck, then an obstacle that begins at sample 3
+            [NO_CLASS, 3, 3, 1, 1, 1],  # its base is below the image
+            [1, 1, 1, 1, 1, 3],  # too short
+            [1, 1, 0, 0, 3, 3],  # an edge at sample 2, then an obstacle behind the carpet's end
+        ],
+        dtype=np.uint8,
+    )
+    level_m = np.zeros((4, 6, 2))
+    level_m[..., 0] = np.arange(6)
+    bases = find_bases(GroundScan(level_m, groups, groups, groups, 2))
+    assert bases.placed_m[:, 0].tolist() == [2.5]
+    assert bases.hidden_m[:, 0].tolist() == [1.0]
+    assert bases.edges_m[:, 0].tolist() == [1.5]
+    assert len(bases.hidden_edges_m) == 0
+
+
+def test_a_point_of_the_ground_has_the_group_of_the_nearest_pixel() -> None:
+    class_map, pitch_rad = noise(1), -0.6
+    view = View.of(class_map, frame(pitch_rad), CAMERA, HERE)
+    assert view is not None
+    points_m = np.random.default_rng(2).uniform((-1.0, -3.0), (6.0, 3.0), (40, 5, 2))
+    inside, shows = view.shows_ground(points_m)
+    down_m = np.full((40, 5, 1), 1.5)
+    pixels = project(np.concatenate([points_m, down_m], axis=-1), CAMERA, pitch_rad)
+    with np.errstate(invalid="ignore"):
+        expected = ((pixels >= 0) & (pixels <= (223, 111))).all(axis=-1)
+    columns, rows = np.rint(pixels[expected]).astype(int).T
+    assert 0 < np.count_nonzero(expected) < expected.size
+    assert np.array_equal(inside, expected)
+    assert np.array_equal(shows[expected], class_map.ids[rows, columns] == 1)
+    assert not shows[~expected].any()
+
+
+def test_a_camera_that_looks_up_shows_no_ground() -> None:
+    view = View.of(noise(), frame(0.5), CAMERA, HERE)
+    assert view is not None
+    grid = GroundGrid()
+    grid.add(view)
+    assert not grid.free.any()
+    assert not np.isfinite(grid.seen_s).any()
