@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.path.distances import Distances
 from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
 from behaviours.path.margins import Margins
-from behaviours.path.movers_ahead import outlines_m
 from behaviours.path.nearby import RecentObstacles
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import SiteMap
@@ -70,6 +70,7 @@ class ClearanceMap:
         margins: The distances that routes keep.
         over: Landing mark that routes may lead over, (x, y) metres in the map's frame. Ground
             within `margins.over_m` of it counts as seen and free.
+        distances: Distances on this map with these obstacles; default: computed here.
     """
 
     def __init__(
@@ -79,7 +80,9 @@ class ClearanceMap:
         margins: Margins | None = None,
         *,
         over: Place | None = None,
+        distances: Distances | None = None,
     ) -> None:
+        distances = distances or Distances(site_map, recent)
         self.margins = margins = (margins or Margins()).by(site_map.residual_m)
         self.map = site_map
         self._free = site_map.free | self._around(over, margins.over_m)
@@ -87,12 +90,11 @@ class ClearanceMap:
         if margins.cross_unknown:
             beside = self._around(over, margins.cross_m) if over is not None else True
             unseen = ~(self._free | site_map.outside) & beside
-            assumed_m = self._distance_of(self._marked(recent.assumed_m))
+            assumed_m = distances.of(distances.assumed)
             self._doubted = unseen | (assumed_m < margins.doubt_m)
             self._free = self._free | unseen
-        points_m = np.vstack([site_map.obstacles_m, outlines_m(site_map.movers), recent.seen_m])
-        self.obstacle_m = self._distance_of(self._marked(points_m) | self._filled())
-        self.clear_m = self._clearance_m(recent)
+        self.obstacle_m = distances.obstacle_m
+        self.clear_m = self._clearance_m(distances)
         self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))
         flyable = self._free & ~site_map.outside
         self.open = flyable & (self.clear_m >= margins.touch_m)
@@ -103,29 +105,24 @@ class ClearanceMap:
         self.open[near] |= flyable[near] & (from_start_m <= margins.start_m) & as_clear
         self.open[self.start] = True
 
-    def _clearance_m(self, recent: RecentObstacles) -> Floats:
+    def _clearance_m(self, distances: Distances) -> Floats:
         """Return the clearance of each cell, as `clearance_at` returns it, metres.
 
         The distances are shifted so that each margin falls on `touch_m`.
         """
-        margins, found = self.margins, self.map
-        closing, slowing = self._assumed(recent.assumed_m)
-        nearer_m, clear_m = margins.touch_m - margins.doubt_m, self.obstacle_m
+        margins, clear_m = self.margins, self.obstacle_m
+        closing, slowing = self._assumed(distances.assumed)
+        nearer_m = margins.touch_m - margins.doubt_m
         if closing.any():
-            clear_m = np.minimum(clear_m, self._distance_of(closing) + nearer_m)
+            clear_m = np.minimum(clear_m, distances.of(closing) + nearer_m)
         if slowing.any():
-            slower_m = np.maximum(self._distance_of(slowing) + nearer_m, margins.touch_m)
+            slower_m = np.maximum(distances.of(slowing) + nearer_m, margins.touch_m)
             clear_m = np.minimum(clear_m, slower_m)
-        ends = self._marked(np.vstack([found.edges_m, recent.edges_m])) | found.outside
-        for marked, margin_m in (
-            (self._marked(found.lanes_m), margins.lane_m),
-            (self._unknown(), margins.unknown_m),
-            (ends, margins.edge_m),
-        ):
-            if marked.any():
-                least_m = self._distance_of(marked) + margins.touch_m - margin_m
-                clear_m = np.minimum(clear_m, least_m)
-        return clear_m
+        if len(self.map.lanes_m):
+            clear_m = np.minimum(clear_m, distances.lane_m + margins.touch_m - margins.lane_m)
+        unknown_m = distances.of(self._unknown())
+        clear_m = np.minimum(clear_m, unknown_m + margins.touch_m - margins.unknown_m)
+        return np.minimum(clear_m, distances.edge_m + margins.touch_m - margins.edge_m)
 
     def clearance_at(self, x_m: float, y_m: float) -> float:
         """Return the clearance of a place, metres.
@@ -261,14 +258,14 @@ class ClearanceMap:
         patches = cv2.dilate(cv2.erode(unknown, square), square, anchor=(0, 0))
         return np.asarray(patches.view(np.bool_))
 
-    def _assumed(self, places_m: Floats) -> tuple[Flags, Flags]:
+    def _assumed(self, marked: Flags) -> tuple[Flags, Flags]:
         """Return the cells of assumed obstacles: those that block, and those that only slow down.
 
         Seen, open ground cannot hold an obstacle with a hidden base, unless something moves there.
         Near an obstacle of the map the assumed one is taken for that obstacle, and the map for
         displaced.
         """
-        marked, found = self._marked(places_m), self.map
+        found = self.map
         if self.margins.cross_unknown:
             return np.zeros_like(marked), marked
         trusted = self.margins.past_assumed and not found.movers and not len(found.lanes_m)
@@ -278,37 +275,3 @@ class ClearanceMap:
     def _within(self, cell: Cell) -> Cell:
         rows, columns = self.map.seen_s.shape
         return min(max(cell[0], 0), rows - 1), min(max(cell[1], 0), columns - 1)
-
-    def _cells(self, points_m: Floats) -> NDArray[np.intp]:
-        apart_m = points_m - np.array(self.map.corner_m)
-        return np.asarray(np.rint(apart_m / self.map.cell_m).astype(np.intp))
-
-    def _marked(self, points_m: Floats) -> Flags:
-        marked = np.zeros(self.map.seen_s.shape, dtype=bool)
-        if len(points_m):
-            cells = self._cells(points_m)
-            inside = ((cells >= 0) & (cells < marked.shape)).all(axis=1)
-            marked[tuple(cells[inside].T)] = True
-        return marked
-
-    def _filled(self) -> Flags:
-        """Return the cells that objects fill, including sides that were never seen."""
-        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
-
-        filled = np.zeros(self.map.seen_s.shape, dtype=np.uint8)
-        margin_m = -self.map.cell_m / 2
-        corners_m = [each.corners_m(margin_m=margin_m) for each in self.map.objects]
-        if corners_m:
-            # OpenCV's x is the column. It also fills the cells of the border.
-            for corners in self._cells(np.stack(corners_m))[..., ::-1].astype(np.int32):
-                cv2.fillConvexPoly(filled, corners, 1)
-        return filled.view(np.bool_)
-
-    def _distance_of(self, marked: Flags) -> Floats:
-        """Return the distance of each cell to the nearest marked one, metres; inf without any."""
-        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
-
-        if not marked.any():
-            return np.full(marked.shape, math.inf)
-        apart = cv2.distanceTransform((~marked).view(np.uint8), cv2.DIST_L2, 5)
-        return np.asarray(np.multiply(apart, self.map.cell_m, dtype=np.float64))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from behaviours.path.clearance import ClearanceMap, Place, Route
+from behaviours.path.distances import Distances
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import RecentObstacles
 from uav_bt.types.site_map import SiteMap
@@ -40,6 +41,7 @@ class ClearanceMaps:
     ) -> None:
         self.map, self._recent, self._margins = site_map, recent, margins
         self._crossing, self._past_assumed, self._over = crossing, past_assumed, over
+        self._distances = Distances(site_map, recent)
         self._made: dict[Passage, ClearanceMap] = {}
 
     def __getitem__(self, passage: Passage) -> ClearanceMap:
@@ -47,7 +49,9 @@ class ClearanceMaps:
             found, margins = self.map, self._margins_of(passage)
             if self._crossing and passage is not Passage.ORDINARY:
                 found = replace(found, lanes_m=np.empty((0, 2)))
-            self._made[passage] = ClearanceMap(found, self._recent, margins, over=self._over)
+            self._made[passage] = ClearanceMap(
+                found, self._recent, margins, over=self._over, distances=self._distances
+            )
         return self._made[passage]
 
     def _margins_of(self, passage: Passage) -> Margins:

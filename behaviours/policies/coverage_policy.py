@@ -62,6 +62,9 @@ class CoveragePolicy:
         config: CoverageConfig | None = None,
         value: Callable[[Floats, Floats], Floats] = new_ground_per_second,
     ) -> None:
+        # Here and not at the top: see that module.
+        import behaviours.path.compiled_loops  # noqa: F401, PLC0415
+
         self.config = config or CoverageConfig()
         self._value = value
 

@@ -106,9 +106,10 @@ class Autopilot:
     def flying_state(self) -> FlyingState:
         """The flying state, as the ANAFI reports it."""
         if self._mode in _FLYING:
+            if self._mode is not Mode.HOLD:
+                return FlyingState.FLYING
             slow = max(map(abs, self._reference.velocity)) < self._config.hover_mps
-            hovers = slow and self._mode is Mode.HOLD
-            return FlyingState.HOVERING if hovers else FlyingState.FLYING
+            return FlyingState.HOVERING if slow else FlyingState.FLYING
         return {
             Mode.OFF: FlyingState.LANDED,
             Mode.SPIN_UP: FlyingState.TAKING_OFF,

@@ -87,8 +87,10 @@ class Reference:
             reach_m: largest distance along each axis.
         """
         for axis, value in enumerate((x_m, y_m, z_m)):
+            low_m, high_m = value - reach_m, value + reach_m
             for point in (self.position, self.trailing):
-                point[axis] = max(value - reach_m, min(value + reach_m, point[axis]))
+                if not low_m <= point[axis] <= high_m:
+                    point[axis] = max(low_m, min(high_m, point[axis]))
 
     def trail(self) -> None:
         """Advance the trailing point by one step."""

@@ -89,6 +89,8 @@ class Traffic:
 
     def top_m(self, states: Sequence[MoverState], x_m: float, y_m: float) -> float:
         """Return the height of the highest mover at a world point; 0 without one."""
+        if not states:
+            return 0.0  # most scenes have no movers, and this is asked in every control step
         return max(
             (
                 mover.size_m[2]

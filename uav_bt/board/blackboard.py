@@ -125,7 +125,8 @@ class Blackboard:
         Raises:
             BoardAccessError: the key is unknown or the value is of another type.
         """
-        if self._keys.get(key.name) != key:
+        known = self._keys.get(key.name)
+        if known is not key and known != key:  # most are the same object
             raise BoardAccessError(f"board key '{key.name}' was never declared on this board")
         accepted = (int, float) if key.type is float else key.type
         no_number = isinstance(value, bool) and key.type not in {bool, object}

@@ -12,19 +12,19 @@ scipy.stats.
 
 from __future__ import annotations
 
+import bisect
 import math
 from collections import deque
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Final
-
-import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.types import DroneState, Frame, MeasurementTimes, Observation
 from uav_bt.types.dead_reckoning import CARRY_S
 
-_ALTIMETER: Final = np.array([1.0, 1.0])  # measured sum of the states height and error
-_RANGEFINDER: Final = np.array([1.0, 0.0])
+# Share of the altimeter's error in a measurement; the height counts in full.
+_ALTIMETER: Final = 1.0
+_RANGEFINDER: Final = 0.0
 _SAME_M: Final = 1e-6
 
 
@@ -79,8 +79,9 @@ class CarpetHeight:
         self._ranges = False  # whether that difference ever changed, by a rangefinder
         self._sunk_m: deque[tuple[float, float]] = deque()  # time, and sum of the velocity
         self._down_mps = 0.0  # the newest vertical velocity
-        self._mean_m = np.zeros(2)  # height plus integrated descent, and the altimeter's error
-        self._covariance = np.zeros((2, 2))
+        self._height_m = 0.0  # plus the integrated descent
+        self._error_m = 0.0  # of the altimeter
+        self._covariance = 0.0, 0.0, 0.0, 0.0  # of height and error, m2, row by row
         self._frame: tuple[Frame, Frame] | None = None  # the newest, original and corrected
 
     def corrected(self, observation: Observation, now_s: float | None = None) -> Observation:
@@ -106,13 +107,18 @@ class CarpetHeight:
         return self._frame[1]
 
     def _at(self, time_s: float) -> float:
-        return float(self._mean_m[0] - self._sunk_at(time_s))
+        return self._height_m - self._sunk_at(time_s)
 
     def _sunk_at(self, time_s: float) -> float:
         """Return the integrated descent at a time, from the vertical velocity."""
-        times_s, sunk_m = zip(*self._sunk_m, strict=True)
-        ahead_s = min(max(0.0, time_s - times_s[-1]), CARRY_S)
-        return float(np.interp(time_s, times_s, sunk_m) + self._down_mps * ahead_s)
+        last_s, last_m = self._sunk_m[-1]
+        if time_s >= last_s:
+            return last_m + self._down_mps * min(time_s - last_s, CARRY_S)
+        after = bisect.bisect_right(self._sunk_m, time_s, key=itemgetter(0))
+        if after == 0:
+            return self._sunk_m[0][1]
+        (begin_s, begin_m), (end_s, end_m) = self._sunk_m[after - 1], self._sunk_m[after]
+        return (end_m - begin_m) / (end_s - begin_s) * (time_s - begin_s) + begin_m
 
     def _take(self, state: DroneState) -> None:
         """Use the measurements that are newer than the former ones."""
@@ -143,10 +149,13 @@ class CarpetHeight:
         """Use an altitude."""
         cfg = self._config
         keeps = math.exp(-passed_s / cfg.wander_s)
-        passing = np.array([1.0, keeps])
-        self._mean_m = passing * self._mean_m
-        self._covariance = passing[:, None] * self._covariance * passing + np.diag(
-            [cfg.walk_m**2 * passed_s, cfg.wander_m**2 * (1.0 - keeps**2)]
+        hh_m2, he_m2, eh_m2, ee_m2 = self._covariance
+        self._error_m *= keeps
+        self._covariance = (
+            hh_m2 + cfg.walk_m**2 * passed_s,
+            keeps * he_m2,
+            keeps * eh_m2,
+            keeps * ee_m2 * keeps + cfg.wander_m**2 * (1.0 - keeps**2),
         )
         altitude_m = self._standing_m + state.altitude_m + self._sunk_at(state.times.altitude_s)
         if not self._measure(_ALTIMETER, altitude_m, cfg.altimeter_m):
@@ -164,24 +173,33 @@ class CarpetHeight:
 
     def _begin(self, state: DroneState) -> None:
         """Start from the altimeter minus its known error."""
-        cfg, error_m = self._config, float(self._mean_m[1])
         self._sunk_m.clear()
         self._sunk_m.append((state.times.velocity_s, 0.0))
         self._down_mps = state.velocity.down_mps
         sunk_m = self._sunk_at(state.times.altitude_s)
-        self._mean_m = np.array([self._standing_m + state.altitude_m - error_m + sunk_m, error_m])
-        self._covariance[0] = self._covariance[:, 0] = 0.0
-        self._covariance[0, 0] = cfg.altimeter_m**2
+        self._height_m = self._standing_m + state.altitude_m - self._error_m + sunk_m
+        self._covariance = self._config.altimeter_m**2, 0.0, 0.0, self._covariance[3]
 
-    def _measure(
-        self, slopes: NDArray[np.float64], value_m: float, std_m: float, *, sure: bool = False
-    ) -> bool:
-        """Correct by a measurement; return False if it lies outside the gate."""
-        off_m = value_m - float(slopes @ self._mean_m)
-        variance = float(slopes @ self._covariance @ slopes) + std_m**2
-        if not sure and abs(off_m) > self._config.gate_stds * math.sqrt(variance):
+    def _measure(self, share: float, value_m: float, std_m: float, *, sure: bool = False) -> bool:
+        """Correct by a measurement of the height plus a share of the altimeter's error.
+
+        Returns:
+            False if the measurement lies outside the gate and is not `sure`.
+        """
+        hh_m2, he_m2, eh_m2, ee_m2 = self._covariance
+        off_m = value_m - (self._height_m + share * self._error_m)
+        row = hh_m2 + share * eh_m2, he_m2 + share * ee_m2
+        column = hh_m2 + share * he_m2, eh_m2 + share * ee_m2
+        variance_m2 = row[0] + share * row[1] + std_m**2
+        if not sure and abs(off_m) > self._config.gate_stds * math.sqrt(variance_m2):
             return False
-        gain = self._covariance @ slopes / variance
-        self._mean_m = self._mean_m + gain * off_m
-        self._covariance = self._covariance - np.outer(gain, slopes @ self._covariance)
+        height_gain, error_gain = column[0] / variance_m2, column[1] / variance_m2
+        self._height_m += height_gain * off_m
+        self._error_m += error_gain * off_m
+        self._covariance = (
+            hh_m2 - height_gain * row[0],
+            he_m2 - height_gain * row[1],
+            eh_m2 - error_gain * row[0],
+            ee_m2 - error_gain * row[1],
+        )
         return True

@@ -148,10 +148,14 @@ class CoveredGround:
         rows, columns = np.nonzero(unseen)
         x, y = self._cells.x_m[window[1]][columns], self._cells.y_m[window[0]][rows]
         lens = Pose(x_m=lens_x, y_m=lens_y, z_m=body.z_m, yaw_rad=body.yaw_rad)
-        seen = self._in_view(lens, pitch_rad, x, y, reach_m)
+        seen = np.flatnonzero(self._in_view(lens, pitch_rad, x, y, reach_m))
+        if not len(seen):
+            return
+        x_range = min(lens_x, x[seen].min()), max(lens_x, x[seen].max())
+        y_range = min(lens_y, y[seen].min()), max(lens_y, y[seen].max())
         for item in self._standing:
-            if item.footprint.distance_m(lens_x, lens_y) < reach_m:
-                seen[seen] = ~_hidden(lens, item, x[seen], y[seen])
+            if _may_lie_in(item.footprint, x_range, y_range):
+                seen = seen[~_hidden(lens, item, x[seen], y[seen])]
         unseen[rows[seen], columns[seen]] = False
 
     def _in_view(self, lens: Pose, pitch_rad: float, x: Floats, y: Floats, reach_m: float) -> Flags:
@@ -164,6 +168,13 @@ class CoveredGround:
         inside = (column >= -0.5) & (column <= self._camera.width_px - 0.5)
         inside &= (row >= -0.5) & (row <= self._camera.height_px - 0.5)
         return np.asarray(inside & (dx**2 + dy**2 <= reach_m**2))
+
+
+def _may_lie_in(box: Footprint, x_m: tuple[float, float], y_m: tuple[float, float]) -> bool:
+    """Return whether part of a box may lie between two world x and two world y."""
+    around_m = box.half_x_m + box.half_y_m
+    in_x = x_m[0] - around_m <= box.x_m <= x_m[1] + around_m
+    return in_x and y_m[0] - around_m <= box.y_m <= y_m[1] + around_m
 
 
 def _hidden(lens: Pose, item: Standing, x_m: Floats, y_m: Floats) -> Flags:

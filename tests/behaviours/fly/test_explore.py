@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -354,3 +355,12 @@ def test_nothing_left_to_do_is_a_success() -> None:
     bench = steering_bench(Explore, Says(Done(reason="covered")))
     live(bench)
     assert live(bench, seconds=0.3) is Status.SUCCESS
+
+
+def test_loops_of_the_planner_are_compiled_when_a_leaf_is_set_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nothing may be compiled in flight."""
+    monkeypatch.delitem(sys.modules, "behaviours.path.compiled_loops", raising=False)
+    steering_bench(Explore, Says(TURN_RIGHT)).tick()
+    assert "behaviours.path.compiled_loops" in sys.modules
