@@ -102,6 +102,33 @@ def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], he
     assert done.stdout.splitlines()[-1] == ">"
 
 
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("uav-bt re", "report replay record"),
+        ("uav-bt che", "check"),
+        ("uav-bt net ", "perceive pick collect train evaluate export"),
+        ("uav-bt net tr", "train"),
+        ("uav-bt lab ", "scenes calibrate tune-heading"),
+    ],
+)
+def test_completing_a_command_imports_no_command(words: str, found: str) -> None:
+    """The shell waits for it at each press of the tab key."""
+    done = python(
+        "import atexit, os, sys\n"
+        f"heavy = {f'{HEAVY} numpy py_trees uav_bt.app uav_bt.tree'.split()!r}\n"
+        "atexit.register(lambda: print('>', *[m for m in heavy if m in sys.modules]))\n"
+        "os.environ.update(_UAV_BT_COMPLETE='bash_complete', "
+        f"COMP_WORDS={words!r}, COMP_CWORD='{len(words.split(' ')) - 1}')\n"
+        "sys.argv = ['uav-bt']\n"
+        "from uav_bt.cli import main\n"
+        "main()"
+    )
+    *completed, heavy = done.stdout.splitlines()
+    assert [line.removeprefix("plain,") for line in completed] == found.split()
+    assert heavy == ">"
+
+
 def test_python_runs_the_package() -> None:
     done = subprocess.run(  # our own interpreter and code
         [sys.executable, "-m", "uav_bt", "--version"], capture_output=True, text=True, check=False
