@@ -73,7 +73,7 @@ def check_packages(home: Path | None = None, names: Sequence[str] = _PACKAGES) -
 
 
 @lru_cache(maxsize=1)
-def _installed(path: tuple[str, ...]) -> importlib.metadata.EntryPoints:
+def _installed(path: tuple[str, ...]) -> Any:  # `EntryPoints`; in Python 3.11 of another type
     """Return the entry points of all packages on `sys.path`; each package has a file of them."""
     del path  # another one has other packages
     return importlib.metadata.entry_points()

@@ -87,6 +87,10 @@ def test_a_full_disk_behind_standard_output_is_one_clear_error(arguments: tuple[
         (["check", "trees/land_only.xml"], HEAVY),
         (["check", "trees/explore_and_land_depth.xml"], HEAVY),
         (["tree", "nodes"], HEAVY),
+        (
+            ["fly", "--help"],
+            "av control filterpy matplotlib mujoco onnx openvino scipy sklearn torch",
+        ),
     ],
 )
 def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], heavy: str) -> None:
