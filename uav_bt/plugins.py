@@ -7,6 +7,7 @@ import importlib.util
 import sys
 import traceback
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -71,9 +72,16 @@ def check_packages(home: Path | None = None, names: Sequence[str] = _PACKAGES) -
         )
 
 
+@lru_cache(maxsize=1)
+def _installed(path: tuple[str, ...]) -> Any:  # `EntryPoints`; in Python 3.11 of another type
+    """Return the entry points of all packages on `sys.path`; each package has a file of them."""
+    del path  # another one has other packages
+    return importlib.metadata.entry_points()
+
+
 def _entry_points(group: str) -> dict[str, list[importlib.metadata.EntryPoint]]:
     found: dict[str, list[importlib.metadata.EntryPoint]] = {}
-    for point in importlib.metadata.entry_points(group=group):
+    for point in _installed(tuple(sys.path)).select(group=group):
         points = found.setdefault(point.name, [])
         # One package found twice (an editable install beside its checkout) is not a conflict.
         if point.value not in [known.value for known in points]:

@@ -37,6 +37,16 @@ def import_nncf() -> Any:
     return nncf
 
 
+def instruction_sets() -> tuple[str, ...]:
+    """Return the instruction sets of this processor, and the cap that OpenVINO has for them.
+
+    Systems without a description of the processor, such as Windows, give the cap alone.
+    """
+    lines = _CPU_INFO.read_text(encoding="utf-8").splitlines() if _CPU_INFO.is_file() else []
+    known = {line for line in lines if line.startswith(("flags", "Features"))}  # x86, ARM
+    return (*sorted(known), *(f"{name}={os.environ.get(name)}" for name in _CAPS))
+
+
 def _switch_reports_off() -> None:
     # With this entry an import fails as if the package were not installed.
     sys.modules["openvino_telemetry"] = None  # type: ignore[assignment]

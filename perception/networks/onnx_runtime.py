@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.networks.compiled_networks import compiled_network
 from perception.networks.inference_packages import import_openvino
 from perception.networks.named import check_onnx
 from uav_bt.errors import ValueRangeError, WeightsError
@@ -39,7 +40,7 @@ def compile_model(model: Any, threads: int, path: Path) -> Any:
     Args:
         model: the network.
         threads: number of inference threads.
-        path: its file, for messages.
+        path: its ONNX file, for the cache of compiled networks and for messages.
 
     Raises:
         ValueRangeError: `threads` is less than 1.
@@ -58,7 +59,7 @@ def compile_model(model: Any, threads: int, path: Path) -> Any:
         "ENABLE_CPU_PINNING": False,
     }
     try:
-        return import_openvino().Core().compile_model(model, "CPU", settings)
+        return compiled_network(model, path, settings)
     except RuntimeError as error:
         reason = next(
             (line for line in str(error).splitlines() if "node" in line.split(" ")),

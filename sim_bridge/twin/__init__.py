@@ -43,18 +43,16 @@ class TwinConfig:
         Raises:
             InputError: the scene, the profile, the image size or the machine's OpenGL is unusable.
         """
-        from sim_bridge.twin.profile import Profile  # noqa: PLC0415  (heavy import)
-        from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415  (heavy import)
-        from sim_bridge.twin.variation import with_movers  # noqa: PLC0415  (heavy import)
+        from sim_bridge.twin import profile, scene_file, variation  # noqa: PLC0415  (heavy imports)
 
-        scene, profile = load_scene(self.scene), Profile.named(self.profile)
+        scene, limits = scene_file.load_scene(self.scene), profile.Profile.named(self.profile)
         if self.movers:
-            scene = with_movers(scene, self.movers, self.seed)
+            scene = variation.with_movers(scene, self.movers, self.seed)
         from sim_bridge.twin.drone import TwinDrone  # noqa: PLC0415  (imports MuJoCo)
 
         return TwinDrone(
             scene,
-            profile=profile,
+            profile=limits,
             seed=self.seed,
             image_size_px=self.image_size_px,
             realtime=self.realtime,

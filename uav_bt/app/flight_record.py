@@ -31,7 +31,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.plugins import need
 from uav_bt.protocols import Drone
-from uav_bt.record.channels import Quality, RecordConfig
+from uav_bt.record.config import Quality, RecordConfig
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder

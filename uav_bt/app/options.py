@@ -28,7 +28,7 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
-from uav_bt.record.channels import Quality
+from uav_bt.record.config import Quality
 from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES
 from uav_bt.tree.loading.folders import WHICH_TREE, TreeFolders
 from uav_bt.types import LandingMark

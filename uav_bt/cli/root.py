@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import click
+from click.shell_completion import CompletionItem
 
 import uav_bt as package
 from uav_bt.cli.deleted import refuse_deleted
@@ -85,12 +86,29 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the sections of commands and of groups; imports nothing."""
         del ctx
-        commands = [(name, line) for name, (_, line) in self._lazy.items()]
-        groups = [(str(group.name), group.get_short_help_str(100)) for group in self._groups]
-        for title, rows in (("Commands", commands), ("Groups of commands", groups)):
+        sections = (
+            ("Commands", self._command_lines()),
+            ("Groups of commands", self._group_lines()),
+        )
+        for title, rows in sections:
             if rows:
                 with formatter.section(title):
                     formatter.write_dl(rows)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Return the commands, groups or options that begin so; imports no command."""
+        found = [
+            CompletionItem(name, help=line)
+            for name, line in (*self._command_lines(), *self._group_lines())
+            if name.startswith(incomplete)
+        ]
+        return found or super().shell_complete(ctx, incomplete)
+
+    def _command_lines(self) -> list[tuple[str, str]]:
+        return [(name, line) for name, (_, line) in self._lazy.items()]
+
+    def _group_lines(self) -> list[tuple[str, str]]:
+        return [(str(group.name), group.get_short_help_str(100)) for group in self._groups]
 
 
 def _did_you_mean(name: str, commands: Sequence[str]) -> str:

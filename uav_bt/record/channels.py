@@ -1,4 +1,4 @@
-"""The content of a record: its configuration, the notes of a tick, and the channels.
+"""The content of a record: the notes of a tick, and the channels.
 
 `docs/records.md` lists the channels. New channels and new fields keep the schema version; a
 change of an existing one raises it.
@@ -7,7 +7,7 @@ change of an existing one raises it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,44 +32,9 @@ from uav_bt.types import (
 )
 from uav_bt.types.site_map import SiteMapBase
 
-Quality = Literal["lossless", "high", "small"]
-
 _STATUSES: Final = frozenset({*Status.__members__, "INVALID"})  # older records have INVALID
 _MAX_TIME_S: Final = 1e9  # views count nanoseconds in 64 bits
 _OVERRIDES: Final = frozenset({None, *(override.value for override in Override)})
-
-
-@dataclass(frozen=True, kw_only=True)
-class RecordConfig:
-    """The amount of data that is recorded, and the limits for a slow disk."""
-
-    # Quality of camera images; only lossless ones replay exactly. A small record has images 320
-    # pixels wide and no maps, for networks with a smaller input.
-    quality: Quality = "lossless"
-    # Largest lag of the file behind the flight; beyond it images are omitted. A killed flight
-    # loses at most `lag_s` and `flush_s`, less than a second.
-    lag_s: float = 0.5
-    # Most ticks with images in the queue: 64 noisy frames of 640x360 are 45 MB.
-    queued_images: int = 64
-    queued_ticks: int = 1_024  # most ticks in the queue; without images some kilobytes each
-    # Mission time, or idle time of the thread, after which all data goes to the system; long
-    # enough for chunks of several ticks.
-    flush_s: float = 0.3
-    # Whether the flight waits for the disk. A simulated one can, because its clock stands still;
-    # a real one omits images.
-    wait: bool = False
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.queued_images <= self.queued_ticks:
-            raise ValueRangeError(
-                "a record's queue needs 1 <= queued_images <= queued_ticks, got "
-                f"{self.queued_images} and {self.queued_ticks}"
-            )
-        if not (0.0 <= self.flush_s <= 1.0 and self.lag_s > 0.0):
-            raise ValueRangeError(
-                "a record must be flushed at least every second and may lag a little, got "
-                f"{self.flush_s} and {self.lag_s} s"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)

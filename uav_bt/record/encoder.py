@@ -15,10 +15,10 @@ from uav_bt.record.channels import (
     Channel,
     CommandNote,
     FrameNote,
-    RecordConfig,
     StatusNote,
     TickNote,
 )
+from uav_bt.record.config import RecordConfig
 from uav_bt.record.images import millimetres
 from uav_bt.record.record_file import Timeline
 from uav_bt.record.site_maps import note_of

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import InputError
-from uav_bt.record.channels import Quality
+from uav_bt.record.config import Quality
 
 # Measured on noisy 640x360 frames of the twin: 11 ms and 406 kB; libpng's default, which tries
 # every filter on every row, takes 21 ms for 402 kB. JPEG at 90 takes 3 ms and 49 kB.

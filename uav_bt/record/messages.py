@@ -9,7 +9,7 @@ from foxglove import messages as foxglove
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from uav_bt.record.channels import Quality
+from uav_bt.record.config import Quality
 from uav_bt.record.images import encode_image, encoding_of
 from uav_bt.types import Attitude, CameraModel, Pose
 

@@ -13,7 +13,8 @@ from typing import Final, Self
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import channels, messages
-from uav_bt.record.channels import END, SCHEMA_VERSION, START, NodeNote, RecordConfig, TreeNote
+from uav_bt.record.channels import END, SCHEMA_VERSION, START, NodeNote, TreeNote
+from uav_bt.record.config import RecordConfig
 from uav_bt.record.encoder import LogLine, MomentEncoder, RawMoment
 from uav_bt.record.record_file import Attachment, RecordFile, Timeline
 from uav_bt.record.values import dump, encode

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Generic, TypeVar
 
-from uav_bt.record.channels import Channel, RecordConfig
+from uav_bt.record.channels import Channel
+from uav_bt.record.config import RecordConfig
 from uav_bt.record.record_file import RecordFile
 
 T = TypeVar("T")

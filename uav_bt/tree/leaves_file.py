@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import inspect
 import sys
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -62,7 +62,7 @@ def _module_of(file: Path) -> ModuleType:
         raise FileError(file, "expected a Python file with leaves, whose name ends in .py")
     if not path.is_file():
         raise FileError(file, f"no such file{did_you_mean_file(path)}")
-    name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    name = f"{path.stem}_{zlib.crc32(str(path).encode()):08x}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)

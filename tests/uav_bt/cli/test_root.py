@@ -87,6 +87,10 @@ def test_a_full_disk_behind_standard_output_is_one_clear_error(arguments: tuple[
         (["check", "trees/land_only.xml"], HEAVY),
         (["check", "trees/explore_and_land_depth.xml"], HEAVY),
         (["tree", "nodes"], HEAVY),
+        (
+            ["fly", "--help"],
+            "av control filterpy matplotlib mujoco onnx openvino scipy sklearn torch",
+        ),
     ],
 )
 def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], heavy: str) -> None:
@@ -100,6 +104,33 @@ def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], he
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == ">"
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("uav-bt re", "report replay record"),
+        ("uav-bt che", "check"),
+        ("uav-bt net ", "perceive pick collect train evaluate export"),
+        ("uav-bt net tr", "train"),
+        ("uav-bt lab ", "scenes calibrate tune-heading"),
+    ],
+)
+def test_completing_a_command_imports_no_command(words: str, found: str) -> None:
+    """The shell waits for it at each press of the tab key."""
+    done = python(
+        "import atexit, os, sys\n"
+        f"heavy = {f'{HEAVY} numpy py_trees uav_bt.app uav_bt.tree'.split()!r}\n"
+        "atexit.register(lambda: print('>', *[m for m in heavy if m in sys.modules]))\n"
+        "os.environ.update(_UAV_BT_COMPLETE='bash_complete', "
+        f"COMP_WORDS={words!r}, COMP_CWORD='{len(words.split(' ')) - 1}')\n"
+        "sys.argv = ['uav-bt']\n"
+        "from uav_bt.cli import main\n"
+        "main()"
+    )
+    *completed, heavy = done.stdout.splitlines()
+    assert [line.removeprefix("plain,") for line in completed] == found.split()
+    assert heavy == ">"
 
 
 def test_python_runs_the_package() -> None:

@@ -13,7 +13,7 @@ from tests.behaviours.leaf_world import map_with
 from tests.uav_bt.record.test_site_maps import site_map
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
-from uav_bt.record.channels import RecordConfig
+from uav_bt.record.config import RecordConfig
 from uav_bt.record.encoder import MomentEncoder, RawMoment
 from uav_bt.record.moment import Moment, moment_of
 from uav_bt.record.record_file import Timeline

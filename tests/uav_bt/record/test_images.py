@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from uav_bt.errors import InputError
 from uav_bt.record import messages
-from uav_bt.record.channels import Quality
+from uav_bt.record.config import Quality
 from uav_bt.record.images import (
     decode_image,
     encode_image,

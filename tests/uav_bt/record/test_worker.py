@@ -9,7 +9,8 @@ import pytest
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.record import channels
-from uav_bt.record.channels import Channel, RecordConfig
+from uav_bt.record.channels import Channel
+from uav_bt.record.config import RecordConfig
 from uav_bt.record.worker import Encoded, RecordWorker
 
 PATIENCE_S = 30.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import re
-from typing import Any
 
 import pytest
 
@@ -35,11 +34,7 @@ YOURS = f"{__name__}:LEAVES"
 
 def _install(monkeypatch: pytest.MonkeyPatch, *points: tuple[str, str, str]) -> None:
     found = [importlib.metadata.EntryPoint(name, value, group) for group, name, value in points]
-
-    def entry_points(*, group: str) -> list[Any]:
-        return [point for point in found if point.group == group]
-
-    monkeypatch.setattr(importlib.metadata, "entry_points", entry_points)
+    monkeypatch.setattr(plugins, "_installed", lambda _: importlib.metadata.EntryPoints(found))
 
 
 def test_the_formats_own_nodes_are_there() -> None:

@@ -7,7 +7,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
 
-import av
 import cv2
 import numpy as np
 
@@ -29,6 +28,14 @@ _LIMITED_RANGE: Final = 1  # FFmpeg's AVCOL_RANGE_MPEG
 
 
 @functools.cache
+def _pyav() -> Any:
+    """Return PyAV. Its import takes 0.05 s, which a flight without a film need not wait for."""
+    import av  # noqa: PLC0415
+
+    return av
+
+
+@functools.cache
 def choose_codec(names: tuple[str, ...] = tuple(name for name, _ in _CODECS)) -> str:
     """Return the first encoder that works.
 
@@ -37,11 +44,11 @@ def choose_codec(names: tuple[str, ...] = tuple(name for name, _ in _CODECS)) ->
     """
     for name in names:
         try:
-            probe: Any = av.CodecContext.create(name, "w")
+            probe: Any = _pyav().CodecContext.create(name, "w")
             probe.width, probe.height, probe.pix_fmt = 64, 64, "yuv420p"
             probe.time_base = Fraction(1, 25)
             probe.open()
-        except (av.FFmpegError, ValueError):  # missing in this build, or unable to start
+        except (_pyav().FFmpegError, ValueError):  # missing in this build, or unable to start
             continue
         return name
     raise MissingDependencyError(
@@ -95,7 +102,7 @@ class VideoFile:
         with writing(path):  # FFmpeg's errors are OSErrors, too
             self._partial.touch()  # the system's error for a bad folder is clearer than FFmpeg's
             try:
-                self._container: Any = av.open(
+                self._container: Any = _pyav().open(
                     str(self._partial), "w", format="mp4", options={"movflags": "+faststart"}
                 )
             except OSError:
@@ -130,7 +137,7 @@ class VideoFile:
         if slot <= self._last_slot:
             raise ValueRangeError(f"images come in order: slot {slot} after {self._last_slot}")
         planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
-        frame: Any = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+        frame: Any = _pyav().VideoFrame.from_ndarray(planes, format="yuv420p")
         frame.pts, frame.time_base = slot, self._time_base
         self._encode(frame)
         self._last_slot = slot
