@@ -81,9 +81,11 @@ CLASS_COLOURS: Final = _frozen(
 )
 """(17, 3) uint8 RGB: for images of class maps."""
 
+NO_CLASS: Final = 255
+"""Value of a sample outside the image: neither a class nor a group."""
+
 # 256 entries: a bad id is found after the look-up, without a second pass over the map.
-_NO_GROUP: Final = 255
-_GROUP_TABLE: Final = np.full(256, _NO_GROUP, dtype=np.uint8)
+_GROUP_TABLE: Final = np.full(256, NO_CLASS, dtype=np.uint8)
 _GROUP_TABLE[:CLASS_COUNT] = CLASS_TO_GROUP
 
 
@@ -113,7 +115,7 @@ def group_of(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
     if ids.dtype != np.uint8:
         raise ValueRangeError(f"class ids must be uint8, got {ids.dtype}")
     groups = _GROUP_TABLE.take(ids)
-    if groups.size and int(groups.max()) == _NO_GROUP:
+    if groups.size and int(groups.max()) == NO_CLASS:
         raise ValueRangeError(
             f"class ids must lie within 0 and {CLASS_COUNT - 1}, got {int(ids.max())}"
         )

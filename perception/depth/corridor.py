@@ -23,16 +23,17 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, level_rays
-from perception.compiled import compiled
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import Airframe, BodyVelocity, Corridor, DepthMap
-from uav_bt.types.arrays import Flags, Floats32, Indices
+
+if TYPE_CHECKING:
+    from perception.depth.corridor_loops import Seen
 
 Side = Literal["left", "right", "front", "up", "down"]
 SIDES: Final[tuple[Side, ...]] = ("left", "right", "front", "up", "down")
@@ -82,44 +83,17 @@ class CorridorPlanes:
     @classmethod
     def of(cls, view: CameraView, config: CorridorConfig) -> CorridorPlanes:
         """Intersect every ray with the five planes (equations 10A to 10E, 11 and 12)."""
+        from perception.depth.corridor_loops import exits  # noqa: PLC0415 - late: Numba takes long to import
+
         rays = level_rays(view)
         ahead_m = config.front_m - view.camera.forward_offset_m  # C: the lens ahead of the centre
         distances_m = (config.left_m, config.right_m, ahead_m, config.up_m, config.down_m)
-        depth_m, side = _exits(
+        depth_m, side = exits(
             rays,
             np.array(distances_m, dtype=np.float32),
             np.float32(config.focal_factor * config.image_plane_m),
         )
         return cls(rays=rays, depth_m=depth_m, side=side)
-
-
-@compiled("Tuple((float32[:, ::1], uint8[:, ::1]))(float32[:, :, ::1], float32[::1], float32)")
-def _exits(
-    rays: NDArray[np.float32], distances_m: NDArray[np.float32], min_m: np.float32
-) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Find the nearest plane that each ray crosses.
-
-    Args:
-        rays: (3, H, W) rays of unit depth: forward, right, down.
-        distances_m: (5,) distances of the planes from the lens, in the order of SIDES.
-        min_m: planes at this depth or nearer do not count.
-
-    Returns:
-        (H, W) depth of the crossing, inf without one; (H, W) index into SIDES.
-    """
-    shape = rays.shape[1:]
-    depth_m, side = np.full(shape, _NEVER), np.zeros(shape, dtype=np.uint8)
-    for row in range(shape[0]):
-        for column in range(shape[1]):
-            for index in range(5):
-                axis = 1 if index < 2 else 0 if index == 2 else 2
-                towards = rays[axis, row, column]
-                towards = -towards if index in (0, 3) else towards
-                if towards > np.float32(1e-6):
-                    crossed_m = distances_m[index] / towards
-                    if min_m < crossed_m < depth_m[row, column]:
-                        depth_m[row, column], side[row, column] = crossed_m, index
-    return depth_m, side
 
 
 def build_corridor(
@@ -168,17 +142,16 @@ def build_corridor(
     )
 
 
-_Seen = tuple[Indices, Floats32, Floats32, Floats32, int, int]
-
-
 def _seen_inside(
     depth: DepthMap,
     planes: CorridorPlanes,
     things: NDArray[np.bool_] | None,
     offset_m: float,
     config: CorridorConfig,
-) -> _Seen:
-    """Return what `_intrusions` finds in a depth map."""
+) -> Seen:
+    """Return what `intrusions` finds in a depth map."""
+    from perception.depth.corridor_loops import intrusions  # noqa: PLC0415 - late: Numba takes long to import
+
     metres = np.ascontiguousarray(depth.depth, dtype=np.float32).ravel()
     bounds = (
         metres
@@ -188,64 +161,7 @@ def _seen_inside(
     counts = np.isfinite(metres) if things is None else np.ascontiguousarray(things).ravel()
     walls_m = -config.left_m, config.right_m, -config.up_m, config.down_m, offset_m
     rays, exits_m = planes.rays.reshape(3, -1), planes.depth_m.ravel()
-    return _intrusions(metres, bounds, counts, rays, exits_m, np.array(walls_m, dtype=np.float32))
-
-
-@compiled(
-    "Tuple((intp[::1], float32[::1], float32[::1], float32[::1], int64, int64))"
-    "(Array(float32, 1, 'C', readonly=True), Array(float32, 1, 'C', readonly=True),"
-    " Array(boolean, 1, 'C', readonly=True), float32[:, ::1], float32[::1], float32[::1])"
-)
-def _intrusions(  # noqa: PLR0917 - Numba passes arguments by position
-    depth_m: Floats32,
-    bounds_m: Floats32,
-    counts: Flags,
-    rays: Floats32,
-    exits_m: Floats32,
-    walls_m: Floats32,
-) -> _Seen:
-    """Find the pixels inside the corridor, and those ahead of the centre between its walls.
-
-    Args:
-        depth_m: (P,) depth of each pixel, not finite where unknown.
-        bounds_m: (P,) upper bounds of the depth.
-        counts: (P,) pixels that count.
-        rays: (3, P) rays of unit depth: forward, right, down.
-        exits_m: (P,) depth at which the rays leave the corridor.
-        walls_m: (5,) left, right, upper and lower wall from the lens along right and down, and the
-            lens ahead of the centre.
-
-    Returns:
-        (N,) pixels inside; (N,) their range from the centre; (N,) their position to the right;
-        (K,) distance ahead of the pixels between the walls; the number of pixels inside whose depth
-        is unknown; the number of pixels whose depth is unknown.
-    """
-    left_m, right_m, up_m, down_m, offset_m = walls_m
-    found = np.empty(len(depth_m), dtype=np.intp)
-    ranges_m, across_m = np.empty_like(depth_m), np.empty_like(depth_m)
-    ahead_m = np.empty_like(depth_m)
-    inside, ahead, unseen, unknown = 0, 0, 0, 0
-    for pixel in range(len(depth_m)):
-        if not counts[pixel]:
-            continue
-        forward, right, down = rays[0, pixel], rays[1, pixel], rays[2, pixel]
-        metres, bound = depth_m[pixel], bounds_m[pixel]
-        is_known = np.isfinite(metres)
-        if is_known:
-            bound = metres if not bound < metres else bound
-            x, y, z = metres * forward + offset_m, metres * right, metres * down
-            if x > 0.0 and left_m <= y <= right_m and up_m <= z <= down_m:
-                ahead_m[ahead] = x
-                ahead += 1
-        else:
-            unknown += 1
-        if (metres if is_known else bound) < exits_m[pixel]:
-            unseen += not is_known
-            x, y, z = bound * forward + offset_m, bound * right, bound * down
-            found[inside], across_m[inside] = pixel, y
-            ranges_m[inside] = np.sqrt(x * x + y * y + z * z)
-            inside += 1
-    return found[:inside], ranges_m[:inside], across_m[:inside], ahead_m[:ahead], unseen, unknown
+    return intrusions(metres, bounds, counts, rays, exits_m, np.array(walls_m, dtype=np.float32))
 
 
 def _check(depth: DepthMap, planes: CorridorPlanes, things: NDArray[np.bool_] | None) -> None:
@@ -287,6 +203,8 @@ class CorridorBuilder:
     """
 
     def __init__(self, config: CorridorConfig | None = None) -> None:
+        from perception.depth import corridor_loops  # noqa: F401, PLC0415 - compiled before the flight
+
         self._config = config or CorridorConfig()
         self._planes = functools.lru_cache(maxsize=8)(
             functools.partial(CorridorPlanes.of, config=self._config)

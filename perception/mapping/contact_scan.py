@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.compiled import compiled
-from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
+from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, NO_CLASS, group_of
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel, ClassMap, Frame
 from uav_bt.types.projection import camera_axes
-
-NO_CLASS: Final = 255
-"""Value of a sample below the image: neither a class nor a group."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +68,8 @@ def scan_ground(
         camera: intrinsics at the class map's size.
         config: resolution of the scan.
     """
+    from perception.mapping import scan_loops  # noqa: PLC0415 - late: Numba takes long to import
+
     config = config or ContactScanConfig()
     pitch_rad, height_m = frame.gimbal_pitch_rad, max(frame.height_above_carpet_m, 0.05)
     height_px, width_px = class_map.ids.shape
@@ -85,7 +82,7 @@ def scan_ground(
     end = min(config.max_elevation_rad, pitch_rad + 0.6)
     elevations = np.arange(lowest, end, config.elevation_step_rad)
     image_groups = group_of(class_map.ids)
-    level_m, ids, groups = _sampled(
+    level_m, ids, groups = scan_loops.sampled(
         np.ascontiguousarray(class_map.ids),
         image_groups,
         np.column_stack([np.cos(bearings), np.sin(bearings)]),
@@ -97,64 +94,15 @@ def scan_ground(
     return GroundScan(level_m, ids, groups, image_groups, config.min_run)
 
 
-@compiled(
-    "Tuple((float64[:, :, ::1], uint8[:, ::1], uint8[:, ::1]))"
-    "(Array(uint8, 2, 'C', readonly=True), uint8[:, ::1], float64[:, ::1], float64[::1], float64,"
-    " float64[:, ::1], UniTuple(float64, 4))"
-)
-def _sampled(  # noqa: PLR0917 - Numba passes arguments by position
-    image_ids: NDArray[np.uint8],
-    image_groups: NDArray[np.uint8],
-    directions: NDArray[np.float64],
-    ranges_m: NDArray[np.float64],
-    height_m: float,
-    axes: NDArray[np.float64],
-    pinhole_px: tuple[float, float, float, float],
-) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint8]]:
-    """Sample a class map on a polar grid of the ground.
-
-    Args:
-        image_ids: (H, W) class ids.
-        image_groups: (H, W) group ids.
-        directions: (B, 2) cosine and sine of each bearing.
-        ranges_m: (E,) horizontal range of the samples on a bearing.
-        height_m: height of the camera.
-        axes: (3, 3) rotation from the camera frame to the level frame.
-        pinhole_px: focal lengths and principal point: fx, fy, cx, cy.
-
-    Returns:
-        (B, E, 2) samples, metres forward and right; (B, E) their class ids and (B, E) group ids,
-        `NO_CLASS` outside the image.
-    """
-    fx, fy, cx, cy = pinhole_px
-    shape = len(directions), len(ranges_m)
-    level_m = np.empty((shape[0], shape[1], 2))
-    ids = np.full(shape, NO_CLASS, dtype=np.uint8)
-    groups = np.full(shape, NO_CLASS, dtype=np.uint8)
-    for bearing in range(shape[0]):
-        for sample in range(shape[1]):
-            forward_m = directions[bearing, 0] * ranges_m[sample]
-            right_m = directions[bearing, 1] * ranges_m[sample]
-            level_m[bearing, sample, 0] = forward_m
-            level_m[bearing, sample, 1] = right_m
-            depth = forward_m * axes[0, 2] + right_m * axes[1, 2] + height_m * axes[2, 2]
-            if not depth > 1e-9:  # behind the camera, as `project` has it
-                continue
-            x = forward_m * axes[0, 0] + right_m * axes[1, 0] + height_m * axes[2, 0]
-            y = forward_m * axes[0, 1] + right_m * axes[1, 1] + height_m * axes[2, 1]
-            column, row = np.rint(fx * x / depth + cx), np.rint(fy * y / depth + cy)
-            inside = 0 <= column < image_ids.shape[1] and 0 <= row < image_ids.shape[0]
-            if inside:
-                ids[bearing, sample] = image_ids[int(row), int(column)]
-                groups[bearing, sample] = image_groups[int(row), int(column)]
-    return level_m, ids, groups
-
-
 def find_bases(scan: GroundScan) -> Bases:
     """Find the first obstacle on the carpet on each bearing of a scan, and the carpet's edge."""
-    rows, first, before = _first_runs(scan.groups, GROUP_OBSTACLE, scan.min_run)
+    from perception.mapping import scan_loops  # noqa: PLC0415 - late: Numba takes long to import
+
+    rows, first, before = scan_loops.first_runs(scan.groups, GROUP_OBSTACLE, scan.min_run)
     stands, hides = before == GROUP_CARPET, before == NO_CLASS
-    edge_rows, edge, edge_before = _first_runs(scan.groups, GROUP_BACKGROUND, scan.min_run)
+    edge_rows, edge, edge_before = scan_loops.first_runs(
+        scan.groups, GROUP_BACKGROUND, scan.min_run
+    )
     ends, ended = edge_before == GROUP_CARPET, edge_before == NO_CLASS
     return Bases(
         placed_m=_borders_m(scan, rows[stands], first[stands]),
@@ -170,36 +118,3 @@ def _borders_m(
 ) -> NDArray[np.float64]:
     """Return the beginnings of runs: half-way between their first samples and those before."""
     return np.asarray((scan.level_m[rows, first] + scan.level_m[rows, first - 1]) / 2)
-
-
-@compiled(
-    "Tuple((intp[::1], intp[::1], uint8[::1]))(Array(uint8, 2, 'C', readonly=True), int64, int64)"
-)
-def _first_runs(
-    sampled: NDArray[np.uint8], group: int, min_run: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint8]]:
-    """Find the nearest run of a group on each bearing; samples go from near to far.
-
-    Args:
-        sampled: (B, E) group ids.
-        group: the group id.
-        min_run: samples of a run at least.
-
-    Returns:
-        The bearings with a run, the index of its first sample, and the group before it.
-    """
-    rows = np.empty(len(sampled), dtype=np.intp)
-    first = np.empty(len(sampled), dtype=np.intp)
-    before = np.empty(len(sampled), dtype=np.uint8)
-    found = 0
-    for bearing in range(sampled.shape[0]):
-        run = 0
-        for sample in range(sampled.shape[1]):
-            run = run + 1 if sampled[bearing, sample] == group else 0
-            if run == min_run:
-                begin = sample - run + 1
-                rows[found], first[found] = bearing, begin
-                before[found] = sampled[bearing, begin - 1] if begin > 0 else NO_CLASS
-                found += 1
-                break
-    return rows[:found], first[:found], before[:found]

@@ -17,10 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.mapping.contact_scan import NO_CLASS
 from perception.mapping.tables import PointTable, first_in_cells
 from perception.mapping.view import View
-from uav_bt.classes import GROUP_CARPET
+from uav_bt.classes import GROUP_CARPET, NO_CLASS
 from uav_bt.types import NearObstacles, wrap_angles
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.dead_reckoning import OdometryPose

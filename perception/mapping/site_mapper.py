@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.mapping import scan_loops  # noqa: F401 - compiled before the first view
 from perception.mapping.arrivals import ArrivalConfig, find_arrivals
 from perception.mapping.contradiction import Contradiction, ContradictionConfig
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig

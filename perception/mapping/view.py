@@ -6,9 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from perception.compiled import compiled
 from perception.mapping.contact_scan import (
     Bases,
     ContactScanConfig,
@@ -16,7 +14,6 @@ from perception.mapping.contact_scan import (
     find_bases,
     scan_ground,
 )
-from uav_bt.classes import GROUP_CARPET
 from uav_bt.types import CameraModel, ClassMap, Frame, Pose2D
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.projection import camera_axes, project
@@ -152,7 +149,9 @@ class View:
         Returns:
             Two arrays of flags, (...).
         """
-        inside, shows = _looked_up(
+        from perception.mapping import scan_loops  # noqa: PLC0415 - late: Numba takes long to import
+
+        inside, shows = scan_loops.looked_up(
             np.ascontiguousarray(points_m.reshape(-1, 2)),
             max(self.height_m, MIN_HEIGHT_M),
             self.scan.image_groups,
@@ -168,48 +167,6 @@ class View:
         columns = project(np.hstack([self.bases_m, down_m]), self.camera, self.pitch_rad)[:, 0]
         margin_px = self.config.cut_share * self.camera.width_px
         return np.asarray((columns < margin_px) | (columns > self.camera.width_px - margin_px))
-
-
-@compiled(
-    "Tuple((boolean[::1], boolean[::1]))"
-    "(float64[:, ::1], float64, uint8[:, ::1], float64[:, ::1], UniTuple(float64, 4))"
-)
-def _looked_up(
-    points_m: Floats,
-    height_m: float,
-    image_groups: NDArray[np.uint8],
-    axes: Floats,
-    pinhole_px: tuple[float, float, float, float],
-) -> tuple[Flags, Flags]:
-    """Look up points of the ground in an image of group ids.
-
-    Args:
-        points_m: (N, 2) forward and right of the point below the camera.
-        height_m: height of the camera.
-        image_groups: (H, W) group ids.
-        axes: (3, 3) rotation from the camera frame to the level frame.
-        pinhole_px: focal lengths and principal point: fx, fy, cx, cy.
-
-    Returns:
-        (N,) whether a point lies in the image, and (N,) whether the image shows ground there.
-    """
-    fx, fy, cx, cy = pinhole_px
-    last_row, last_column = image_groups.shape[0] - 1, image_groups.shape[1] - 1
-    inside = np.zeros(len(points_m), dtype=np.bool_)
-    shows = np.zeros(len(points_m), dtype=np.bool_)
-    for place in range(len(points_m)):
-        forward_m, right_m = points_m[place, 0], points_m[place, 1]
-        depth = forward_m * axes[0, 2] + right_m * axes[1, 2] + height_m * axes[2, 2]
-        if not depth > 1e-9:  # behind the camera, as `project` has it
-            continue
-        x = forward_m * axes[0, 0] + right_m * axes[1, 0] + height_m * axes[2, 0]
-        y = forward_m * axes[0, 1] + right_m * axes[1, 1] + height_m * axes[2, 1]
-        column, row = fx * x / depth + cx, fy * y / depth + cy
-        if 0 <= column <= last_column and 0 <= row <= last_row:
-            inside[place] = True
-            group = image_groups[int(np.rint(row)), int(np.rint(column))]
-            shows[place] = group == GROUP_CARPET
-    return inside, shows
 
 
 def _have_neighbours(points_m: Floats, config: ViewConfig) -> Flags:

@@ -15,6 +15,7 @@ import numpy as np
 from perception.camera.frame_watch import FrameWatch, FrameWatchConfig
 from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
+from uav_bt.app.flying_process import collections_postponed
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.option_values import is_drone_config, refuse_incomplete
 from uav_bt.app.options import (
@@ -156,7 +157,8 @@ class Flight(Generic[DroneT]):
         """
         try:
             self.drone.connect()
-            self.mission.setup(self.context)
+            with collections_postponed():
+                self.mission.setup(self.context)
             yield
         finally:
             # The flight is over: a failing shutdown or disconnect does not change its result.

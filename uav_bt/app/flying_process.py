@@ -66,6 +66,18 @@ def landing_on_signals(runner: MissionRunner) -> Iterator[None]:
 
 
 @contextmanager
+def collections_postponed() -> Iterator[None]:
+    """Search for garbage afterwards: imports make many objects, and all of them stay."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+@contextmanager
 def short_collections() -> Iterator[None]:
     """Keep garbage collections short: only objects made inside are searched.
 

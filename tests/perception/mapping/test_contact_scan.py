@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.mapping.contact_scan import NO_CLASS, GroundScan, find_bases, scan_ground
+from perception.mapping.contact_scan import GroundScan, find_bases, scan_ground
 from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.view import View
-from uav_bt.classes import CLASS_COUNT, group_of
+from uav_bt.classes import CLASS_COUNT, NO_CLASS, group_of
 from uav_bt.testing import pinhole
 from uav_bt.types import ClassMap, Frame, Pose2D
 from uav_bt.types.projection import project

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.mapping.contact_scan import NO_CLASS, GroundScan, find_bases
+from perception.mapping.contact_scan import GroundScan, find_bases
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
 from perception.mapping.view import View, ViewConfig
-from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET
+from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, NO_CLASS
 from uav_bt.testing import pinhole
 from uav_bt.types import Pose2D
 

@@ -1,0 +1,29 @@
+"""What commands that fly nothing import."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_leaves_can_be_known_without_numba() -> None:
+    code = "import sys\nsys.modules['numba'] = None\nimport behaviours.nodes\n"
+    code += "import behaviours.perceive.depth, behaviours.perceive.site_map"
+    done = subprocess.run(  # noqa: S603 - our own interpreter and code
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_site_map_and_the_corridor_compile_before_the_flight() -> None:
+    code = "import sys\nimport perception.mapping.site_mapper\n"
+    code += "from perception.depth.corridor import CorridorBuilder\nCorridorBuilder()\n"
+    code += "wanted = 'perception.mapping.scan_loops', 'perception.depth.corridor_loops'\n"
+    code += "assert all(name in sys.modules for name in wanted)"
+    done = subprocess.run(  # noqa: S603 - our own interpreter and code
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert done.returncode == 0, done.stderr
