@@ -24,6 +24,7 @@ FLOOR_ONE = {
         "types",
         "classes",
         "clock",
+        "compiled",
         "errors",
         "files",
         "inputs",

@@ -99,4 +99,4 @@ if ! draws; then
 fi
 
 say "compiling"
-"$venv/bin/python" -m perception.compiled >>"$log" 2>&1 || { complain; die "the compilation failed"; }
+"$venv/bin/python" -m uav_bt.compiled >>"$log" 2>&1 || { complain; die "the compilation failed"; }

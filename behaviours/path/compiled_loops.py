@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.compiled import compiled
+from uav_bt.compiled import compiled
 from uav_bt.types.arrays import Flags, Floats
 
 _DIAGONAL: Final = math.sqrt(2.0)  # length of a step to a diagonal neighbour, cells

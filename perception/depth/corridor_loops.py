@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.compiled import compiled
+from uav_bt.compiled import compiled
 from uav_bt.types.arrays import Flags, Floats32, Indices
 
 Seen = tuple[Indices, Floats32, Floats32, Floats32, int, int]

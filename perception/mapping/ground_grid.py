@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.compiled import compiled
 from perception.mapping.view import View
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_HELIPAD, NO_CLASS
+from uav_bt.compiled import compiled
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.arrays import Flags, Floats, Indices
 from uav_bt.types.site_map import is_beyond_edge

@@ -8,10 +8,10 @@ from functools import cache
 
 import numpy as np
 
-from perception.compiled import compiled
 from perception.mapping.landmarks import Landmarks
 from perception.mapping.tables import clusters
 from uav_bt.classes import standing_classes
+from uav_bt.compiled import compiled
 from uav_bt.types import rotation
 from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import MapObject

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from perception.compiled import compiled
 from perception.mapping.view import View
 from uav_bt.classes import BACKGROUND
+from uav_bt.compiled import compiled
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Floats, Indices
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.compiled import compiled
 from uav_bt.classes import GROUP_CARPET, NO_CLASS
+from uav_bt.compiled import compiled
 from uav_bt.types.arrays import Flags, Floats
 
 

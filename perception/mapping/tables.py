@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.compiled import compiled
+from uav_bt.compiled import compiled
 from uav_bt.types.arrays import Flags, Floats, Indices
 
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from perception.compiled import compiled
+from uav_bt.compiled import compiled
 from uav_bt.types import (
     CameraModel,
     Pose2D,

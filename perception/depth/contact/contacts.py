@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.compiled import compiled
 from perception.depth.contact.lines import BaseLine, LineConfig, fit_base
 from perception.depth.contact.panorama import OUTSIDE, Panorama
 from uav_bt.classes import CARPET, CLASS_COUNT
+from uav_bt.compiled import compiled
 from uav_bt.types.arrays import Floats, Indices
 
 

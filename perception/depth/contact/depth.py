@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, GroundPlane
-from perception.compiled import compiled
 from perception.depth.contact.contacts import (
     Base,
     BaseConfig,
@@ -38,6 +37,7 @@ from perception.depth.contact.contacts import (
 from perception.depth.contact.lines import fit_base
 from perception.depth.contact.panorama import Panorama
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, is_above_ground
+from uav_bt.compiled import compiled
 from uav_bt.errors import ShapeError
 from uav_bt.types import LandingMark
 from uav_bt.types.arrays import Flags, Floats, Indices

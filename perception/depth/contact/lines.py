@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.compiled import compiled
+from uav_bt.compiled import compiled
 from uav_bt.types import rotate_points
 from uav_bt.types.arrays import Floats
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView
-from perception.compiled import compiled
+from uav_bt.compiled import compiled
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import camera_axes, pixel_rays, project
 

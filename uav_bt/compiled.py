@@ -6,7 +6,7 @@ flight. Numba keeps the machine code beside the module, or in the user's cache f
 the source, of Numba or of the processor compiles the kernel again. Kernels use IEEE arithmetic
 without reassociation, so that results do not depend on the cache.
 
-`python -m perception.compiled` compiles all kernels, for example after an installation.
+`python -m uav_bt.compiled` compiles all kernels, for example after an installation.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numba
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
-_ROOMS: Final = ("perception", "behaviours")
+_ROOMS: Final = ("perception", "sim_bridge", "behaviours")
 _log = logging.getLogger(__name__)
 _shown: set[str] = set()  # messages; each is shown once in a process
 
@@ -77,7 +77,7 @@ def compile_all() -> None:
                 importlib.import_module(module.name)
 
 
-_HERE: Final = "perception.compiled"
+_HERE: Final = "uav_bt.compiled"
 
 if __name__ == "__main__":
     compile_all()

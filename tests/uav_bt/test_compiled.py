@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.compiled import compiled
+from uav_bt.compiled import compiled
 
 
 def total(values: np.ndarray, divisor: float) -> float:
@@ -44,11 +44,11 @@ def test_without_a_folder_that_can_be_written_one_message_says_what_to_set(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """The kernel works all the same."""
-    monkeypatch.setattr("perception.compiled._shown", set())
+    monkeypatch.setattr("uav_bt.compiled._shown", set())
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/cache")
     elsewhere = total.__code__.replace(co_filename="/dev/null/kernel.py")
     lost = type(total)(elsewhere, total.__globals__)
-    with caplog.at_level(logging.WARNING, logger="perception.compiled"):
+    with caplog.at_level(logging.WARNING, logger="uav_bt.compiled"):
         assert compiled(SIGNATURE)(lost)(np.ones(3), 1.0) == 3.0
         compiled(SIGNATURE)(lost)
     assert [record.message.count("NUMBA_CACHE_DIR") for record in caplog.records] == [1]
@@ -57,7 +57,7 @@ def test_without_a_folder_that_can_be_written_one_message_says_what_to_set(
 def test_a_second_process_takes_the_kernels_from_the_cache(tmp_path: Path) -> None:
     """The first process says that it compiles, the second is silent."""
     (tmp_path / "kernels.py").write_text(
-        "from perception.compiled import compiled\n"
+        "from uav_bt.compiled import compiled\n"
         "@compiled('float64(float64)')\n"
         "def twice(value):\n"
         "    return 2.0 * value\n"
