@@ -20,6 +20,7 @@ from uav_bt.types import (
     Frame,
     LandingMark,
     Observation,
+    Pose2D,
     RecentViews,
     Truth,
 )
@@ -168,6 +169,36 @@ class DepthEstimator(Protocol):
 
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the depth of every pixel of the (resized) frame."""
+        ...
+
+
+@runtime_checkable
+class Sight(Protocol):
+    """Perception of a simulated drone without images; it replaces the networks and the flow."""
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return the class map of a delivered frame, with the errors of a network."""
+        ...
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        """Return the relative depth of a delivered frame, with the errors of a network."""
+        ...
+
+    def motion(self, first: Frame, second: Frame) -> Pose2D | None:
+        """Return the pose of the second lens in the level frame of the first, with errors.
+
+        None without enough ground in view.
+        """
+        ...
+
+
+@runtime_checkable
+class Imageless(Protocol):
+    """A simulated drone whose frames show nothing: it perceives by its `sight`."""
+
+    @property
+    def sight(self) -> Sight | None:
+        """The perception; None before connecting."""
         ...
 
 

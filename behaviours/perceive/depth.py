@@ -76,7 +76,7 @@ class EstimateDepth(Leaf):
 
         model = self.port_value("model")
         self._stage = DepthStage(
-            None if model == CONTACT else self._load(model, mission),
+            None if model == CONTACT else mission.sight or self._load(model, mission),
             MetricDepthMaker(
                 source=CONTACT if model == CONTACT else self.port_value("source"),
                 generator=mission.rng(self.path),

@@ -26,7 +26,9 @@ class TrackMotion(Leaf):
         """Make the odometry."""
         from perception.odometry.carpet import CarpetOdometry  # noqa: PLC0415  (OpenCV is heavy)
 
-        self._odometry = CarpetOdometry()
+        self._odometry = CarpetOdometry(
+            measure=None if mission.sight is None else mission.sight.motion
+        )
         self._timer = StageTimer(mission, "odometry")
         self._last_s = -1.0
 

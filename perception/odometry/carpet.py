@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import cv2
 import numpy as np
@@ -31,6 +33,8 @@ from uav_bt.types import (
 )
 from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose
 
+_SPREAD_M: Final = 1.0  # of the points of a measurement that does not state it; usual in flight
+
 
 @dataclass(frozen=True, kw_only=True)
 class CarpetOdometryConfig:
@@ -49,8 +53,9 @@ class CarpetOdometryConfig:
 class _Sight:
     """The last frame, for comparison with the next."""
 
-    view: GroundView
-    carpet: NDArray[np.uint8]
+    frame: Frame
+    view: GroundView | None  # None if points are not tracked here
+    carpet: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,10 +74,20 @@ class CarpetOdometry:
     Telemetry is later and less frequent than frames. The pose at a frame is first extrapolated from
     the last velocity, and recomputed when a later velocity is known. Only then is the measured
     displacement compared with telemetry's.
+
+    Args:
+        config: which frames are compared, and how.
+        measure: returns the pose of the second frame's lens in the level frame of the first, or
+            None; by default points of the ground are tracked.
     """
 
-    def __init__(self, config: CarpetOdometryConfig | None = None) -> None:
+    def __init__(
+        self,
+        config: CarpetOdometryConfig | None = None,
+        measure: Callable[[Frame, Frame], Pose2D | None] | None = None,
+    ) -> None:
         self._config = config or CarpetOdometryConfig()
+        self._measure = measure
         self._odometry = Odometry()  # telemetry alone
         self._heading = Heading(self._config.heading)
         self._error = VelocityError(self._config.error)
@@ -213,10 +228,15 @@ class CarpetOdometry:
         cfg = self._config
         if before is None or self._last is None or not 0.0 < passed_s <= cfg.max_gap_s:
             return None
+        if self._measure is not None:
+            found = self._measure(before.frame, self._last.frame)
+            return None if found is None else GroundMotion(_of_lens(found, -offset_m), _SPREAD_M)
         held = replace(expected, yaw_rad=self._turn_radps * passed_s)
         leaps = abs(held.yaw_rad - expected.yaw_rad) > cfg.following.max_yaw_rad
         for each in (expected, held) if leaps else (expected,):
             guess = _of_lens(each, offset_m)
+            if before.view is None or self._last.view is None:
+                return None
             lens = ground_motion(before.view, self._last.view, guess, before.carpet, cfg.following)
             if lens is not None:
                 self._turn_radps = lens.motion.yaw_rad / passed_s
@@ -227,6 +247,8 @@ class CarpetOdometry:
         height_m = frame.height_above_carpet_m
         if not height_m >= self._config.min_height_m:
             return None
+        if self._measure is not None:
+            return _Sight(frame=frame, view=None)
         height_px, width_px = frame.image.shape[:2]
         small_px = min(width_px, self._config.width_px)
         size = (small_px, round(height_px * small_px / width_px))
@@ -237,6 +259,7 @@ class CarpetOdometry:
         )
         around = np.ones((2 * self._config.border_px + 1,) * 2, dtype=np.uint8)
         return _Sight(
+            frame=frame,
             view=GroundView(
                 grey=np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), dtype=np.uint8),
                 camera=camera.resized(*size),

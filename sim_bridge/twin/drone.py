@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import time
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Final
 
-from sim_bridge.anafi import ANAFI_AIRFRAME, anafi_camera
 from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.variation import start_pose
-from uav_bt.errors import DroneError, ValueRangeError
-from uav_bt.types import Command, Frame, Observation, Velocity, clamp, limit_length
+from uav_bt.errors import DroneError
+from uav_bt.types import Frame, Observation
 
 load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
 
@@ -23,9 +20,8 @@ from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render_thread import RenderThread  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.simulated_drone import SimulatedDrone  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
-
-_TIME_SLACK_S: Final = 1e-6  # rounding error of a sum of control steps, s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +34,7 @@ class _Flight:
     optics: Optics
 
 
-class TwinDrone:
+class TwinDrone(SimulatedDrone):
     """A simulated ANAFI in the simulated lab; implements the `Drone` protocol.
 
     Time passes only in `clock.sleep_until`, which advances the physics in steps of 10 ms.
@@ -63,16 +59,9 @@ class TwinDrone:
         image_size_px: tuple[int, int] = (640, 360),
         realtime: bool = False,
     ) -> None:
-        if seed < 0:
-            raise ValueRangeError(f"the seed must be zero or a positive number, got {seed}")
-        self.scene = scene
-        self.profile = profile
-        self.camera = anafi_camera(*image_size_px)
-        self.airframe = ANAFI_AIRFRAME
-        self.clock = TwinClock(self, realtime=realtime)
-        self.live = False  # a simulated drone needs no check before it takes off
-        self.tick_s = None  # None: the mission sets the length of a tick
-        self._seed = seed
+        super().__init__(
+            scene, profile=profile, seed=seed, image_size_px=image_size_px, realtime=realtime
+        )
         self._flight: _Flight | None = None
         self._last: Frame | None = None  # the newest delivered
         self._next: tuple[Capture, Future[Frame]] | None = None  # for the observation to come
@@ -84,15 +73,6 @@ class TwinDrone:
         return self._flight.referee if self._flight is not None else None
 
     @property
-    def pilot_has_control(self) -> bool:
-        """Whether a pilot flies; tests set it. Commands are then ignored."""
-        return self.simulation.pilot_has_control
-
-    @pilot_has_control.setter
-    def pilot_has_control(self, value: bool) -> None:
-        self.simulation.pilot_has_control = value
-
-    @property
     def simulation(self) -> Simulation:
         """The running simulation.
 
@@ -100,23 +80,6 @@ class TwinDrone:
             DroneError: not connected.
         """
         return self._connected().simulation
-
-    def disturb(
-        self,
-        *,
-        wind_mps2: tuple[float, float] = (0.0, 0.0),
-        drift_mps: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
-        """Apply a steady disturbance from now on, for tests; without arguments, remove it.
-
-        Args:
-            wind_mps2: acceleration by the wind, world x and y.
-            drift_mps: velocity that the drone does not measure, world x and y.
-
-        Raises:
-            DroneError: not connected.
-        """
-        self.simulation.disturb(wind_mps2=wind_mps2, drift_mps=drift_mps)
 
     def connect(self) -> None:
         """Build the lab and the renderer, and put the drone at its take-off point.
@@ -151,19 +114,13 @@ class TwinDrone:
         flight = self._connected()
         now_s = flight.simulation.now_s
         period_s, self._observed_s = now_s - self._observed_s, now_s
-        newest = self._delivered(now_s)
+        newest = self.delivered(now_s)
         if newest is not None and (self._last is None or newest.index != self._last.index):
             self._last = self._drawn(flight, newest).result()
-        following = self._delivered(now_s + period_s)
+        following = self.delivered(now_s + period_s)
         if following is not None and following is not newest:
             self._next = following, self._drawn(flight, following)
         return Observation(frame=self._last, state=flight.simulation.state())
-
-    def _delivered(self, time_s: float) -> Capture | None:
-        """Return the newest capture so far that has been delivered by a time."""
-        limit_s = time_s - self.profile.video_latency_s + _TIME_SLACK_S
-        frames = reversed(self.simulation.frames)
-        return next((capture for capture in frames if capture.time_s <= limit_s), None)
 
     def _drawn(self, flight: _Flight, capture: Capture) -> Future[Frame]:
         """Return the frame of a capture; its drawing is started unless it is under way."""
@@ -185,29 +142,6 @@ class TwinDrone:
             height_above_carpet_m=telemetry.height_above_carpet_m,
         )
 
-    def send(self, command: Command) -> Command:
-        """Send a command and return it as sent, with speeds limited to those of the profile.
-
-        Raises:
-            DroneError: not connected.
-        """
-        if isinstance(command.movement, Velocity):
-            command = replace(command, movement=self._limited(command.movement))
-        self.simulation.enqueue(command)
-        return command
-
-    def _limited(self, order: Velocity) -> Velocity:
-        profile = self.profile
-        forward_mps, right_mps = limit_length(
-            order.forward_mps, order.right_mps, profile.max_speed_mps
-        )
-        return Velocity(
-            forward_mps=forward_mps,
-            right_mps=right_mps,
-            down_mps=clamp(order.down_mps, profile.max_climb_mps),
-            yaw_rate_radps=clamp(order.yaw_rate_radps, profile.max_yaw_rate_radps),
-        )
-
     def disconnect(self) -> None:
         """Free the renderer; safe to call twice."""
         if self._flight is not None:
@@ -218,34 +152,3 @@ class TwinDrone:
         if self._flight is None:
             raise DroneError("the twin is not connected; call connect() first")
         return self._flight
-
-
-class TwinClock:
-    """Clock of the flight. Time passes only in `sleep_until`."""
-
-    def __init__(self, drone: TwinDrone, *, realtime: bool) -> None:
-        self._drone = drone
-        self._realtime = realtime
-        self._wall_start_s: float | None = None
-
-    def now(self) -> float:
-        """Return the time since connecting, s; 0 before.
-
-        Raises:
-            DroneError: not connected.
-        """
-        return self._drone.simulation.now_s
-
-    def sleep_until(self, time_s: float) -> None:
-        """Advance the physics to a time, rounded up to 10 ms; a past time has no effect.
-
-        Raises:
-            DroneError: not connected.
-        """
-        simulation = self._drone.simulation
-        if self._realtime and self._wall_start_s is None:
-            self._wall_start_s = time.monotonic() - simulation.now_s
-        simulation.run_until(time_s)
-        if self._wall_start_s is not None:
-            elapsed = time.monotonic() - self._wall_start_s
-            time.sleep(max(0.0, simulation.now_s - elapsed))

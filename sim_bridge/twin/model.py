@@ -7,7 +7,9 @@ boxes). The geom of the drone is in a group that its camera never draws.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -52,16 +54,17 @@ class LabModel:
     hull_body: int
 
 
-def build_model(scene: Scene) -> LabModel:
+def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
     """Compile a scene with the drone.
 
     Args:
         scene: the lab.
+        drawn: whether a camera looks at it; if not, textures and visible surfaces are left out.
 
     Returns:
         The MuJoCo model; the free joint of the drone is the first seven coordinates.
     """
-    builder = _Builder(math.hypot(*scene.room_size_m))
+    builder = _Builder(math.hypot(*scene.room_size_m), drawn=drawn)
     builder.lights(scene.lighting)
     # Geoms are drawn in this order. Things in front come first, because a software renderer
     # textures every pixel that no nearer surface covers yet.
@@ -76,7 +79,8 @@ def build_model(scene: Scene) -> LabModel:
 
 
 class _Builder:
-    def __init__(self, diagonal_m: float) -> None:
+    def __init__(self, diagonal_m: float, *, drawn: bool) -> None:
+        self._drawn = drawn
         self.spec = mujoco.MjSpec()
         self.spec.option.timestep = PHYSICS_STEP_S
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -129,7 +133,7 @@ class _Builder:
         }
         greys = {"floor": (0.50, 310), "wall": (0.84, 311), "ceiling": (0.92, 312)}
         for kind, (value, seed) in greys.items():
-            self._texture(kind, textures.plain(value, seed))
+            self._texture(kind, partial(textures.plain, value, seed))
         for name, (size, position) in slabs.items():
             slab = Solid(half_m=size, centre_m=position)
             kind = name.split("-")[0]
@@ -137,7 +141,7 @@ class _Builder:
             self._hit(name, slab)
 
     def carpet(self, size_m: Vector2) -> None:
-        self._texture("carpet", textures.carpet(size_m))
+        self._texture("carpet", partial(textures.carpet, size_m))
         carpet = Solid(
             half_m=(size_m[0] / 2, size_m[1] / 2, -_FLOOR_M / 2),
             centre_m=(0.0, 0.0, _FLOOR_M / 2),
@@ -164,8 +168,8 @@ class _Builder:
             light.specular = (0.0, 0.0, 0.0)
 
     def helipad(self, pad: Helipad) -> None:
-        self._texture("stripes", textures.stripes())
-        self._texture("h", textures.helipad_top())
+        self._texture("stripes", textures.stripes)
+        self._texture("h", textures.helipad_top)
         whole, _, _ = stacked(pad.position_m, pad.size_m, math.radians(pad.yaw_deg))
         width, depth, height = pad.size_m
         panel_m = (_H_SHARE * width, _H_SHARE * depth)
@@ -195,19 +199,21 @@ class _Builder:
         """Add a body in printed paper: its contact geom, its sides and its roof."""
         whole, sides, sheet = parts
         roof = roof_of(pattern)
+        side, top = partial(textures.side, pattern), partial(textures.roof, roof)
         papers = (
-            (f"{name}/side", sides, f"box-{pattern}", textures.side(pattern), BOXES[pattern - 1]),
-            (f"{name}/roof", sheet, f"roof-{roof}", textures.roof(roof), ROOFS[roof - 1]),
+            (f"{name}/side", sides, f"box-{pattern}", side, BOXES[pattern - 1]),
+            (f"{name}/roof", sheet, f"roof-{roof}", top, ROOFS[roof - 1]),
         )
         tile_m = (textures.TILE_M, textures.TILE_M)
-        for part, solid, paper, image, class_id in papers:
-            self._texture(paper, image)
+        for part, solid, paper, make, class_id in papers:
+            self._texture(paper, make)
             self._show(part, solid, material=paper, class_id=class_id, tile_m=tile_m, body=body)
         self._hit(name, whole, body)
 
-    def _texture(self, name: str, image: NDArray[np.uint8]) -> None:
-        if self.spec.material(name) is not None:
+    def _texture(self, name: str, make: Callable[[], NDArray[np.uint8]]) -> None:
+        if not self._drawn or self.spec.material(name) is not None:
             return  # another box uses the same texture
+        image = make()
         texture = self.spec.add_texture(
             name=name,
             type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -231,6 +237,8 @@ class _Builder:
         body: Any = None,
     ) -> None:
         """Add a visible geom without contacts to a body or to the world."""
+        if not self._drawn:
+            return
         vertices, faces, coordinates = solid.mesh(tile_m)
         mesh = self.spec.add_mesh(name=name)
         mesh.uservert = vertices.ravel()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.movers import mover_names
-from sim_bridge.twin.render_thread import RenderThread
 from sim_bridge.twin.scene import Scene, box_names
 from sim_bridge.twin.simulation import Capture, Simulation
 from uav_bt.errors import ValueRangeError
@@ -21,16 +20,28 @@ from uav_bt.types.ground import Ground
 _FAR_M = 30.0  # larger than any room, m
 
 
+class ExactViews(Protocol):
+    """Source of exact class ids and depth of what was captured."""
+
+    def class_ids(self, capture: Capture, size_px: tuple[int, int]) -> NDArray[np.uint8]:
+        """Return the class ids, (H, W) uint8, at a width and height."""
+        ...
+
+    def depth(self, capture: Capture, size_px: tuple[int, int]) -> NDArray[np.float32]:
+        """Return the depth along the optical axis, (H, W) float32, metres."""
+        ...
+
+
 class TwinReferee:
     """Reports the true state of one flight."""
 
     def __init__(
-        self, scene: Scene, lab: LabModel, simulation: Simulation, thread: RenderThread
+        self, scene: Scene, lab: LabModel, simulation: Simulation, views: ExactViews
     ) -> None:
         self._scene = scene
         self._lab = lab
         self._simulation = simulation
-        self._thread = thread
+        self._views = views
         names = (*box_names(scene.boxes), *mover_names(scene.movers))
         self._obstacles = [lab.model.geom(name).id for name in names]
 
@@ -70,9 +81,7 @@ class TwinReferee:
         Raises:
             ValueRangeError: the frame is too old or from another flight.
         """
-        capture = self._capture(frame)
-        view = capture.camera, width_px, height_px, capture.movers
-        return self._thread.start(lambda renderer: renderer.class_ids(*view)).result()
+        return self._views.class_ids(self._capture(frame), (width_px, height_px))
 
     def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
         """Return the exact depth of the view of a delivered frame, metres along the optical axis.
@@ -80,9 +89,7 @@ class TwinReferee:
         Raises:
             ValueRangeError: the frame is too old or from another flight.
         """
-        capture = self._capture(frame)
-        view = capture.camera, width_px, height_px, capture.movers
-        return self._thread.start(lambda renderer: renderer.ids_and_depth(*view)).result()[1]
+        return self._views.depth(self._capture(frame), (width_px, height_px))
 
     def _capture(self, frame: Frame) -> Capture:
         frames = self._simulation.frames

@@ -10,8 +10,12 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.render import Renderer
+from sim_bridge.twin.simulation import Capture
 
 Result = TypeVar("Result")
 
@@ -39,6 +43,16 @@ class RenderThread:
     def start(self, draw: Callable[[Renderer], Result]) -> Future[Result]:
         """Call a function with the renderer in the thread, after everything started before."""
         return self._thread.submit(draw, self._renderer)
+
+    def class_ids(self, capture: Capture, size_px: tuple[int, int]) -> NDArray[np.uint8]:
+        """Return the exact class ids of a capture, (H, W) uint8, at a width and height."""
+        view = capture.camera, *size_px, capture.movers
+        return self.start(lambda renderer: renderer.class_ids(*view)).result()
+
+    def depth(self, capture: Capture, size_px: tuple[int, int]) -> NDArray[np.float32]:
+        """Return the exact depth along the optical axis, (H, W) float32, metres."""
+        view = capture.camera, *size_px, capture.movers
+        return self.start(lambda renderer: renderer.ids_and_depth(*view)).result()[1]
 
     def close(self) -> None:
         """Free the renderer and end the thread, after everything started; safe to call twice."""

@@ -39,7 +39,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
-from uav_bt.protocols import Drone, DroneConfig, LeafPolicy, Referee, Segmenter
+from uav_bt.protocols import Drone, DroneConfig, Imageless, LeafPolicy, Referee, Segmenter
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types import ClassMap, Frame
 
@@ -115,13 +115,15 @@ class Flight(Generic[DroneT]):
             InputError: Exact masks need a drone with a referee.
         """
         site = site_of(self.options)
+        sight = self.drone.sight if isinstance(self.drone, Imageless) else None
         return MissionContext(
             board=Blackboard(self._clock, MISSION_KEYS),
             clock=self._clock,
             policy=self._policy,
             seed=self.options.seed,
             inference_threads=self.options.inference_threads,
-            segmenter=self._segmenter or self._exact_segmenter(),
+            segmenter=self._segmenter or self._exact_segmenter() or sight,
+            sight=sight,
             ground=() if site is None else site.ground,
             airframe=self.drone.airframe,
             mark=self.mark,
@@ -187,11 +189,16 @@ class Flight(Generic[DroneT]):
             limits=limits_of(self.options),
             config=config if tick_s is None else replace(config, tick_s=tick_s),
             listeners=listeners,
-            # A rehearsed drone moves in numbers only: its images rightly stay the same.
-            judge_frame=None if self.options.rehearse else frame_judge(self.drone),
+            judge_frame=self._frame_judge(),
             clock=self._clock,
             next_tree=next_tree,
         )
+
+    def _frame_judge(self) -> FrameJudge | None:
+        # A rehearsed drone moves in numbers only: its images rightly stay the same.
+        if self.options.rehearse or isinstance(self.drone, Imageless):
+            return None
+        return frame_judge(self.drone)
 
 
 Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]

@@ -13,7 +13,7 @@ from uav_bt.board.keys import MISSION_KEYS
 from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
 from uav_bt.plugins import make_policy
-from uav_bt.protocols import Clock, LeafPolicy, Segmenter
+from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement
 
 
@@ -98,6 +98,7 @@ class MissionContext:
         inference_threads: threads of the networks' inference; one in a campaign, so that results
             do not depend on the load.
         segmenter: replaces the network of every Segment leaf, for flights on exact masks.
+        sight: perception of a drone without images; replaces networks and optical flow.
         ground: names of the classes that count as ground besides the carpet.
         airframe: size and reaction of the drone's body.
         mark: size of the landing mark.
@@ -112,6 +113,7 @@ class MissionContext:
     seed: int = 0
     inference_threads: int = 1
     segmenter: Segmenter | None = None
+    sight: Sight | None = None
     ground: tuple[str, ...] = ()
     airframe: Airframe = field(default_factory=Airframe)
     mark: LandingMark = field(default_factory=LandingMark)

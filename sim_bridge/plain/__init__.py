@@ -1,0 +1,49 @@
+"""A simulated drone without images, for mission tests and many flights.
+
+Physics, telemetry, movers and noise are the twin's. Class maps, depth and the motion over the
+ground come from ray casting, with the errors of the networks. No OpenGL is needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim_bridge.plain.drone import PlainDrone
+
+__all__ = ["PlainConfig"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlainConfig:
+    """Settings of a flight without images; the entry point `plain` registers this class.
+
+    Attributes:
+        scene: name of a shipped scene, or path of a scene file.
+        seed: random seed of the whole flight, 0 or more.
+        profile: name of the limits and imperfections, as of the twin.
+        realtime: run at wall-clock speed instead of as fast as possible.
+        movers: number of random people and carts to add to the movers of the scene.
+    """
+
+    scene: str = "train-a"
+    seed: int = 0
+    profile: str = "lab"
+    realtime: bool = False
+    movers: int = 0
+
+    def create(self) -> PlainDrone:
+        """Return a drone. Its `connect` builds the scene.
+
+        Raises:
+            InputError: the scene or the profile is unusable.
+        """
+        from sim_bridge.twin import profile, scene_file, variation  # noqa: PLC0415  (heavy imports)
+
+        scene, limits = scene_file.load_scene(self.scene), profile.Profile.named(self.profile)
+        if self.movers:
+            scene = variation.with_movers(scene, self.movers, self.seed)
+        from sim_bridge.plain.drone import PlainDrone  # noqa: PLC0415  (imports MuJoCo)
+
+        return PlainDrone(scene, profile=limits, seed=self.seed, realtime=self.realtime)

@@ -1,0 +1,290 @@
+"""Class ids and depth of a view by ray casting: what a perfect network would see, without images.
+
+Every pixel's ray is intersected with the ground, and with the boxes and cylinders whose outlines in
+the image contain the pixel. The view is that of the twin's renderer at the same pose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.movers import MoverSpec, roof_of
+from sim_bridge.twin.scene import Scene
+from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from uav_bt.compiled import compiled
+from uav_bt.types import CameraModel, MoverState
+
+H_SHARE: Final = 0.8  # side of the H panel over the side of the pad's top, as in the twin
+_MARGIN_PX: Final = 2.0  # of rays that look beside their pixel; chosen
+_BESIDE_M: Final = 0.05  # a corner with less depth has no place in the image; chosen
+_FAR_M: Final = 30.0  # depth of the room beyond the ground; farther than any lab is long
+
+
+class Caster:
+    """Casts the rays of one scene.
+
+    Args:
+        scene: the lab.
+        size_px: width and height of class maps and depth maps; any aspect gives the same view.
+    """
+
+    def __init__(self, scene: Scene, size_px: tuple[int, int]) -> None:
+        self.size_px = size_px
+        self.camera = anafi_camera(640, 360).resized(*size_px)
+        self._lens = _lens(self.camera)
+        self.rays = _rays(self._lens, size_px)
+        self._ground_m = np.array(scene.ground.size_m) / 2
+        self._movers = scene.movers
+        pad = scene.helipad
+        solids = [
+            _solid((box.position_m, box.size_m, box.yaw_deg), _papers(box.pattern))
+            for box in scene.boxes
+        ]
+        outline = pad.position_m, pad.size_m, pad.yaw_deg
+        solids.append(_solid(outline, (HELIPAD_BOX, HELIPAD_H), H_SHARE))
+        self._standing = np.array(solids)
+
+    def cast(
+        self,
+        pose: CameraPose,
+        movers: Sequence[MoverState] = (),
+        rays: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Return the view of a camera.
+
+        Args:
+            pose: pose of the camera.
+            movers: states of the scene's movers, in its order.
+            rays: (H, W, 2) where the pixels look, right and down at unit depth; default: `rays`.
+
+        Returns:
+            Class ids, (H, W) uint8, and depth along the optical axis, (H, W) float32, metres.
+        """
+        solids = self._standing
+        if movers:
+            moving = [
+                _moving(spec, state) for spec, state in zip(self._movers, movers, strict=True)
+            ]
+            solids = np.concatenate([solids, moving])
+        width_px, height_px = self.size_px
+        ids = np.empty((height_px, width_px), dtype=np.uint8)
+        depth_m = np.empty((height_px, width_px), dtype=np.float32)
+        place, rays = _place(pose), self.rays if rays is None else rays
+        _cast_ground(place, rays, self._ground_m, ids, depth_m)
+        _cast_solids((place, self._lens), rays, solids, ids, depth_m)
+        return ids, depth_m
+
+
+def _papers(pattern: int) -> tuple[int, int]:
+    """Return the classes of the sides and of the roof of a box or mover."""
+    return BOXES[pattern - 1], ROOFS[roof_of(pattern) - 1]
+
+
+def _solid(
+    outline: tuple[tuple[float, float], tuple[float, float, float], float],
+    papers: tuple[int, int],
+    share: float = 1.0,
+    *,
+    is_round: bool = False,
+) -> list[float]:
+    """Return the row of a solid in the kernel's table.
+
+    Args:
+        outline: its centre, world x and y, m; its size along its x and y and upwards, m; its yaw,
+            degrees counter-clockwise.
+        papers: classes of its sides and of the middle of its top.
+        share: side of that middle over the side of the top; the rest has the class of the sides.
+        is_round: whether it is a cylinder.
+    """
+    position_m, (length_m, width_m, height_m), yaw_deg = outline
+    cos, sin = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
+    sizes_m = length_m / 2, width_m / 2, height_m
+    return [*position_m, *sizes_m, cos, sin, *papers, share, float(is_round)]
+
+
+def _moving(spec: MoverSpec, state: MoverState) -> list[float]:
+    outline = (state.pose.x_m, state.pose.y_m), spec.size_m, spec.yaw_deg
+    return _solid(outline, _papers(spec.pattern), is_round=spec.shape == "cylinder")
+
+
+def _place(pose: CameraPose) -> NDArray[np.float64]:
+    """Return position, optical axis, and right and down of the image in the world, (4, 3)."""
+    axis, up = np.array(pose.axes())
+    position_m = np.array([pose.x_m, pose.y_m, pose.z_m])
+    return np.stack([position_m, axis, np.cross(axis, up), -up])
+
+
+def _rays(lens: NDArray[np.float64], size_px: tuple[int, int]) -> NDArray[np.float64]:
+    """Return where pixels look, right and down at unit depth, (H, W, 2)."""
+    columns, rows = np.meshgrid(np.arange(size_px[0]), np.arange(size_px[1]))
+    return np.stack([(columns - lens[2]) / lens[0], (rows - lens[3]) / lens[1]], axis=-1)
+
+
+def _lens(camera: CameraModel) -> NDArray[np.float64]:
+    """Return focal lengths and middle, (4,), px."""
+    return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+
+
+@compiled("void(float64[:, ::1], float64[:, :, ::1], float64[::1], uint8[:, ::1], float32[:, ::1])")
+def _cast_ground(
+    place: NDArray[np.float64],
+    rays: NDArray[np.float64],
+    half_m: NDArray[np.float64],
+    ids: NDArray[np.uint8],
+    depth_m: NDArray[np.float32],
+) -> None:
+    """Fill a view with the ground, and with background around it.
+
+    Args:
+        place: (4, 3) position of the lens, optical axis, and right and down of the image.
+        rays: (H, W, 2) right and down at unit depth.
+        half_m: (2,) half sizes of the ground along x and y.
+        ids: (H, W) filled with class ids.
+        depth_m: (H, W) filled with depth along the optical axis, m.
+    """
+    for row in range(ids.shape[0]):
+        for column in range(ids.shape[1]):
+            u, v = rays[row, column]
+            ids[row, column], depth_m[row, column] = BACKGROUND, _FAR_M
+            down = place[1, 2] + u * place[2, 2] + v * place[3, 2]
+            if down < 0.0:
+                depth = -place[0, 2] / down
+                x_m = place[0, 0] + depth * (place[1, 0] + u * place[2, 0] + v * place[3, 0])
+                y_m = place[0, 1] + depth * (place[1, 1] + u * place[2, 1] + v * place[3, 1])
+                depth_m[row, column] = min(depth, _FAR_M)
+                if abs(x_m) <= half_m[0] and abs(y_m) <= half_m[1]:
+                    ids[row, column] = CARPET
+
+
+@compiled("UniTuple(int64, 4)(float64[:, ::1], float64[::1], float64[::1], UniTuple(int64, 2))")
+def _frame(
+    place: NDArray[np.float64],
+    lens: NDArray[np.float64],
+    solid: NDArray[np.float64],
+    size_px: tuple[int, int],
+) -> tuple[int, int, int, int]:
+    """Return the rows and columns of the image that a solid may cover.
+
+    Args:
+        place: (4, 3) position of the lens, optical axis, and right and down of the image.
+        lens: (4,) focal lengths and middle, px.
+        solid: (11,) row of `_solid`.
+        size_px: rows and columns of the image.
+
+    Returns:
+        First row, row after the last, first column, column after the last, with a margin for rays
+        beside their pixels. The whole image if a corner is beside or behind the lens.
+    """
+    x_m, y_m, half_x, half_y, high_m, cos, sin = solid[:7]
+    rows, columns = size_px
+    low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
+    for corner in range(8):
+        along = half_x if corner & 1 else -half_x
+        across = half_y if corner & 2 else -half_y
+        dx = x_m + cos * along - sin * across - place[0, 0]
+        dy = y_m + sin * along + cos * across - place[0, 1]
+        dz = (high_m if corner & 4 else 0.0) - place[0, 2]
+        depth = place[1, 0] * dx + place[1, 1] * dy + place[1, 2] * dz
+        if depth < _BESIDE_M:
+            return 0, rows, 0, columns
+        right = place[2, 0] * dx + place[2, 1] * dy + place[2, 2] * dz
+        down = place[3, 0] * dx + place[3, 1] * dy + place[3, 2] * dz
+        u, v = lens[0] * right / depth + lens[2], lens[1] * down / depth + lens[3]
+        low_u, high_u = min(low_u, u), max(high_u, u)
+        low_v, high_v = min(low_v, v), max(high_v, v)
+    return (
+        math.ceil(max(low_v - _MARGIN_PX, 0.0)),
+        math.floor(min(high_v + _MARGIN_PX, rows - 1.0)) + 1,
+        math.ceil(max(low_u - _MARGIN_PX, 0.0)),
+        math.floor(min(high_u + _MARGIN_PX, columns - 1.0)) + 1,
+    )
+
+
+@compiled("Tuple((float64, boolean))(float64[::1], float64[::1], float64[::1])")
+def _met(
+    solid: NDArray[np.float64], origin_m: NDArray[np.float64], ray: NDArray[np.float64]
+) -> tuple[float, bool]:
+    """Return the depth at which a ray enters a solid, and whether through its top.
+
+    Args:
+        solid: (11,) row of `_solid`.
+        origin_m: (3,) the lens in the solid's own axes, from the middle of its base.
+        ray: (3,) of unit depth, in the same axes.
+
+    Returns:
+        Depth along the optical axis, m, inf without a hit; whether the top was hit.
+    """
+    half_m, high_m = solid[2:4], solid[4]
+    enter, leave = 0.0, np.inf
+    if solid[10]:  # a cylinder
+        square = ray[0] * ray[0] + ray[1] * ray[1]
+        along = origin_m[0] * ray[0] + origin_m[1] * ray[1]
+        beyond = origin_m[0] * origin_m[0] + origin_m[1] * origin_m[1] - half_m[0] * half_m[0]
+        root = along * along - square * beyond
+        if root < 0.0:
+            return np.inf, False
+        enter, leave = (-along - math.sqrt(root)) / square, (-along + math.sqrt(root)) / square
+    else:
+        for axis in range(2):
+            near = (-half_m[axis] - origin_m[axis]) / ray[axis]
+            far = (half_m[axis] - origin_m[axis]) / ray[axis]
+            enter, leave = max(enter, min(near, far)), min(leave, max(near, far))
+    base, roof = -origin_m[2] / ray[2], (high_m - origin_m[2]) / ray[2]
+    through_top = roof < base and roof >= enter
+    enter = max(enter, min(base, roof))
+    leave = min(leave, max(base, roof))
+    return (enter, through_top) if 0.0 < enter <= leave else (np.inf, False)
+
+
+@compiled(
+    "void(Tuple((float64[:, ::1], float64[::1])), float64[:, :, ::1], float64[:, ::1],"
+    " uint8[:, ::1], float32[:, ::1])"
+)
+def _cast_solids(
+    camera: tuple[NDArray[np.float64], NDArray[np.float64]],
+    rays: NDArray[np.float64],
+    solids: NDArray[np.float64],
+    ids: NDArray[np.uint8],
+    depth_m: NDArray[np.float32],
+) -> None:
+    """Draw boxes and cylinders into a view, where they are nearer than its depth.
+
+    Args:
+        camera: (4, 3) position of the lens, optical axis, and right and down of the image; and
+            (4,) focal lengths and middle, px.
+        rays: (H, W, 2) right and down at unit depth.
+        solids: (S, 11) rows of `_solid`.
+        ids: (H, W) class ids.
+        depth_m: (H, W) depth along the optical axis, m.
+    """
+    place, lens = camera
+    origin_m, ray = np.empty(3), np.empty(3)
+    for index in range(len(solids)):
+        solid = solids[index]
+        cos, sin = solid[5], solid[6]
+        dx, dy = place[0, 0] - solid[0], place[0, 1] - solid[1]
+        origin_m[:] = cos * dx + sin * dy, cos * dy - sin * dx, place[0, 2]
+        first_row, end_row, first_column, end_column = _frame(place, lens, solid, ids.shape)
+        for row in range(first_row, end_row):
+            for column in range(first_column, end_column):
+                u, v = rays[row, column]
+                x = place[1, 0] + u * place[2, 0] + v * place[3, 0]
+                y = place[1, 1] + u * place[2, 1] + v * place[3, 1]
+                z = place[1, 2] + u * place[2, 2] + v * place[3, 2]
+                ray[0], ray[1], ray[2] = cos * x + sin * y, cos * y - sin * x, z
+                depth, through_top = _met(solid, origin_m, ray)
+                if depth >= depth_m[row, column]:
+                    continue
+                depth_m[row, column] = depth
+                middle = through_top
+                for axis in range(2):
+                    met_m = origin_m[axis] + depth * ray[axis]
+                    middle = middle and abs(met_m) <= solid[9] * solid[2 + axis]
+                ids[row, column] = solid[8] if middle else solid[7]

@@ -1,0 +1,122 @@
+"""`PlainDrone`: the twin's drone without images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from sim_bridge.twin.gl import load_physics
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.variation import start_pose
+from uav_bt.errors import DroneError
+from uav_bt.types import Frame, Observation
+
+load_physics()  # before the modules below: they import MuJoCo
+
+from sim_bridge.plain.sight import PlainSight  # noqa: E402  (after load_physics)
+from sim_bridge.twin.model import build_model  # noqa: E402  (after load_physics)
+from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_physics)
+from sim_bridge.twin.simulated_drone import SimulatedDrone  # noqa: E402  (after load_physics)
+from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_physics)
+
+_SIZE_PX: Final = (112, 63)  # of the frames, which are grey; 16:9 as the video
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Flight:
+    """Objects that exist while connected."""
+
+    simulation: Simulation
+    sight: PlainSight
+    referee: TwinReferee
+
+
+class PlainDrone(SimulatedDrone):
+    """A simulated ANAFI whose frames show nothing; implements `Drone` and `Imageless`.
+
+    Args:
+        scene: the lab.
+        profile: limits and imperfections.
+        seed: random seed of the flight, 0 or more.
+        realtime: run at wall-clock speed instead of as fast as possible.
+
+    Raises:
+        ValueRangeError: the seed is negative.
+    """
+
+    def __init__(
+        self, scene: Scene, *, profile: Profile, seed: int = 0, realtime: bool = False
+    ) -> None:
+        super().__init__(
+            scene, profile=profile, seed=seed, image_size_px=_SIZE_PX, realtime=realtime
+        )
+        self._grey = np.full((*_SIZE_PX[::-1], 3), 127, dtype=np.uint8)
+        self._flight: _Flight | None = None
+        self._last: Frame | None = None  # the newest delivered
+
+    @property
+    def referee(self) -> TwinReferee | None:
+        """The referee; None before connecting."""
+        return self._flight.referee if self._flight is not None else None
+
+    @property
+    def sight(self) -> PlainSight | None:
+        """The perception; None before connecting."""
+        return self._flight.sight if self._flight is not None else None
+
+    @property
+    def simulation(self) -> Simulation:
+        """The running simulation.
+
+        Raises:
+            DroneError: not connected.
+        """
+        if self._flight is None:
+            raise DroneError("the drone is not connected; call connect() first")
+        return self._flight.simulation
+
+    def connect(self) -> None:
+        """Build the lab, and put the drone at its take-off point."""
+        if self._flight is not None:
+            return
+        lab = build_model(self.scene, drawn=False)
+        start = start_pose(self.scene, self._seed)
+        simulation = Simulation(self.scene, lab, self.profile, self._seed, start)
+        sight = PlainSight(self.scene, simulation, self._seed)
+        self._last = None
+        self._flight = _Flight(
+            simulation=simulation,
+            sight=sight,
+            referee=TwinReferee(self.scene, lab, simulation, sight.exact),
+        )
+
+    def observe(self) -> Observation:
+        """Return the newest delivered frame and the state.
+
+        Raises:
+            DroneError: not connected.
+        """
+        newest = self.delivered(self.simulation.now_s)
+        if newest is not None and (self._last is None or newest.index != self._last.index):
+            self._last = self._frame(newest)
+        return Observation(frame=self._last, state=self.simulation.state())
+
+    def _frame(self, capture: Capture) -> Frame:
+        telemetry = capture.telemetry
+        return Frame(
+            image=self._grey,
+            index=capture.index,
+            captured_s=capture.time_s,
+            gimbal_pitch_rad=capture.camera.pitch_rad,
+            attitude=telemetry.attitude,
+            altitude_m=telemetry.altitude_m,
+            height_m=telemetry.height_m,
+            height_above_carpet_m=telemetry.height_above_carpet_m,
+        )
+
+    def disconnect(self) -> None:
+        """End the flight; safe to call twice."""
+        self._flight = None
