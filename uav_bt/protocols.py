@@ -198,7 +198,7 @@ class Imageless(Protocol):
 
     @property
     def sight(self) -> Sight | None:
-        """The perception; None before connecting."""
+        """The perception; None before connecting, and if frames are looked at."""
         ...
 
 

@@ -25,6 +25,7 @@ class PlainConfig:
         profile: name of the limits and imperfections, as of the twin.
         realtime: run at wall-clock speed instead of as fast as possible.
         movers: number of random people and carts to add to the movers of the scene.
+        vary_room: whether the boxes' places and sizes, and the light, are random.
     """
 
     scene: str = "train-a"
@@ -32,6 +33,7 @@ class PlainConfig:
     profile: str = "lab"
     realtime: bool = False
     movers: int = 0
+    vary_room: bool = False
 
     def create(self) -> PlainDrone:
         """Return a drone. Its `connect` builds the scene.
@@ -42,8 +44,7 @@ class PlainConfig:
         from sim_bridge.twin import profile, scene_file, variation  # noqa: PLC0415  (heavy imports)
 
         scene, limits = scene_file.load_scene(self.scene), profile.Profile.named(self.profile)
-        if self.movers:
-            scene = variation.with_movers(scene, self.movers, self.seed)
+        scene = variation.varied(scene, self.seed, room=self.vary_room, movers=self.movers)
         from sim_bridge.plain.drone import PlainDrone  # noqa: PLC0415  (imports MuJoCo)
 
         return PlainDrone(scene, profile=limits, seed=self.seed, realtime=self.realtime)

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from sim_bridge.twin.gl import load_physics
+from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.variation import start_pose
@@ -22,7 +23,11 @@ from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_physi
 from sim_bridge.twin.simulated_drone import SimulatedDrone  # noqa: E402  (after load_physics)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_physics)
 
-_SIZE_PX: Final = (112, 63)  # of the frames, which are grey; 16:9 as the video
+_SIZE_PX: Final = (112, 63)  # of the frames, 16:9 as the video
+# The frames show noise, grey levels: they differ from each other as a camera's do, so that a frozen
+# or black video is noticed.
+_GREYS: Final = (110, 140)
+_SHIFTS: Final = 4096  # places in the noise at which a frame may begin
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +58,9 @@ class PlainDrone(SimulatedDrone):
         super().__init__(
             scene, profile=profile, seed=seed, image_size_px=_SIZE_PX, realtime=realtime
         )
-        self._grey = np.full((*_SIZE_PX[::-1], 3), 127, dtype=np.uint8)
+        values = _SIZE_PX[0] * _SIZE_PX[1] * 3 + _SHIFTS
+        generator = np.random.default_rng(child_seed(seed, 15))
+        self._noise = generator.integers(*_GREYS, values, dtype=np.uint8)
         self._flight: _Flight | None = None
         self._last: Frame | None = None  # the newest delivered
 
@@ -105,9 +112,11 @@ class PlainDrone(SimulatedDrone):
         return Observation(frame=self._last, state=self.simulation.state())
 
     def _frame(self, capture: Capture) -> Frame:
-        telemetry = capture.telemetry
+        telemetry, width_px, height_px = capture.telemetry, *_SIZE_PX
+        start = 7 * capture.index % _SHIFTS
+        noise = self._noise[start : start + width_px * height_px * 3]
         return Frame(
-            image=self._grey,
+            image=noise.reshape(height_px, width_px, 3).copy(),
             index=capture.index,
             captured_s=capture.time_s,
             gimbal_pitch_rad=capture.camera.pitch_rad,

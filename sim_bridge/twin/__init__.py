@@ -28,6 +28,7 @@ class TwinConfig:
         image_size_px: width and height of the video, pixels, 16:9.
         realtime: run at wall-clock speed instead of as fast as possible.
         movers: number of random people and carts to add to the movers of the scene.
+        vary_room: whether the boxes' places and sizes, and the light, are random.
     """
 
     scene: str = DEFAULT_SCENE
@@ -36,6 +37,7 @@ class TwinConfig:
     image_size_px: tuple[int, int] = (640, 360)
     realtime: bool = False
     movers: int = 0
+    vary_room: bool = False
 
     def create(self) -> TwinDrone:
         """Return a twin. Its `connect` builds the scene.
@@ -46,8 +48,7 @@ class TwinConfig:
         from sim_bridge.twin import profile, scene_file, variation  # noqa: PLC0415  (heavy imports)
 
         scene, limits = scene_file.load_scene(self.scene), profile.Profile.named(self.profile)
-        if self.movers:
-            scene = variation.with_movers(scene, self.movers, self.seed)
+        scene = variation.varied(scene, self.seed, room=self.vary_room, movers=self.movers)
         from sim_bridge.twin.drone import TwinDrone  # noqa: PLC0415  (imports MuJoCo)
 
         return TwinDrone(

@@ -109,6 +109,24 @@ def _fits(box: BoxSpec, placed: list[BoxSpec], scene: Scene) -> bool:
     return traffic_problem(replace(scene, boxes=(box,), movers=()), scene.movers) is None
 
 
+def varied(scene: Scene, seed: int, *, room: bool, movers: int) -> Scene:
+    """Return a scene with the variations that a flight asks for.
+
+    Args:
+        scene: the original scene.
+        seed: seed of the flight.
+        room: whether the boxes' places and sizes, and the light, are random.
+        movers: number of random movers to add.
+
+    Raises:
+        ValueRangeError: there is no space for the boxes or the movers.
+    """
+    if room:
+        rng = np.random.default_rng(child_seed(seed, 16))
+        scene = varied_scene(scene, rng, name=scene.name, layout=True)
+    return with_movers(scene, movers, seed) if movers else scene
+
+
 def with_movers(scene: Scene, count: int, seed: int) -> Scene:
     """Return a scene with additional random people and carts.
 

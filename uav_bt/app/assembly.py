@@ -26,6 +26,7 @@ from uav_bt.app.options import (
     refuse_unusable,
     site_of,
 )
+from uav_bt.app.random_faults import with_faults
 from uav_bt.app.rehearsed_drone import RehearsedDrone
 from uav_bt.app.site import Site, check_clearances
 from uav_bt.board import MISSION_KEYS
@@ -78,6 +79,7 @@ class Flight(Generic[DroneT]):
         options: Options of the flight.
         judge: Decides when the flight has ended. Default: from the options.
         segmenter: Source of class maps in place of a network. Default: from the options.
+        followers: Listeners that belong to the drone, before all others.
         make_runner: Makes the runner, with the parameters of `MissionRunner`.
 
     Raises:
@@ -92,6 +94,7 @@ class Flight(Generic[DroneT]):
         *,
         judge: Judge | None = None,
         segmenter: Segmenter | None = None,
+        followers: Sequence[TickListener] = (),
         make_runner: Callable[..., MissionRunner] = MissionRunner,
     ) -> None:
         self.mission = mission
@@ -99,6 +102,7 @@ class Flight(Generic[DroneT]):
         self.options = options
         self._judge = judge or Judge(options.judge)
         self._segmenter = segmenter
+        self._followers = followers
         self._make_runner = make_runner
         self._clock = TickClock(drone.clock)
         self.mark = mark_of(options, drone)
@@ -188,17 +192,12 @@ class Flight(Generic[DroneT]):
             self._judge,
             limits=limits_of(self.options),
             config=config if tick_s is None else replace(config, tick_s=tick_s),
-            listeners=listeners,
-            judge_frame=self._frame_judge(),
+            listeners=[*self._followers, *listeners],
+            # A rehearsed drone moves in numbers only: its images rightly stay the same.
+            judge_frame=None if self.options.rehearse else frame_judge(self.drone),
             clock=self._clock,
             next_tree=next_tree,
         )
-
-    def _frame_judge(self) -> FrameJudge | None:
-        # A rehearsed drone moves in numbers only: its images rightly stay the same.
-        if self.options.rehearse or isinstance(self.drone, Imageless):
-            return None
-        return frame_judge(self.drone)
 
 
 Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
@@ -237,9 +236,9 @@ def join(mission: MissionTree, options: FlightOptions) -> Flight[Drone]:
     Raises:
         InputError: Drone or site was refused.
     """
-    drone = make_drone(options)
+    drone, faults = with_faults(make_drone(options), options.faults)
     check_clearances(site_of(options) or Site(), drone.airframe)
-    return Flight(mission, drone, options)
+    return Flight(mission, drone, options, followers=faults)
 
 
 def frame_judge(drone: Drone) -> FrameJudge:
@@ -275,6 +274,16 @@ def _named_drone(options: FlightOptions) -> Drone:
     return config(**{key: value for key, value in given.items() if key in known}).create()
 
 
+def is_simulated(name: str) -> bool:
+    """Return whether a registered drone flies in a scene.
+
+    Raises:
+        UnknownNameError: no drone is registered under that name.
+    """
+    config: type[DroneConfig] = plugins.load(plugins.DRONES, name)
+    return "scene" in _field_names(config)
+
+
 def _given_drone(options: FlightOptions) -> Drone:
     """Return the drone of the options, or the one that their configuration makes."""
     drone: Any = options.drone
@@ -303,6 +312,7 @@ def drone_settings(options: FlightOptions) -> dict[str, Any]:
         "image_size_px": options.image_size_px,
         "realtime": options.realtime,
         "movers": options.movers or None,
+        "vary_room": options.vary_room or None,
         **_place_settings(site_of(options) or Site(), limits_of(options)),
     }
 

@@ -16,6 +16,7 @@ from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission, read_mission
 from uav_bt.app.option_values import as_file
 from uav_bt.app.options import FlightOptions, given_options, site_of
+from uav_bt.app.random_faults import drawn
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
@@ -25,7 +26,7 @@ from uav_bt.files import check_output
 from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
-from uav_bt.mission.flight_report import FlightReport, write_report
+from uav_bt.mission.flight_report import FlightChanges, FlightReport, write_report
 from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.map_check import MapCheck
@@ -110,7 +111,7 @@ def fly(
             report's `lost_outputs`.
     """
     _check_listeners(listeners)
-    options = given_options(options, how)
+    options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
     report, video = as_file("report", report), as_file("video", video)
     record_file = as_file("record", options.record)
@@ -160,6 +161,15 @@ def _check_outputs(
     for _, file in files:
         check_output(file)
         refuse_inputs(file, [*mission.sources, *read], shipped_trees())
+
+
+def _changes(options: FlightOptions) -> FlightChanges:
+    return FlightChanges(
+        ports=dict(options.ports),
+        movers=options.movers,
+        vary_room=options.vary_room,
+        faults=list(options.faults),
+    )
 
 
 def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
@@ -221,7 +231,7 @@ def _run(
             seed=options.seed,
             tree=flight.mission.origin,
             policies=_policies(flight.mission),
-            ports=options.ports,
+            changes=_changes(options),
             drone=options.drone_name,
             profile=_profile(flight),
             stage_times_s=flight.context.stage_times_s,

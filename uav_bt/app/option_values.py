@@ -111,6 +111,20 @@ def files(name: str, value: object) -> tuple[Path, ...]:
     return tuple(path for each in value if (path := as_file(name, each or "")) is not None)
 
 
+def fault_texts(faults: object) -> tuple[str, ...]:
+    """Return faults as texts; their kinds are checked when the flight is put together.
+
+    Args:
+        faults: Sequence of texts.
+
+    Raises:
+        InputError: The value is not such a sequence.
+    """
+    if not isinstance(faults, (tuple, list)) or not all(isinstance(one, str) for one in faults):
+        refuse("faults", "a list of faults, such as ['video-lost@explore+1~3']", faults)
+    return tuple(faults)
+
+
 def port_values(ports: object) -> dict[str, str]:
     """Return values of nodes' ports as the texts of a tree file.
 

@@ -17,6 +17,7 @@ from uav_bt.app.option_values import (
     check_policies,
     class_name,
     expect,
+    fault_texts,
     files,
     image_size,
     port_values,
@@ -106,6 +107,19 @@ class FlightOptions:
             "--movers",
             metavar="N",
             least=0,
+        ),
+    )
+    vary_room: bool = field(
+        default=False,
+        metadata=about("Place and size the scene's boxes by the seed.", "--vary-room"),
+    )
+    faults: Sequence[str] = field(
+        default=(),
+        metadata=about(
+            "A fault of the drone, such as video-lost@explore+1~3, or `random`: room, movers and "
+            "faults are drawn from the seed. Repeatable.",
+            "--faults",
+            metavar="KIND[=LEVEL][@PHASE[+S]][~S]",
         ),
     )
     policies: Mapping[str, str | LeafPolicy] = field(
@@ -220,6 +234,7 @@ class FlightOptions:
         self._set("image_size_px", image_size(self.image_size_px))
         self._set("ports", port_values(self.ports))
         self._set("leaves", files("leaves", self.leaves))
+        self._set("faults", fault_texts(self.faults))
         check_policies(self.policies)
         check_drone(self.drone)
         if not isinstance(self.drone, str):
@@ -268,7 +283,7 @@ FlightOptions.__doc__ = (
 
 # These options set up the drone.
 _OF_THE_DRONE: Final = frozenset(
-    {"scene", "seed", "profile", "image_size_px", "realtime", "movers"}
+    {"scene", "seed", "profile", "image_size_px", "realtime", "movers", "vary_room"}
 )
 
 

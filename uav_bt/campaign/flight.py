@@ -43,8 +43,6 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
     flight |= {"scene": task.scene, "tree": task.tree}
     if options.exact_masks:
         flight["exact_masks"] = True
-    if options.movers:
-        flight["movers"] = options.movers
     flight["path"] = keeper.points
     flight["wall_s"] = round(time.perf_counter() - began_s, 3)
     return flight

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Final
 
+from uav_bt.app.assembly import is_simulated
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import InputError, ValueRangeError
@@ -13,15 +14,15 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.folders import TreeFolders
 
 SHARED: Final = (
-    *("profile", "image_size_px", "exact_masks", "movers"),
+    *("drone", "profile", "image_size_px", "exact_masks", "movers", "vary_room", "faults"),
     *("tree_id", "tree_folders", "leaves", "ports", "policies", "judge", "record_quality"),
 )
 """Fields of `FlightOptions` that all flights of a campaign have in common."""
 
 # Values of a plan that must be the same when a campaign goes on.
 _COMPARED: Final = (
-    *("seed_from", "profile", "image_size_px", "exact_masks", "movers"),
-    *("tree_id", "judge"),
+    *("seed_from", "drone", "profile", "image_size_px", "exact_masks", "movers", "vary_room"),
+    *("faults", "tree_id", "judge"),
 )
 
 
@@ -158,18 +159,10 @@ class CampaignPlan:
         found += _compared("policies", before.options.policy_names, self.options.policy_names)
         found += _compared("ports", before.options.ports, self.options.ports)
         flat, flat_before = _flat(self), _flat(before)
-        for what in (
-            "seed_from",
-            "profile",
-            "image_size_px",
-            "exact_masks",
-            "movers",
-            "tree_id",
-            "judge",
-        ):
-            now, then = flat[what], flat_before[what]
-            if now != then:
-                found.append(f"{what}: was {then}, now {now}")
+        for what in _COMPARED:
+            value, value_before = flat[what], flat_before[what]
+            if value != value_before:
+                found.append(f"{what}: was {value_before}, now {value}")
         return found
 
     def to_json(self) -> dict[str, Any]:
@@ -206,6 +199,11 @@ def _check_shared(options: FlightOptions) -> None:
                 f"a campaign takes no {each.name}, only {', '.join(SHARED)}; "
                 "fly with app.fly(...) instead"
             )
+    if not isinstance(options.drone, str) or not is_simulated(options.drone):
+        raise InputError(
+            f"drone '{options.drone_name}' cannot fly a campaign, only simulated ones can: twin, "
+            "plain, or another that is installed and takes a scene"
+        )
     if options.policy_objects:
         raise InputError(
             "a campaign's policies are names of installed policies, because each flight has a "
@@ -220,6 +218,7 @@ def _flat(planned: FlightTask | CampaignPlan) -> dict[str, Any]:
         "policies": planned.options.policy_names,
         "tree_folders": planned.options.tree_folders.to_json(),
         "leaves": [str(file) for file in planned.options.leaves],
+        "faults": list(planned.options.faults),
         "judge": asdict(planned.options.judge),
     }
     values = {each.name: getattr(planned, each.name) for each in fields(planned)}

@@ -15,6 +15,7 @@ from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app import provenance
 from uav_bt.app.loading import load_mission
 from uav_bt.app.options import FlightOptions, given_options
+from uav_bt.app.random_faults import check_faults
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
@@ -53,6 +54,7 @@ def make_plan(
     options = replace(
         options, tree_folders=options.tree_folders.absolute(), leaves=tuple(map(str, leaves))
     )
+    check_faults(options.faults)
     missions = [load_mission(tree, options) for tree in trees]
     return CampaignPlan(
         trees=tuple(map(_planned_tree, missions)),

@@ -60,6 +60,7 @@ _FORMS: Final[Mapping[str, Mapping[str, Any]]] = {
     "policies": {"callback": node_policies, "multiple": True},
     "ports": {"callback": node_ports, "multiple": True},
     "leaves": {"type": INPUT, "multiple": True},
+    "faults": {"multiple": True},
     "judge": {
         "callback": _judge,
         "type": Number(min=0.0, min_open=True),

@@ -73,7 +73,8 @@ _SECTIONS: Final = {
     "Outputs": ("report", "video", "record", "record_quality", "btlog"),
     "Watching": ("view", "groot", "watch"),
     "Simulated room": (
-        *("scene", "seed", "profile", "movers", "exact_masks", "realtime", "image_size_px"),
+        *("scene", "seed", "profile", "movers", "vary_room", "faults", "exact_masks"),
+        *("realtime", "image_size_px"),
     ),
     "Real drone": ("drone", "site", "camera", "rehearse"),
 }
@@ -92,7 +93,8 @@ _SECTIONS: Final = {
 )
 @flight_options(
     *("tree_id", "tree_folders", "leaves", "ports", "policies", "judge", "scene", "seed"),
-    *("profile", "movers", "exact_masks", "realtime", "drone", "site", "camera", "rehearse"),
+    *("profile", "movers", "vary_room", "faults", "exact_masks", "realtime", "drone", "site"),
+    *("camera", "rehearse"),
     *("record", "record_quality", "image_size_px", "inference_threads"),
 )
 @click.option(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uav_bt.protocols import Clock, Drone, Referee, Scene
+from uav_bt.protocols import Clock, Drone, Imageless, Referee, Scene, Sight
 from uav_bt.types import Airframe, CameraModel, Command, Observation
 
 
@@ -35,6 +35,11 @@ class DroneWrapper:
     def referee(self) -> Referee | None:
         """The inner drone's referee; None on a real drone."""
         return self._drone.referee
+
+    @property
+    def sight(self) -> Sight | None:
+        """The inner drone's perception without images; None if it sends images."""
+        return self._drone.sight if isinstance(self._drone, Imageless) else None
 
     @property
     def scene(self) -> Scene | None:

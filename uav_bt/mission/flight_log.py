@@ -8,7 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from uav_bt.mission.covered_ground import CoveredGround
-from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
+from uav_bt.mission.flight_report import (
+    EXPLORE_S,
+    FlightChanges,
+    FlightReport,
+    Percentiles,
+)
 from uav_bt.mission.judge import Verdict
 from uav_bt.mission.map_check import MapCheck
 from uav_bt.mission.safety import Override
@@ -146,7 +151,7 @@ class FlightLog:
         policies: Mapping[str, str],
         drone: str,
         profile: str | None,
-        ports: Mapping[str, str] | None = None,
+        changes: FlightChanges | None = None,
         stage_times_s: Mapping[str, Sequence[float]],
         slow_leaves_s: Mapping[str, float] | None = None,
         airborne_at_end: bool = False,
@@ -162,7 +167,7 @@ class FlightLog:
             policies: leaf policies, by node.
             drone: name of the drone.
             profile: imperfections of a simulated drone.
-            ports: values of ports that were changed for this flight, by NODE.PORT.
+            changes: what was changed for this flight.
             stage_times_s: durations of each perception stage, seconds.
             slow_leaves_s: the longest time of leaves that blocked, seconds, by path.
             airborne_at_end: whether the drone was left in the air.
@@ -176,7 +181,7 @@ class FlightLog:
             seed=seed,
             tree=tree,
             policies=dict(policies),
-            ports=dict(ports or {}),
+            **vars(changes or FlightChanges()),
             drone=drone,
             profile=profile,
             outcome=verdict.outcome.value,

@@ -37,14 +37,23 @@ class Percentiles:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlightReport:
+class FlightChanges:
+    """What was changed for this flight, besides the files that it names."""
+
+    ports: dict[str, str] = field(default_factory=dict)  # values by NODE.PORT
+    movers: int = 0  # random ones that were added to the scene
+    vary_room: bool = False  # whether the boxes stand elsewhere than in the scene
+    faults: list[str] = field(default_factory=list)  # of the drone
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightReport(FlightChanges):
     """One flight. None stands for a value that does not apply or was not reached."""
 
     scene: str | None
     seed: int
     tree: str
     policies: dict[str, str]  # by node
-    ports: dict[str, str] = field(default_factory=dict)  # changed for this flight, by NODE.PORT
     drone: str
     profile: str | None
     outcome: str

@@ -99,8 +99,22 @@ def test_a_plan_comes_back_from_json_with_the_options_of_its_flights() -> None:
 
 def test_options_that_a_campaign_does_not_keep_are_refused() -> None:
     before = plan()
-    with pytest.raises(InputError, match="a campaign takes no rehearse, only profile, image_size"):
+    with pytest.raises(InputError, match="a campaign takes no rehearse, only drone, profile"):
         replace(before, options=FlightOptions(rehearse=True))
+
+
+def test_a_real_drone_is_refused() -> None:
+    with pytest.raises(InputError, match="drone 'anafi' cannot fly a campaign, only simulated"):
+        replace(plan(), options=FlightOptions(drone="anafi"))
+
+
+def test_the_drone_and_the_faults_of_a_plan_must_be_the_same_when_it_goes_on() -> None:
+    before = plan()
+    options = FlightOptions(drone="plain", faults=["random"])
+    assert replace(before, options=options).differences(before) == [
+        "drone: was twin, now plain",
+        "faults: was [], now ['random']",
+    ]
 
 
 def test_two_trees_of_one_name_are_refused() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -12,13 +11,14 @@ import numpy as np
 
 from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.report.paper import paper_figures, paper_success
+from uav_bt.campaign.report.rates import rates_of
+from uav_bt.campaign.report.repeat import repeat_command
 from uav_bt.campaign.report.sources import FlightSet, Sources
 from uav_bt.campaign.report.statistics import FlightsSummary, summarise
 from uav_bt.campaign.report.table import Cell, Link, Table, Term
 from uav_bt.mission.covered_ground import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
-from uav_bt.tree.loading.folders import TreeFolders
 
 _SUCCESS: Final = Outcome.SUCCESS.value
 _METRIC_NOTES: Final = {
@@ -44,6 +44,7 @@ def tables_of(sources: Sources, page: Path) -> dict[str, Table]:
         _outcomes(sources.sets),
         _scenes(sources),
         _metrics(sources.sets),
+        rates_of(sources.sets),
         _failures(sources.sets, page),
         _timings(sources.sets),
         _flights(sources.sets),
@@ -140,7 +141,7 @@ def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
             flight.get("reason"),
             flight.get("duration_s"),
             _record(one, flight, page),
-            _repeat_command(one, flight),
+            repeat_command(one, flight),
         )
         for one in sets
         for flight in sorted(one.flights, key=lambda f: (str(f["scene"]), f["seed"]))
@@ -166,47 +167,6 @@ def _record(one: FlightSet, flight: dict[str, Any], page: Path) -> Link | None:
         return None
     target = os.path.relpath(record.resolve(), page.resolve().parent)
     return Link(text="record", target=Path(target).as_posix())
-
-
-def _repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
-    """Return the command that flies a flight again."""
-    plan = one.source.plan
-    scene = flight["scene"]
-    exact = bool(flight.get("exact_masks") or (plan is not None and plan.options.exact_masks))
-    words = ["uav-bt", "campaign" if exact else "fly", one.tree_path()]
-    if scene is not None:
-        words += ["--scenes" if exact else "--scene", one.scene_path(scene)]
-    if exact:
-        words += ["--exact-masks", "--flights", "1", "--seed-from", str(flight["seed"])]
-        words += [
-            "--out",
-            f"runs/again-{scene}-{flight['seed']}",
-        ]  # another plan needs another folder
-    else:
-        words += ["--seed", str(flight["seed"])]
-    profile = flight.get("profile")
-    if isinstance(profile, str):
-        words += ["--profile", profile]
-    if flight.get("movers"):
-        words += ["--movers", str(flight["movers"])]
-    if plan is not None:
-        width, height = plan.options.image_size_px
-        words += ["--image-size", f"{width}x{height}"]
-        if plan.options.tree_id is not None:
-            words += ["--tree", plan.options.tree_id]
-        words += _folder_words(plan.options.tree_folders)
-        for node, policy in plan.options.policy_names.items():
-            words += ["--policy", f"{node}={policy}"]
-    return shlex.join(words)
-
-
-def _folder_words(folders: TreeFolders) -> list[str]:
-    words = [word for folder in folders.trees for word in ("--trees", str(folder))]
-    if folders.include_root is not None:
-        words += ["--include-root", str(folders.include_root)]
-    for name, folder in folders.packages.items():
-        words += ["--ros-pkg", f"{name}={folder}"]
-    return words
 
 
 def _timings(sets: Sequence[FlightSet]) -> Table:

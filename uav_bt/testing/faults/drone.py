@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
@@ -19,10 +20,10 @@ from numpy.typing import NDArray
 from uav_bt.errors import InputError
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import Drone, Referee
+from uav_bt.protocols import Drone, Referee, Sight
 from uav_bt.testing.faults.fault import START, Fault
 from uav_bt.testing.faults.kind import FaultMoment
-from uav_bt.types import Command, Frame, Observation, Truth
+from uav_bt.types import ClassMap, Command, DepthMap, Frame, Observation, Pose2D, Truth
 from uav_bt.types.ground import Ground
 
 _PAST: Final = 64  # kept observations for late frames: 6 s at the usual tick; chosen
@@ -75,6 +76,12 @@ class FaultyDrone(DroneWrapper):
         """The inner drone's referee; its masks and depths match the delivered image."""
         inner = self._drone.referee
         return None if inner is None else _FaultyReferee(inner, self)
+
+    @property
+    def sight(self) -> Sight | None:
+        """The inner drone's perception, of what the delivered image shows."""
+        inner = super().sight
+        return None if inner is None else _FaultySight(inner, self)
 
     def connect(self) -> None:
         """Connect the inner drone.
@@ -182,3 +189,22 @@ class _FaultyReferee:
 
     def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
         return self._referee.depth(self._drone.source_of(frame), width_px, height_px)
+
+
+class _FaultySight:
+    """Perception without images that sees what the delivered frames show."""
+
+    def __init__(self, sight: Sight, drone: FaultyDrone) -> None:
+        self._sight = sight
+        self._drone = drone
+
+    def segment(self, frame: Frame) -> ClassMap:
+        seen = self._sight.segment(self._drone.source_of(frame))
+        return replace(seen, captured_s=frame.captured_s)
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        seen = self._sight.estimate(self._drone.source_of(frame))
+        return replace(seen, captured_s=frame.captured_s)
+
+    def motion(self, first: Frame, second: Frame) -> Pose2D | None:
+        return self._sight.motion(self._drone.source_of(first), self._drone.source_of(second))

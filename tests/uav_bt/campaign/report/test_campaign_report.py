@@ -137,6 +137,7 @@ def test_a_report_is_a_page_with_pictures_and_tables_beside_it(tmp_path: Path) -
             "outcomes",
             "scenes",
             "metrics",
+            "rates",
             "failures",
             "timings",
             "flights",
@@ -263,9 +264,31 @@ def test_flights_on_exact_masks_are_seen_again_with_exact_masks(tmp_path: Path) 
     folder = campaign(tmp_path / "c", one, exact_masks=True, image_size_px=(160, 90))
     (row,) = rows(write(tmp_path / "r.html", folder), "failures")
     assert row["command to repeat"] == (
-        "uav-bt campaign /missions/one.xml --scenes '/labs/my lab.yaml' --exact-masks --flights 1 "
-        "--seed-from 3 --out runs/again-lab-3 --profile lab --image-size 160x90"
+        "uav-bt fly /missions/one.xml --scene '/labs/my lab.yaml' --seed 3 --exact-masks "
+        "--profile lab --image-size 160x90"
     )
+
+
+def test_what_was_drawn_for_a_flight_is_in_the_command_that_repeats_it(tmp_path: Path) -> None:
+    drawn = {"drone": "plain", "vary_room": True, "movers": 1, "faults": ["wind=0.1@explore~3"]}
+    folder = campaign(tmp_path / "c", flight(3, outcome="collision", reason="touched", **drawn))
+    (row,) = rows(write(tmp_path / "r.html", folder), "failures")
+    assert (
+        "--seed 3 --drone plain --profile lab --vary-room --movers 1 "
+        "--faults 'wind=0.1@explore~3' --image-size"
+    ) in row["command to repeat"]
+
+
+def test_events_are_counted_per_hour_with_an_interval(tmp_path: Path) -> None:
+    """One contact in half an hour: 2 per hour, and 0.05 to 11.1 by chi-squared."""
+    flights = [flight(seed, duration_s=900.0, total_distance_m=90.0) for seed in range(1)]
+    hit = flight(1, outcome="collision", reason="touched", duration_s=900.0, total_distance_m=90.0)
+    folder = campaign(tmp_path / "c", *flights, hit)
+    (row,) = rows(write(tmp_path / "r.html", folder), "rates")
+    assert (row["hours"], row["metres per hour"]) == ("0.5", "360")
+    assert (row["contacts"], row["contacts, rate"]) == ("1", "200.0")
+    assert (row["contacts, from"], row["contacts, to"]) == ("5.1", "1114.3")
+    assert (row["exits"], row["exits, to"]) == ("0", "599.1")
 
 
 def test_trees_stand_side_by_side_also_under_one_name(tmp_path: Path) -> None:

@@ -1,0 +1,96 @@
+"""Faults of a flight: given as texts, or drawn from its seed together with room and movers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from uav_bt.app.options import FlightOptions
+from uav_bt.errors import InputError
+from uav_bt.protocols import Drone
+from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
+from uav_bt.types import MissionPhase
+
+RANDOM: Final = "random"
+"""In place of a fault: room, movers and faults are drawn from the seed."""
+
+# Faults after which no command can land the drone, or after which nothing is flown.
+_HOPELESS: Final = frozenset(
+    {"deaf", "link-lost", "motors-cut", "no-landing", "no-take-off", "pilot", "send-raises"}
+)
+_COUNTS: Final = (0, 1, 1, 2)  # equally probable numbers of faults
+_MOVERS: Final = (0, 0, 1)  # equally probable numbers of movers
+_PHASES: Final = (
+    *[MissionPhase.EXPLORE] * 4,
+    *(MissionPhase.TAKE_OFF, MissionPhase.APPROACH, MissionPhase.CENTER, MissionPhase.LAND),
+)
+_DELAY_S: Final = {MissionPhase.EXPLORE: 30.0}  # longest delay after the phase's start
+_OTHER_DELAY_S: Final = 2.0
+_LASTS_S: Final = (0.5, 15.0)
+_STAYS: Final = 0.25  # share of the faults that last to the end
+_LEVELS: Final = (0.3, 1.5)  # times the kind's default level
+
+
+def drawn(options: FlightOptions) -> FlightOptions:
+    """Return the options with everything random drawn from the seed.
+
+    Args:
+        options: with `RANDOM` among the faults, the room varies, and movers and faults are added;
+            without it they are returned as they are.
+    """
+    if RANDOM not in options.faults:
+        return options
+    rng = np.random.default_rng([options.seed, *RANDOM.encode()])
+    movers = options.movers + int(rng.choice(_MOVERS))
+    faults = [_drawn_fault(rng) for _ in range(int(rng.choice(_COUNTS)))]
+    given = [text for text in options.faults if text != RANDOM]
+    return replace(options, vary_room=True, movers=movers, faults=(*given, *faults))
+
+
+def _drawn_fault(rng: np.random.Generator) -> str:
+    kinds = [kind for kind in FAULTS.values() if kind.name not in _HOPELESS]
+    kind: FaultKind = kinds[int(rng.integers(len(kinds)))]
+    phase = _PHASES[int(rng.integers(len(_PHASES)))]
+    times = float(rng.uniform(*_LEVELS))
+    delay_s = float(rng.uniform(0.0, _DELAY_S.get(phase, _OTHER_DELAY_S)))
+    lasts_s = float(rng.uniform(*_LASTS_S))
+    fault = Fault(
+        kind=kind,
+        level=None if kind.level is None else float(f"{times * kind.level:.2g}"),
+        phase=phase,
+        delay_s=round(delay_s, 1),
+        duration_s=np.inf if rng.random() < _STAYS else round(lasts_s, 1),
+    )
+    return str(fault)
+
+
+def check_faults(texts: Sequence[str]) -> list[Fault]:
+    """Return the faults of texts, without `RANDOM`.
+
+    Raises:
+        InputError: a fault is unknown or malformed.
+    """
+    return [Fault.parse(text) for text in texts if text != RANDOM]
+
+
+def with_faults(drone: Drone, texts: Sequence[str]) -> tuple[Drone, list[FaultyDrone]]:
+    """Return a drone with faults, and the wrappers, which must follow the flight as listeners.
+
+    Args:
+        drone: not connected yet.
+        texts: faults as texts.
+
+    Raises:
+        InputError: a fault is unknown or malformed, or the drone cannot have it.
+    """
+    faults = check_faults(texts)
+    if faults and drone.live:
+        raise InputError("faults are for simulated drones; a real one must not get them")
+    wrappers: list[FaultyDrone] = []
+    for fault in faults:
+        drone = FaultyDrone(drone, fault)
+        wrappers.append(drone)
+    return drone, wrappers
