@@ -11,6 +11,7 @@ from types import UnionType
 from typing import Any, Final, Literal, NoReturn
 
 from uav_bt.errors import InputError
+from uav_bt.files import reading
 from uav_bt.protocols import Drone, LeafPolicy
 
 _ABSENT: Final = object()
@@ -115,14 +116,24 @@ def fault_texts(faults: object) -> tuple[str, ...]:
     """Return faults as texts; their kinds are checked when the flight is put together.
 
     Args:
-        faults: Sequence of texts.
+        faults: Sequence of texts. `@FILE` stands for the lines of a file.
 
     Raises:
-        InputError: The value is not such a sequence.
+        InputError: The value is not such a sequence, or a file cannot be read.
     """
     if not isinstance(faults, (tuple, list)) or not all(isinstance(one, str) for one in faults):
         refuse("faults", "a list of faults, such as ['video-lost@explore+1~3']", faults)
-    return tuple(faults)
+    return tuple(text for one in faults for text in _fault_lines(one))
+
+
+def _fault_lines(text: str) -> Iterator[str]:
+    if not text.startswith("@"):
+        yield text
+        return
+    path = Path(text[1:])
+    with reading(path):
+        lines = path.read_text(encoding="utf-8").splitlines()
+    yield from (line.strip() for line in lines if line.strip())
 
 
 def port_values(ports: object) -> dict[str, str]:

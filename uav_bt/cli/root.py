@@ -253,6 +253,10 @@ _LAB: Final = LazyGroup(
         "simulate": ("uav_bt.cli.simulate:simulate", "Tick a tree with scripted leaves."),
         "campaign": ("uav_bt.cli.campaign:campaign", "Fly missions many times."),
         "report": ("uav_bt.cli.report:report", "Write the report of campaigns."),
+        "shrink": (
+            "uav_bt.cli.shrink:shrink_command",
+            "Reduce a failed flight to its fewest causes.",
+        ),
         "view": ("uav_bt.cli.record:view", "Show the record of a flight."),
         "replay": ("uav_bt.cli.record:replay", "Feed a recorded flight through the tree again."),
         "lsp": ("uav_bt.cli.lsp:lsp", "Check and complete tree files in editors."),

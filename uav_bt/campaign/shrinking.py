@@ -1,0 +1,166 @@
+"""Reduction of a failed flight to the fewest boxes, movers and faults that still fail.
+
+The parts are removed by delta debugging (Zeller and Hildebrandt, 2002): larger groups first, then
+single ones, until no part can be left out.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene_file import load_scene, scene_text
+from sim_bridge.twin.variation import varied
+from uav_bt import app
+from uav_bt.app.options import FlightOptions
+from uav_bt.errors import InputError
+from uav_bt.mission.judge import Outcome
+
+Part = TypeVar("Part")
+
+_BOX: Final = "box"
+_MOVER: Final = "mover"
+_FAULT: Final = "fault"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailedFlight:
+    """A flight of a campaign that failed, with everything drawn for it.
+
+    Attributes:
+        tree: The mission: a file or the name of a shipped one.
+        scene: The scene with the room and the movers that were drawn.
+        options: How it was flown; without scene, movers and faults.
+        faults: The faults of the drone.
+        outcome: How it ended.
+        reason: Why.
+    """
+
+    tree: str
+    scene: Scene
+    options: FlightOptions
+    faults: tuple[str, ...]
+    outcome: str
+    reason: str
+
+    @classmethod
+    def of(
+        cls, flight: Mapping[str, Any], tree: str, scene: str, options: FlightOptions
+    ) -> FailedFlight:
+        """Return a flight from its line.
+
+        Args:
+            flight: The line.
+            tree: The mission that was flown.
+            scene: The scene file or the name of the scene.
+            options: How the campaign was flown.
+
+        Raises:
+            InputError: The flight did not fail, or its scene cannot be read.
+        """
+        if flight["outcome"] == Outcome.SUCCESS.value:
+            raise InputError("this flight succeeded; there is nothing to shrink")
+        room, movers = bool(flight.get("vary_room")), int(flight.get("movers") or 0)
+        seed = int(flight["seed"])
+        return cls(
+            tree=tree,
+            scene=varied(load_scene(scene), seed, room=room, movers=movers),
+            options=replace(options, seed=seed, movers=0, vary_room=False, faults=()),
+            faults=tuple(flight.get("faults") or ()),
+            outcome=flight["outcome"],
+            reason=str(flight.get("reason") or ""),
+        )
+
+    def parts(self) -> list[tuple[str, int]]:
+        """Return everything that may be left out: its kind and its number."""
+        counted = ((_FAULT, self.faults), (_MOVER, self.scene.movers), (_BOX, self.scene.boxes))
+        return [(kind, number) for kind, some in counted for number in range(len(some))]
+
+    def with_parts(self, kept: Sequence[tuple[str, int]]) -> FailedFlight:
+        """Return the flight with these parts only."""
+        left = set(kept)
+        scene = replace(
+            self.scene,
+            name=f"{self.scene.name}-shrunk",
+            boxes=_kept(self.scene.boxes, _BOX, left),
+            movers=_kept(self.scene.movers, _MOVER, left),
+        )
+        return replace(self, scene=scene, faults=_kept(self.faults, _FAULT, left))
+
+    def fails(self, drone: str | None = None) -> bool:
+        """Fly it; return whether it ends as the original did.
+
+        Args:
+            drone: The simulated drone; None: the one that flew it.
+        """
+        with tempfile.TemporaryDirectory(prefix="uav-bt-shrink-") as folder:
+            file = Path(folder) / "scene.yaml"
+            file.write_text(scene_text(self.scene), encoding="utf-8")
+            options = replace(self.options, scene=file, faults=self.faults)
+            if drone is not None:
+                options = replace(options, drone=drone)
+            try:
+                return app.fly(self.tree, options).outcome == self.outcome
+            except InputError:
+                raise
+            except Exception:  # noqa: BLE001  (a leaf that raises ends a flight with `error`)
+                return self.outcome == Outcome.ERROR.value
+
+
+def _kept(parts: Sequence[Part], kind: str, left: set[tuple[str, int]]) -> tuple[Part, ...]:
+    return tuple(part for number, part in enumerate(parts) if (kind, number) in left)
+
+
+def shrink(
+    flight: FailedFlight, on_try: Callable[[int, bool], None] = lambda _left, _fails: None
+) -> FailedFlight:
+    """Return a flight with the fewest parts that still ends as the original did.
+
+    Args:
+        flight: The failed flight.
+        on_try: Called after each flight with the number of parts that were left, and whether it
+            failed.
+
+    Raises:
+        InputError: The flight does not fail any more.
+    """
+
+    def fails(parts: Sequence[tuple[str, int]]) -> bool:
+        failed = flight.with_parts(parts).fails()
+        on_try(len(parts), failed)
+        return failed
+
+    parts = flight.parts()
+    if not fails(parts):
+        raise InputError(
+            f"the flight does not end with '{flight.outcome}' any more: code, networks or machine "
+            "differ from those that flew it"
+        )
+    return flight.with_parts(least(parts, fails))
+
+
+def least(parts: Sequence[Part], fails: Callable[[Sequence[Part]], bool]) -> list[Part]:
+    """Return the parts that cannot be left out, one by one, without losing the failure.
+
+    Args:
+        parts: All parts, with which it fails.
+        fails: Returns whether some of the parts still fail.
+    """
+    kept, groups = list(parts), 2
+    while kept:
+        size = -(-len(kept) // groups)
+        chunks = [kept[start : start + size] for start in range(0, len(kept), size)]
+        for chunk in chunks:
+            rest = [part for part in kept if part not in chunk]
+            if fails(rest):
+                kept, groups = rest, max(2, groups - 1)
+                break
+        else:
+            if size == 1:
+                break
+            groups = min(len(kept), 2 * groups)
+    return kept
