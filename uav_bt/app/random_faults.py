@@ -43,7 +43,8 @@ def drawn(options: FlightOptions) -> FlightOptions:
     """
     if RANDOM not in options.faults:
         return options
-    rng = np.random.default_rng([options.seed, *RANDOM.encode()])
+    # Other faults in each scene, and the same for each tree, so that trees can be compared.
+    rng = np.random.default_rng([options.seed, *f"{RANDOM} {options.scene}".encode()])
     movers = options.movers + int(rng.choice(_MOVERS))
     faults = [_drawn_fault(rng) for _ in range(int(rng.choice(_COUNTS)))]
     given = [text for text in options.faults if text != RANDOM]

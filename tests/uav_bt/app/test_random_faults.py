@@ -1,0 +1,60 @@
+"""Faults of a flight: as texts, from a file, or drawn from the seed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt import app
+from uav_bt.app.random_faults import drawn, with_faults
+from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.testing import Fault, ScriptedDrone
+
+
+def options(seed: int, scene: str = "val-a") -> app.FlightOptions:
+    return drawn(app.FlightOptions(drone="plain", seed=seed, scene=scene, faults=["random"]))
+
+
+def test_room_movers_and_faults_come_from_seed_and_scene() -> None:
+    assert options(1) == options(1)
+    many = [options(seed) for seed in range(40)]
+    assert all(one.vary_room for one in many)
+    assert {one.movers for one in many} == {0, 1}
+    assert {len(one.faults) for one in many} == {0, 1, 2}
+    assert len({one.faults for one in many}) > 20
+    assert options(1, "val-b") != options(1)
+
+
+def test_drawn_faults_leave_the_drone_a_chance() -> None:
+    """Each can be parsed again, and none keeps every landing command from the drone."""
+    kinds = {Fault.parse(text).kind.name for seed in range(200) for text in options(seed).faults}
+    assert len(kinds) > 25
+    assert not kinds & {"deaf", "no-landing", "motors-cut", "link-lost", "pilot"}
+
+
+def test_given_faults_are_flown_and_reported() -> None:
+    """A battery of 6 % lands the drone, and the report names fault and reason."""
+    faults = ["battery-low=0.06@center+0.3"]
+    report = app.fly("land_only", drone="plain", scene="val-a", faults=faults)
+    assert (report.outcome, report.reason) == ("aborted", "critical battery: 6 %")
+    assert report.faults == faults
+
+
+def test_a_file_holds_one_fault_per_line(tmp_path: Path) -> None:
+    file = tmp_path / "faults.txt"
+    file.write_text("wind=0.1@explore\n\nframes@start\n")
+    assert app.FlightOptions(faults=[f"@{file}"]).faults == ("wind=0.1@explore", "frames@start")
+
+
+def test_mistakes_are_refused_before_anything_flies() -> None:
+    with pytest.raises(UnknownNameError, match="unknown fault 'winds'; did you mean 'wind'"):
+        app.fly("land_only", drone="plain", faults=["winds"])
+    with pytest.raises(InputError, match="expected a list of faults"):
+        app.FlightOptions(faults="wind")
+    with pytest.raises(InputError, match="no-such"):
+        app.FlightOptions(faults=["@no-such.txt"])
+    real = ScriptedDrone()
+    real.live = True
+    with pytest.raises(InputError, match="faults are for simulated drones"):
+        with_faults(real, ["wind"])
