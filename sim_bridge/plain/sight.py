@@ -19,18 +19,19 @@ from uav_bt.types import ClassMap, DepthMap, Frame, Pose2D
 
 @dataclass(frozen=True, kw_only=True)
 class SightErrors:
-    """Errors of perception, fitted to flights of the twin with networks.
+    """Sizes of the errors of perception.
 
     Attributes:
         jitter_px: Standard deviation of where a pixel looks, pixels of the class map. It frays the
-            borders of things as the network does.
-        depth_share: Standard deviation of the relative depth of a frame, as a share.
-        shift_m: Standard deviation of the measured motion between two frames, each way.
-        turn_rad: Standard deviation of the measured turn between two frames.
-        min_ground: Least share of ground in both frames for a measurement.
+            borders of things as the network does. Fitted: `benchmarks/fit_plain_world.py`.
+        depth_share: Standard deviation of the relative depth of a frame, as a share. Chosen.
+        shift_m: Standard deviation of the measured motion between two frames, each way: that of
+            the optical flow in flights of the twin.
+        turn_rad: Standard deviation of the measured turn between two frames, likewise.
+        min_ground: Least share of ground in both frames for a measurement. Chosen.
     """
 
-    jitter_px: float = 0.35
+    jitter_px: float = 0.2
     depth_share: float = 0.05
     shift_m: float = 0.002
     turn_rad: float = 0.002
