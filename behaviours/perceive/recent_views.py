@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from uav_bt.board import FRAME, RECENT_VIEWS, STATE
 from uav_bt.board.context import MissionContext
+from uav_bt.errors import InputError
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import PastView, RecentViews
 from uav_bt.types.dead_reckoning import Odometry
@@ -23,8 +24,16 @@ class RememberViews(Leaf):
     writes = (RECENT_VIEWS,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Make the odometry."""
-        del mission
+        """Make the odometry.
+
+        Raises:
+            InputError: the drone's frames show nothing.
+        """
+        if mission.sight is not None:
+            raise InputError(
+                "RememberViews keeps images for a policy that looks at them, and this drone has "
+                "none; fly the mission with --drone twin"
+            )
         self._odometry = Odometry()
         self._views: deque[PastView] = deque()
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sim_bridge.plain.drone import PlainDrone
+    from sim_bridge.twin.scene import Scene
 
 __all__ = ["PlainConfig"]
 
@@ -20,7 +21,7 @@ class PlainConfig:
     """Settings of a flight without images; the entry point `plain` registers this class.
 
     Attributes:
-        scene: name of a shipped scene, or path of a scene file.
+        scene: name of a shipped scene, path of a scene file, or a `Scene`.
         seed: random seed of the whole flight, 0 or more.
         profile: name of the limits and imperfections, as of the twin.
         realtime: run at wall-clock speed instead of as fast as possible.
@@ -28,7 +29,7 @@ class PlainConfig:
         vary_room: whether the boxes' places and sizes, and the light, are random.
     """
 
-    scene: str = "train-a"
+    scene: str | Scene = "train-a"
     seed: int = 0
     profile: str = "lab"
     realtime: bool = False
@@ -43,7 +44,9 @@ class PlainConfig:
         """
         from sim_bridge.twin import profile, scene_file, variation  # noqa: PLC0415  (heavy imports)
 
-        scene, limits = scene_file.load_scene(self.scene), profile.Profile.named(self.profile)
+        limits, scene = profile.Profile.named(self.profile), self.scene
+        if isinstance(scene, str):
+            scene = scene_file.load_scene(scene)
         scene = variation.varied(scene, self.seed, room=self.vary_room, movers=self.movers)
         from sim_bridge.plain.drone import PlainDrone  # noqa: PLC0415  (imports MuJoCo)
 

@@ -15,7 +15,7 @@ from sim_bridge.plain.drone import PlainDrone
 from sim_bridge.plain.sight import SightErrors
 from uav_bt import app
 from uav_bt.classes import CARPET
-from uav_bt.errors import DroneError
+from uav_bt.errors import DroneError, InputError
 from uav_bt.protocols import Drone, Imageless, Sight
 from uav_bt.types import Command, GimbalTo, MoveBy, Observation, TakeOff
 
@@ -89,6 +89,11 @@ def test_the_measured_motion_has_the_stated_error() -> None:
     assert len(off) > 30
     assert np.std(off) == pytest.approx(errors.shift_m, rel=0.3)
     assert drone.sight.motion(frames[0], frames[1]) is None
+
+
+def test_a_mission_that_looks_at_images_is_refused() -> None:
+    with pytest.raises(InputError, match="this drone has none; fly the mission with --drone twin"):
+        app.fly("explore_and_land_student", drone="plain")
 
 
 def test_it_needs_no_opengl() -> None:
