@@ -108,6 +108,7 @@ class TimedDrone(DroneWrapper):
         self._used = -1
         self.stages: dict[str, list[Moment]] = {}
         self._perception: dict[str, list[float]] = {}
+        self._counted: dict[str, int] = {}  # times of each stage until the tick before
         self._pending: tuple[Moment, Moment] | None = None
         self._collecting_s = 0.0
 
@@ -159,9 +160,10 @@ class TimedDrone(DroneWrapper):
         note("conversion to RGB", *_between(began, seen))
         inside_s = 0.0
         for stage, times_s in self._perception.items():
-            if times_s:
+            if len(times_s) > self._counted.get(stage, 0):  # the stage ran in this tick
                 note(stage, times_s[-1])
                 inside_s += times_s[-1]
+            self._counted[stage] = len(times_s)
         note("rest of the tree", record.compute_s - inside_s)
         wall_s, own_s = _between(seen, decided)
         note("screening, board, tree", wall_s, own_s)

@@ -66,10 +66,11 @@ class FailedFlight:
             raise InputError("this flight succeeded; there is nothing to shrink")
         room, movers = bool(flight.get("vary_room")), int(flight.get("movers") or 0)
         seed = int(flight["seed"])
+        flown = {name: flight[name] for name in ("drone", "profile") if flight.get(name)}
         return cls(
             tree=tree,
             scene=varied(load_scene(scene), seed, room=room, movers=movers),
-            options=replace(options, seed=seed, movers=0, vary_room=False, faults=()),
+            options=replace(options, **flown, seed=seed, movers=0, vary_room=False, faults=()),
             faults=tuple(flight.get("faults") or ()),
             outcome=flight["outcome"],
             reason=str(flight.get("reason") or ""),

@@ -35,6 +35,8 @@ def flight(**changes: object) -> dict[str, object]:
         "tree": "land_only.xml",
         "scene": "val-a",
         "seed": 3,
+        "drone": "plain",
+        "profile": "lab",
         "outcome": "aborted",
         "reason": "critical battery: 6 %",
         "faults": ["wind=0.05@take-off", "battery-low=0.06@center+0.3"],
