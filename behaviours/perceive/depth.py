@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Final
 
 from behaviours.stage_timer import StageTimer
 from perception.camera.ground_plane import view_of
@@ -24,6 +25,9 @@ from uav_bt.board.context import MissionContext
 from uav_bt.classes import is_above_ground, is_ground
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
+
+# Obstacles beyond the front plane of the corridor, 2 m, stop no step. Chosen.
+NETWORK_AHEAD_M: Final = 2.5
 
 
 class EstimateDepth(Leaf):
@@ -51,7 +55,7 @@ class EstimateDepth(Leaf):
         Port(
             "network_ahead_m",
             float,
-            default=2.5,
+            default=NETWORK_AHEAD_M,
             least=0.0,
             most=20.0,
             doc="fused: run the network if an obstacle that ground contact does not measure may be "

@@ -56,7 +56,7 @@ def corridor_table(
     """
     settings = [CorridorConfig(front_m=front_m) for front_m in FRONTS_M]
     settings += [CorridorConfig(focal_factor=factor) for factor in FOCAL_FACTORS]
-    names = ("adaptive", "fused", "contact")
+    names = ("adaptive", "fused", "flown", "contact")
     maps = {
         method.name: metric_maps(method, images, masks)
         for method in methods_for(images)

@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.perceive.depth import NETWORK_AHEAD_M
 from perception.camera.ground_plane import CameraView, ground_depth, view_of
-from perception.depth.metric import MetricDepthMaker
+from perception.depth.metric import MetricDepthConfig, MetricDepthMaker
 from perception.depth.scale import CarpetSample, Scale
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.errors import ShapeError
@@ -108,6 +109,8 @@ class Method:
     source: str | None  # source of `MetricDepthMaker`; None: the lowest-pixel baseline
     # Constant scale of all images, which are processed twice; None: the adaptive scale.
     collects: Literal["constant", "least_squares"] | None = None
+    # The network is used for images with an unmeasured obstacle that may be nearer than this, m.
+    ahead_m: float = MetricDepthConfig.network_ahead_m
     flat: bool = False  # True: a constant depth of one instead of the network
 
     @property
@@ -121,6 +124,7 @@ METHODS: Final = (
     Method(name="least_squares", source="network", collects="least_squares"),
     Method(name="adaptive", source="network"),
     Method(name="fused", source="fused"),
+    Method(name="flown", source="fused", ahead_m=NETWORK_AHEAD_M),
     Method(name="contact", source="contact"),
     Method(name="lowest_pixel", source=None),
     # Baseline: edges have about the right length at any depth near the right distance.
@@ -178,6 +182,7 @@ def metric_maps(
         source=method.source,
         scale=None if method.collects is None else CollectedScale(method.collects),
         generator=np.random.default_rng(seed),
+        config=MetricDepthConfig(network_ahead_m=method.ahead_m),
     )
 
     def all_maps() -> list[DepthMap]:
