@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from behaviours.stage_timer import StageTimer
-from perception.mapping.view import View
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
@@ -72,8 +71,8 @@ class MapSite(Leaf):
         self, class_map: ClassMap, frame: Frame, camera: CameraModel, motion: MotionEstimate
     ) -> None:
         height_px, width_px = class_map.ids.shape
-        sized, config = camera.resized(width_px, height_px), self._mapper.config.view
-        view = View.of(class_map, frame, sized, motion.seen, config)
+        sized = camera.resized(width_px, height_px)
+        view = self._mapper.view(class_map, frame, sized, motion.seen)
         self._mapper.follow(motion)
         if view is None:
             self._mapper.pass_over(frame.captured_s)

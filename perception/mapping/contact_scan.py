@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.mapping import scan_loops
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, NO_CLASS, group_of
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel, ClassMap, Frame
@@ -68,8 +69,6 @@ def scan_ground(
         camera: intrinsics at the class map's size.
         config: resolution of the scan.
     """
-    from perception.mapping import scan_loops  # noqa: PLC0415 - late: Numba takes long to import
-
     config = config or ContactScanConfig()
     pitch_rad, height_m = frame.gimbal_pitch_rad, max(frame.height_above_carpet_m, 0.05)
     height_px, width_px = class_map.ids.shape
@@ -96,8 +95,6 @@ def scan_ground(
 
 def find_bases(scan: GroundScan) -> Bases:
     """Find the first obstacle on the carpet on each bearing of a scan, and the carpet's edge."""
-    from perception.mapping import scan_loops  # noqa: PLC0415 - late: Numba takes long to import
-
     rows, first, before = scan_loops.first_runs(scan.groups, GROUP_OBSTACLE, scan.min_run)
     stands, hides = before == GROUP_CARPET, before == NO_CLASS
     edge_rows, edge, edge_before = scan_loops.first_runs(

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.mapping import scan_loops  # noqa: F401 - compiled before the first view
 from perception.mapping.arrivals import ArrivalConfig, find_arrivals
 from perception.mapping.contradiction import Contradiction, ContradictionConfig
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
@@ -32,7 +31,7 @@ from perception.mapping.objects import find_objects
 from perception.mapping.recent import RecentLayer, RecentLayerConfig
 from perception.mapping.registration import Registration, RegistrationConfig
 from perception.mapping.view import View, ViewConfig
-from uav_bt.types import HelipadFix
+from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix, Pose2D
 from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import MapObject, SiteMap
@@ -90,6 +89,19 @@ class SiteMapper:
         self._objects: tuple[MapObject, ...] = ()
         self._objects_s = -math.inf
         self._residual_m, self._matched = 0.0, 0
+
+    def view(
+        self, class_map: ClassMap, frame: Frame, camera: CameraModel, pose: Pose2D
+    ) -> View | None:
+        """Return the view of a frame, for `add`; None when the camera looks too far down.
+
+        Args:
+            class_map: class map of `frame`.
+            frame: its gimbal pitch and height place its points.
+            camera: intrinsics at the class map's size.
+            pose: dead-reckoned pose of the body at the frame's capture.
+        """
+        return View.of(class_map, frame, camera, pose, self.config.view)
 
     def follow(self, motion: MotionEstimate) -> None:
         """Update the drone's motion; call it before each view with the motion up to it."""

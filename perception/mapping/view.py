@@ -7,6 +7,7 @@ from typing import Final, Self
 
 import numpy as np
 
+from perception.mapping import scan_loops
 from perception.mapping.contact_scan import (
     Bases,
     ContactScanConfig,
@@ -149,8 +150,6 @@ class View:
         Returns:
             Two arrays of flags, (...).
         """
-        from perception.mapping import scan_loops  # noqa: PLC0415 - late: Numba takes long to import
-
         inside, shows = scan_loops.looked_up(
             np.ascontiguousarray(points_m.reshape(-1, 2)),
             max(self.height_m, MIN_HEIGHT_M),

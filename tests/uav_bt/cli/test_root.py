@@ -146,7 +146,7 @@ def test_help_has_a_line_for_each_command_and_then_for_each_group() -> None:
     assert result.exit_code == 0
     commands, groups = result.stdout.partition("Commands:")[2].split("Groups of commands:")
     assert [line.split()[0] for line in commands.splitlines() if line] == [
-        *("fly", "check", "new", "simulate", "campaign", "report", "view", "replay"),
+        *("fly", "check", "new", "simulate", "campaign", "report", "shrink", "view", "replay"),
         *("lsp", "doctor", "serve-anafi"),
     ]
     assert [line.split()[0] for line in groups.splitlines() if line] == [
