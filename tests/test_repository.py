@@ -119,7 +119,7 @@ def dangers(source: str) -> Iterator[str]:
             yield f"line {node.lineno}: {danger}"
 
 
-MAY_SLEEP = {"uav_bt/clock.py", "sim_bridge/twin/drone.py"}  # both are clocks
+MAY_SLEEP = {"uav_bt/clock.py", "sim_bridge/twin/simulated_drone.py"}  # both are clocks
 
 
 @pytest.mark.parametrize("path", MODULES, ids=relative)

@@ -54,7 +54,7 @@ def shrink_command(
 
     \b
     Example:
-      uav-bt campaign survey_and_land --drone plain --faults random --out runs/soak
+      uav-bt campaign land_only --drone plain --faults random --out runs/soak
       uav-bt shrink runs/soak --out runs/soak/smallest
     """  # noqa: D301  (click needs the backspace)
     flight = _failed(source, {"tree": tree_name, "scene": scene, "seed": seed})

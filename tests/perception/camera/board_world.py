@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,10 +49,10 @@ def photograph(
     Yields:
         (H, W, 3) uint8 RGB.
     """
-    builder = twin_model._Builder(math.hypot(*ROOM_SIZE_M))
+    builder = twin_model._Builder(math.hypot(*ROOM_SIZE_M), drawn=True)
     builder.room(ROOM_SIZE_M)
     builder.lights(Lighting(ambient=0.9, direction=(0.6, 0.2, -0.6)))
-    builder._texture("board", _texture(squares))
+    builder._texture("board", partial(_texture, squares))
     width_m, height_m = ((count + 2) * square_m for count in squares)
     solid = twin_model.Solid(half_m=(0.002, width_m / 2, height_m / 2), centre_m=_CENTRE_M)
     builder._show("board/seen", solid, material="board", class_id=0, tile_m=(width_m, height_m))

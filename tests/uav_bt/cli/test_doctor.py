@@ -39,7 +39,7 @@ def test_the_doctor_tells_what_is_installed_and_what_works() -> None:
     assert re.search(r"\d+ cores, (no )?VNNI.*; \d+\.\d GB free in this folder", lines["machine"])
     assert lines["drawing the lab"] == "ok, OpenGL works"
     assert lines["behaviours"].startswith("ok, behaviours (")
-    assert lines["drones"] == "ok, anafi, sphinx, twin"
+    assert lines["drones"] == "ok, anafi, plain, sphinx, twin"
     assert "extra dev" not in lines
 
 

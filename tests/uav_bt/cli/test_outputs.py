@@ -123,6 +123,7 @@ OUTPUTS = [
     "view old.mcap --save {}.rrd",
     "report flights.jsonl --out {}.html",
     "campaign mission.xml --out {}",
+    "shrink flights.jsonl --out {}",
     "net collect mission.xml --out {}",
     "net perceive flight.mp4 --out {}.mp4",
     "net perceive flight.mp4 --json {}.json",
