@@ -60,6 +60,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "drone_config": repr(drone) if is_dataclass(drone) else None,
         "airframe": flight.drone.airframe,
         "simulated": flight.drone.referee is not None,
+        "imageless": flight.context.sight is not None,
         "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",
         "git": provenance.commit(),
@@ -89,6 +90,7 @@ class RecordedOptions:
     seed: int = 0
     inference_threads: int = 1
     exact_masks: bool = False
+    imageless: bool = False  # whether the frames show nothing
     record_quality: Quality = "lossless"
     site: Site | None = None
     limits: Limits = field(default_factory=Limits)

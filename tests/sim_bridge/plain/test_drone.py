@@ -6,6 +6,7 @@ import itertools
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from sim_bridge.plain import PlainConfig
 from sim_bridge.plain.drone import PlainDrone
 from sim_bridge.plain.sight import SightErrors
 from uav_bt import app
+from uav_bt.app.replay import replay
 from uav_bt.classes import CARPET
-from uav_bt.errors import DroneError, InputError
+from uav_bt.errors import DroneError, FileError, InputError
 from uav_bt.protocols import Drone, Imageless, Sight
 from uav_bt.types import Command, GimbalTo, MoveBy, Observation, TakeOff
 
@@ -94,6 +96,13 @@ def test_the_measured_motion_has_the_stated_error() -> None:
 def test_a_mission_that_looks_at_images_is_refused() -> None:
     with pytest.raises(InputError, match="this drone has none; fly the mission with --drone twin"):
         app.fly("explore_and_land_student", drone="plain")
+
+
+def test_its_record_cannot_be_replayed(tmp_path: Path) -> None:
+    record = tmp_path / "flight.mcap"
+    app.fly("land_only", drone="plain", scene="val-a", seed=3, record=record)
+    with pytest.raises(FileError, match=r"flight\.mcap: was flown without images"):
+        replay(record)
 
 
 def test_it_needs_no_opengl() -> None:

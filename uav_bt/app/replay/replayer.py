@@ -138,10 +138,16 @@ def assemble_recorded(
         The flight, and whose class maps it gets.
 
     Raises:
-        FileError: the record lacks its tree, or is damaged.
+        FileError: the record lacks its tree, is damaged, or has no images.
         TreeError: the tree was refused.
     """
     recorded = recorded_options(reader)
+    if recorded.imageless:
+        raise FileError(
+            reader.path,
+            "was flown without images, so there is nothing to perceive again; fly it again with "
+            "its seed instead, which gives the same flight",
+        )
     drone = RecordedDrone(reader, recorded.airframe)
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     options = FlightOptions(
