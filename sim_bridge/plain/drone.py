@@ -12,7 +12,6 @@ from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.variation import start_pose
-from uav_bt.errors import DroneError
 from uav_bt.types import Frame, Observation
 
 load_physics()  # before the modules below: they import MuJoCo
@@ -20,7 +19,7 @@ load_physics()  # before the modules below: they import MuJoCo
 from sim_bridge.plain.sight import PlainSight  # noqa: E402  (after load_physics)
 from sim_bridge.twin.model import build_model  # noqa: E402  (after load_physics)
 from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_physics)
-from sim_bridge.twin.simulated_drone import SimulatedDrone  # noqa: E402  (after load_physics)
+from sim_bridge.twin.simulated_drone import Running, SimulatedDrone  # noqa: E402  (after load_physics)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_physics)
 
 _SIZE_PX: Final = (112, 63)  # of the frames, 16:9 as the video
@@ -31,12 +30,10 @@ _SHIFTS: Final = 4096  # places in the noise at which a frame may begin
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Flight:
+class _Flight(Running):
     """Objects that exist while connected."""
 
-    simulation: Simulation
     sight: PlainSight
-    referee: TwinReferee
 
 
 class PlainDrone(SimulatedDrone):
@@ -65,25 +62,9 @@ class PlainDrone(SimulatedDrone):
         self._last: Frame | None = None  # the newest delivered
 
     @property
-    def referee(self) -> TwinReferee | None:
-        """The referee; None before connecting."""
-        return self._flight.referee if self._flight is not None else None
-
-    @property
     def sight(self) -> PlainSight | None:
         """The perception; None before connecting."""
         return self._flight.sight if self._flight is not None else None
-
-    @property
-    def simulation(self) -> Simulation:
-        """The running simulation.
-
-        Raises:
-            DroneError: not connected.
-        """
-        if self._flight is None:
-            raise DroneError("the drone is not connected; call connect() first")
-        return self._flight.simulation
 
     def connect(self) -> None:
         """Build the lab, and put the drone at its take-off point."""

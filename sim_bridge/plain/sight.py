@@ -77,7 +77,7 @@ class PlainSight:
 
     Args:
         scene: the lab.
-        simulation: it remembers what was captured.
+        simulation: it keeps the last 30 s of captures.
         seed: random seed of the flight.
         errors: sizes of the errors.
     """

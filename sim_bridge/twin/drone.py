@@ -20,17 +20,15 @@ from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render_thread import RenderThread  # noqa: E402  (after load_mujoco)
-from sim_bridge.twin.simulated_drone import SimulatedDrone  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.simulated_drone import Running, SimulatedDrone  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Flight:
+class _Flight(Running):
     """Objects that exist while connected."""
 
-    simulation: Simulation
     thread: RenderThread
-    referee: TwinReferee
     optics: Optics
 
 
@@ -66,20 +64,6 @@ class TwinDrone(SimulatedDrone):
         self._last: Frame | None = None  # the newest delivered
         self._next: tuple[Capture, Future[Frame]] | None = None  # for the observation to come
         self._observed_s = 0.0
-
-    @property
-    def referee(self) -> TwinReferee | None:
-        """The referee; None before connecting."""
-        return self._flight.referee if self._flight is not None else None
-
-    @property
-    def simulation(self) -> Simulation:
-        """The running simulation.
-
-        Raises:
-            DroneError: not connected.
-        """
-        return self._connected().simulation
 
     def connect(self) -> None:
         """Build the lab and the renderer, and put the drone at its take-off point.

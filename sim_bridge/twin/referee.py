@@ -21,7 +21,7 @@ _FAR_M = 30.0  # larger than any room, m
 
 
 class ExactViews(Protocol):
-    """Source of exact class ids and depth of what was captured."""
+    """Source of exact class ids and depth of captures."""
 
     def class_ids(self, capture: Capture, size_px: tuple[int, int]) -> NDArray[np.uint8]:
         """Return the class ids, (H, W) uint8, at a width and height."""

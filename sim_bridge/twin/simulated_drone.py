@@ -3,34 +3,34 @@
 from __future__ import annotations
 
 import time
-from abc import ABC, abstractmethod
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from sim_bridge.anafi import ANAFI_AIRFRAME, anafi_camera
 from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.referee import TwinReferee
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.simulation import Capture, Simulation
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.types import Command, Velocity, clamp, limit_length
 
 _TIME_SLACK_S: Final = 1e-6  # rounding error of a sum of control steps, s
 
 
-class SimulatedDrone(ABC):
+@dataclass(frozen=True, kw_only=True)
+class Running:
+    """Objects that exist while connected."""
+
+    simulation: Simulation
+    referee: TwinReferee
+
+
+class SimulatedDrone:
     """A drone in the twin's physics; a subclass says what it sees.
 
     Time passes only in `clock.sleep_until`, which advances the physics in steps of 10 ms.
 
-    Args:
-        scene: the lab.
-        profile: limits and imperfections.
-        seed: random seed of the flight, 0 or more.
-        image_size_px: width and height of the video, pixels, 16:9.
-        realtime: run at wall-clock speed instead of as fast as possible.
-
-    Raises:
-        ValueRangeError: the seed is negative or the size is not 16:9.
+    Its parameters are those of `TwinDrone`.
     """
 
     def __init__(
@@ -52,16 +52,23 @@ class SimulatedDrone(ABC):
         self.live = False  # a simulated drone needs no check before it takes off
         self.tick_s = None  # None: the mission sets the length of a tick
         self._seed = seed
+        self._flight: Running | None = None
 
     @property
-    @abstractmethod
+    def referee(self) -> TwinReferee | None:
+        """The referee; None before connecting."""
+        return self._flight.referee if self._flight is not None else None
+
+    @property
     def simulation(self) -> Simulation:
         """The running simulation.
 
         Raises:
             DroneError: not connected.
         """
-        ...
+        if self._flight is None:
+            raise DroneError("the drone is not connected; call connect() first")
+        return self._flight.simulation
 
     @property
     def pilot_has_control(self) -> bool:
@@ -113,7 +120,7 @@ class SimulatedDrone(ABC):
         )
 
     def delivered(self, time_s: float) -> Capture | None:
-        """Return the newest capture so far that has been delivered by a time."""
+        """Return the newest capture that has been delivered by a time; None before the first."""
         limit_s = time_s - self.profile.video_latency_s + _TIME_SLACK_S
         frames = reversed(self.simulation.frames)
         return next((capture for capture in frames if capture.time_s <= limit_s), None)

@@ -63,7 +63,7 @@ def test_a_second_process_takes_the_kernels_from_the_cache(tmp_path: Path) -> No
         "    return 2.0 * value\n"
         "print(twice(21.0))\n"
     )
-    for said in ("compiling for this machine", ""):
+    for message in ("compiling for this machine", ""):
         done = subprocess.run(
             [sys.executable, "-c", "import kernels"],
             cwd=tmp_path,
@@ -73,4 +73,4 @@ def test_a_second_process_takes_the_kernels_from_the_cache(tmp_path: Path) -> No
             check=True,
         )
         assert done.stdout == "42.0\n"
-        assert (said in done.stderr) if said else not done.stderr
+        assert (message in done.stderr) if message else not done.stderr

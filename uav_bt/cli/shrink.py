@@ -59,7 +59,7 @@ def shrink_command(
     """  # noqa: D301  (click needs the backspace)
     flight = _failed(source, {"tree": tree_name, "scene": scene, "seed": seed})
     click.echo(f"{flight.outcome}: {flight.reason}; {len(flight.parts())} boxes, movers and faults")
-    small = shrink(flight, lambda left, fails: click.echo(f"  {left}: {_said(fails=fails)}"))
+    small = shrink(flight, lambda left, fails: click.echo(f"  {left}: {_outcome(fails=fails)}"))
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
     write_whole(out / SCENE_FILE, scene_text(small.scene))
@@ -83,7 +83,7 @@ def shrink_command(
         ctx.exit(MissionError.exit_code)
 
 
-def _said(*, fails: bool) -> str:
+def _outcome(*, fails: bool) -> str:
     return "fails" if fails else "does not fail"
 
 

@@ -167,7 +167,7 @@ class FlightLog:
             policies: leaf policies, by node.
             drone: name of the drone.
             profile: imperfections of a simulated drone.
-            changes: what was changed for this flight.
+            changes: changes for this flight only.
             stage_times_s: durations of each perception stage, seconds.
             slow_leaves_s: the longest time of leaves that blocked, seconds, by path.
             airborne_at_end: whether the drone was left in the air.

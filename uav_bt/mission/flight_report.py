@@ -38,7 +38,7 @@ class Percentiles:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightChanges:
-    """What was changed for this flight, besides the files that it names."""
+    """Changes for this flight only, besides the files that it names."""
 
     ports: dict[str, str] = field(default_factory=dict)  # values by NODE.PORT
     movers: int = 0  # random ones that were added to the scene

@@ -10,8 +10,8 @@ import pytest
 
 from perception.camera.ground_plane import CameraView, level_rays
 from perception.depth.contact.contacts import BaseConfig, Runs, rows_above
-from perception.depth.contact.depth import _sides
 from perception.depth.contact.panorama import OUTSIDE, Panorama
+from perception.depth.contact.side_loops import sides
 from uav_bt.classes import CARPET, CLASS_COUNT
 from uav_bt.testing import pinhole
 from uav_bt.types.projection import project
@@ -76,7 +76,7 @@ def test_a_side_has_the_range_of_the_base_in_its_column() -> None:
     seen = 1.5 / (2.0 / np.cos(azimuth))
     slopes, fitted = np.stack([seen, 1.1 * seen]), azimuth > 0.0
     slopes[0, azimuth < -0.3] = np.nan
-    pixels, depth_m, bound_m = _sides(
+    pixels, depth_m, bound_m = sides(
         ids, BOX, rays, 1.5, (-0.7, 0.001), slopes, fitted, np.array([[0.75, 0.0]]), math.inf
     )
     assert pixels.tolist() == list(range(0, 36 * 64, 7))
