@@ -34,9 +34,7 @@ LOOKS_DOWN = Port(
     default=False,
     doc="lower the camera where, by the site map, it would show little ground to follow",
 )
-GIVES_WAY = Port(
-    "gives_way", bool, default=True, doc="stop for what moves, and get out of its way"
-)
+GIVES_WAY = Port("gives_way", bool, default=True, doc="stop for what moves, and get out of its way")
 FLOWING = Port(
     "flowing", bool, default=False, doc="look ahead during a step: lengthen it, or break it off"
 )

@@ -74,6 +74,7 @@ class SiteMapper:
         self.config = config or SiteMapperConfig()
         self.restarts = 0  # number of times that the map was restarted
         self._motion: MotionEstimate | None = None
+        self._start: Pose2D | None = None  # take-off pose in the dead-reckoned frame
         self._captured_s = -math.inf
         self._recent = RecentLayer(self.config.recent)
         self._begin()
@@ -108,6 +109,9 @@ class SiteMapper:
         tracked = motion.untracked_s <= self.config.tracked_s
         self._registration.predict(motion.pose, motion.pose.time_s, tracked=tracked)
         self._motion = motion
+        if self._start is None:
+            begin = motion.pose
+            self._start = Pose2D(x_m=begin.x_m, y_m=begin.y_m, yaw_rad=begin.yaw_rad)
         here = self._registration.corrected(motion.pose)
         self._grid.fly_over(here.x_m, here.y_m)
         self._recent.expire(motion.pose.time_s)
@@ -174,6 +178,7 @@ class SiteMapper:
             restarts=self.restarts,
             full=grid.full,
             untracked_s=motion.untracked_s,
+            start=self._start or self._registration.corrected(motion.pose),
             near=self._recent.near(motion.pose),
         )
 

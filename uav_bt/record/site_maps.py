@@ -74,7 +74,8 @@ def _check(note: SiteMapNote) -> None:
     for points_m in (note.obstacles_m, note.edges_m, note.lanes_m):
         if points_m.ndim != 2 or points_m.shape[1] != 2:
             raise InputError(f"expected (N, 2) points of a site map, got {points_m.shape}")
-    things: list[Pose2D | MapObject | MapMark | MapMover] = [note.pose, *note.objects, *note.movers]
+    things: list[Pose2D | MapObject | MapMark | MapMover]
+    things = [note.pose, note.start, *note.objects, *note.movers]
     things += [] if note.mark is None else [note.mark]
     places_m = np.array([note.corner_m, *((thing.x_m, thing.y_m) for thing in things)])
     for some_m in (places_m, note.obstacles_m, note.edges_m, note.lanes_m):

@@ -31,6 +31,7 @@ class MapObject:
     seen_s: float  # the capture of the newest frame that showed its base
     width_m: float = 0.0  # of the shorter side
     yaw_rad: float = 0.0  # of the longer side, from the map's x towards its y
+    id: int = 0  # unique in a mission, from 1; 0 before it has one
 
     def corners_m(self, *, margin_m: float = 0.0) -> Floats:
         """Return the corners of its base and a margin around, (4, 2) in the map's frame."""
@@ -112,6 +113,7 @@ class SiteMapBase:
         restarts: number of times the map was begun again because of that.
         full: whether part of the room lies beyond the grid.
         untracked_s: time for which the odometry has followed no ground.
+        start: the take-off pose: the drone's pose when the map began.
     """
 
     pose: Pose2D
@@ -130,6 +132,11 @@ class SiteMapBase:
     restarts: int = 0
     full: bool = False
     untracked_s: float = 0.0
+    start: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+
+    def object(self, object_id: int | None) -> MapObject | None:
+        """Return the object with an id; None if the map does not have it."""
+        return next((each for each in self.objects if each.id == object_id), None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

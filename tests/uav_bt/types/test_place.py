@@ -1,43 +1,87 @@
-"""The values that describe a place: its landing mark and its clearances."""
+"""Places as tree files write them."""
 
 from __future__ import annotations
 
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Clearances, LandingMark
+from uav_bt.types.place import Place, PlaceFrame, parse_places
 
 
-def test_the_default_mark_is_the_box_of_the_papers_lab() -> None:
-    mark = LandingMark()
-    assert mark.size_m == (0.5, 0.5, 0.4)
-    assert mark.area_m2 == pytest.approx(0.25)
-    assert mark.radius_m == pytest.approx(math.sqrt(0.125))
+def test_a_place_ahead_of_the_take_off() -> None:
+    assert Place.parse("start:2,-0.5") == Place(frame=PlaceFrame.START, x_m=2.0, y_m=-0.5)
 
 
-@pytest.mark.parametrize("given", [{"length_m": 0.0}, {"width_m": -1.0}, {"height_m": -0.1}])
-def test_a_mark_without_a_top_is_refused(given: dict[str, float]) -> None:
-    with pytest.raises(ValueRangeError, match="landing mark"):
-        LandingMark(**given)
+def test_height_and_heading_are_optional() -> None:
+    place = Place.parse(" start: 2, 0, 1.2 @ -90 ")
+    assert place.height_m == 1.2
+    assert place.heading_rad == pytest.approx(-math.pi / 2)
 
 
-def test_a_negative_clearance_is_refused() -> None:
-    with pytest.raises(ValueRangeError, match="clearances"):
-        Clearances(edge_m=-0.1)
+@pytest.mark.parametrize("text", ["mark", "mark@90", "object:3", "object:12@-45"])
+def test_the_mark_and_objects_have_names(text: str) -> None:
+    assert str(Place.parse(text)) == text
 
 
-@pytest.mark.parametrize("name", ["PAD_SIZE_M", "PAD_HEIGHT_M", "BODY_SIZE_M"])
-def test_the_import_of_a_former_constant_names_its_successor(name: str) -> None:
-    import uav_bt.types  # noqa: PLC0415
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "2,0", "start:2", "start:2;0", "start:a,b", "start:nan,0", "start:1e9,0"),
+        *(
+            "mark:1,0",
+            "object:",
+            "object:box_3",
+            "object:-1",
+            "world:1,2",
+            "start:2,0@",
+            "object:3,1",
+        ),
+    ],
+)
+def test_other_texts_are_refused_with_an_example(text: str) -> None:
+    with pytest.raises(ValueRangeError, match="expected"):
+        Place.parse(text)
 
-    with pytest.raises(ImportError, match=r"it is (LandingMark|Airframe)\."):
-        getattr(uav_bt.types, name)
+
+@pytest.mark.parametrize(
+    ("text", "words"), [("start:2000,0", "a coordinate of -1000"), ("body:0,0,99", "a height of")]
+)
+def test_a_number_out_of_range_is_named(text: str, words: str) -> None:
+    with pytest.raises(ValueRangeError, match=words):
+        Place.parse(text)
 
 
-def test_a_hull_must_fit_into_the_narrowest_passage() -> None:
-    """A hull of 0.35 m needs 0.45 m from obstacles, and its radius from everything else."""
-    place = Clearances(obstacle_m=0.44, edge_m=0.34, unknown_m=0.35, lane_m=0.7)
-    assert place.below(0.35) == pytest.approx({"obstacle_m": 0.45, "edge_m": 0.35})
-    assert Clearances(obstacle_m=0.3, edge_m=0.2).below(0.2) == {}
+def test_a_list_keeps_its_order() -> None:
+    places = parse_places("start:1,0; mark ;lab:0.5,0.5@180;")
+    assert [place.frame.value for place in places] == ["start", "mark", "lab"]
+
+
+def test_an_empty_list_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="empty list"):
+        parse_places(" ; ")
+
+
+@given(
+    frame=st.sampled_from(["start", "body", "lab"]),
+    x_cm=st.integers(-99_999, 99_999),
+    y_cm=st.integers(-99_999, 99_999),
+    heading_deg=st.none() | st.integers(-179, 179),
+)
+def test_a_place_is_read_as_it_is_written(
+    frame: str, x_cm: int, y_cm: int, heading_deg: int | None
+) -> None:
+    place = Place(
+        frame=PlaceFrame(frame),
+        x_m=x_cm / 100,
+        y_m=y_cm / 100,
+        heading_rad=None if heading_deg is None else math.radians(heading_deg),
+    )
+    again = Place.parse(str(place))
+    assert (again.x_m, again.y_m) == pytest.approx((place.x_m, place.y_m))
+    assert (again.heading_rad is None) == (place.heading_rad is None)
+    if again.heading_rad is not None and place.heading_rad is not None:
+        assert again.heading_rad == pytest.approx(place.heading_rad)

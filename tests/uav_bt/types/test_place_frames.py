@@ -1,0 +1,106 @@
+"""Conversion between the frames of places."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.behaviours.path.test_survey import drawn_map
+from uav_bt.types import Pose2D
+from uav_bt.types.place import Place
+from uav_bt.types.place_frames import (
+    Goal,
+    Unresolved,
+    lab_to_start,
+    pose_from_start,
+    resolve,
+    start_place,
+    start_to_lab,
+)
+from uav_bt.types.site_map import MapMark, MapObject, SiteMap
+
+START = Pose2D(x_m=0.5, y_m=-0.25, yaw_rad=math.radians(90))  # faces the map's y
+
+
+def the_map() -> SiteMap:
+    box = MapObject(class_id=4, x_m=1.0, y_m=2.0, size_m=0.4, std_m=0.1, seen_s=1.0, id=3)
+    return replace(
+        drawn_map(pose=(0.0, 0.0, 0.0)),
+        start=START,
+        pose=Pose2D(x_m=1.0, y_m=1.0, yaw_rad=math.radians(180)),
+        objects=(box,),
+    )
+
+
+def goal_of(text: str, site_map: SiteMap | None = None, take_off: Pose2D | None = None) -> Goal:
+    found = resolve(Place.parse(text), site_map or the_map(), take_off)
+    assert isinstance(found, Goal)
+    return found
+
+
+def test_ahead_of_the_take_off_is_along_its_heading() -> None:
+    goal = goal_of("start:2,0.5@90")
+    assert (goal.x_m, goal.y_m) == pytest.approx((0.0, 1.75))
+    assert goal.yaw_rad is not None
+    assert abs(goal.yaw_rad) == pytest.approx(math.pi)
+
+
+def test_body_counts_from_the_drone() -> None:
+    goal = goal_of("body:0.5,0.25@0")
+    assert (goal.x_m, goal.y_m) == pytest.approx((0.5, 0.75))
+
+
+def test_an_object_has_its_place() -> None:
+    goal = goal_of("object:3")
+    assert (goal.x_m, goal.y_m, goal.yaw_rad) == (1.0, 2.0, None)
+
+
+def test_the_mark_once_it_was_seen() -> None:
+    seen = replace(the_map(), mark=MapMark(x_m=0.25, y_m=0.5, std_m=0.1, seen_s=1.0))
+    assert (goal_of("mark", seen).x_m, goal_of("mark", seen).y_m) == (0.25, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("mark", "not seen"), ("object:7", "no object 7"), ("lab:0,0", "take-off pose")],
+)
+def test_what_the_map_does_not_know_is_unresolved(text: str, reason: str) -> None:
+    found = resolve(Place.parse(text), the_map())
+    assert isinstance(found, Unresolved)
+    assert reason in found.reason
+
+
+def test_the_drawing_is_counter_clockwise() -> None:
+    # The take-off at (-1, 0) of the drawing looks along its x: 1 m up is 1 m to the left.
+    take_off = Pose2D(x_m=-1.0, y_m=0.0, yaw_rad=0.0)
+    assert lab_to_start(Pose2D(x_m=1.0, y_m=1.0, yaw_rad=0.0), take_off) == Pose2D(
+        x_m=2.0, y_m=-1.0, yaw_rad=0.0
+    )
+    goal = goal_of("lab:1,1@90", take_off=take_off)
+    assert (goal.x_m, goal.y_m) == pytest.approx(START.to_world(2.0, -1.0))
+    assert goal.yaw_rad == pytest.approx(START.yaw_rad - math.pi / 2)
+
+
+NUMBERS = st.floats(-5.0, 5.0)
+POSES = st.builds(Pose2D, x_m=NUMBERS, y_m=NUMBERS, yaw_rad=st.floats(-3.1, 3.1))
+
+
+@given(take_off=POSES, pose=POSES)
+def test_there_and_back_is_the_same_pose(take_off: Pose2D, pose: Pose2D) -> None:
+    again = start_to_lab(lab_to_start(pose, take_off), take_off)
+    assert (again.x_m, again.y_m) == pytest.approx((pose.x_m, pose.y_m), abs=1e-9)
+    assert math.remainder(again.yaw_rad - pose.yaw_rad, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(start=POSES, pose=POSES)
+def test_a_place_of_the_map_is_found_again_by_its_text(start: Pose2D, pose: Pose2D) -> None:
+    site_map = replace(the_map(), start=start, pose=pose)
+    place = start_place(site_map, pose.x_m, pose.y_m)
+    goal = goal_of(str(place), site_map)
+    assert (goal.x_m, goal.y_m) == pytest.approx((pose.x_m, pose.y_m), abs=0.01)
+    here = pose_from_start(site_map)
+    assert (here.x_m, here.y_m) == pytest.approx((place.x_m, place.y_m))

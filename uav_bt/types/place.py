@@ -1,0 +1,155 @@
+"""Places of a mission, as tree files write them.
+
+    start:2,0.5        2 m ahead of the take-off pose and 0.5 m to its right
+    start:2,0.5,1.2    the same, 1.2 m above the ground
+    start:2,0.5@90     the same, facing the right of the take-off heading
+    body:1,0           1 m ahead of the drone at the time when a leaf starts
+    lab:1.2,-0.5       in the coordinates of the scene's drawing
+    mark               the landing mark
+    object:3           object 3 of the map
+
+Distances are in metres, headings in degrees. A heading counts clockwise from the take-off heading;
+after `body:` it counts from the drone's heading, and after `lab:` counter-clockwise from the
+drawing's x axis, as in scene files.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import re
+from dataclasses import dataclass
+from typing import Final, Self
+
+from uav_bt.errors import ValueRangeError
+
+SEPARATOR: Final = ";"
+"""Between the places of a list, as between the elements of the format's loops."""
+
+_FURTHEST_M: Final = 1000.0  # largest coordinate; chosen, a typing error beyond it
+_HIGHEST_M: Final = 20.0  # as the largest flight height of the take-off
+_LOWEST_M: Final = 0.3  # as the least flight height of the take-off
+_NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+_NAMED: Final = re.compile(
+    rf"mark(?:@(?P<mark_deg>{_NUMBER}))?|"
+    rf"object:(?P<object>\d+)(?:@(?P<object_deg>{_NUMBER}))?"
+)
+_POINT: Final = re.compile(
+    rf"(?P<frame>start|body|lab):(?P<x>{_NUMBER}),(?P<y>{_NUMBER})(?:,(?P<height>{_NUMBER}))?"
+    rf"(?:@(?P<deg>{_NUMBER}))?"
+)
+_EXPECTED: Final = (
+    "expected a place such as start:2,0 (metres ahead and to the right of the take-off pose), "
+    "start:2,0,1.2@90 (with height and heading), body:1,0, lab:1.2,-0.5, mark or object:3"
+)
+
+
+class PlaceFrame(enum.Enum):
+    """The origin and the axes of a place's coordinates."""
+
+    START = "start"
+    BODY = "body"
+    LAB = "lab"
+    MARK = "mark"
+    OBJECT = "object"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """A place of a mission.
+
+    Attributes:
+        frame: Origin and axes of the coordinates.
+        x_m: Distance ahead of the origin; in the lab, to the right of the drawing. 0 for a mark and
+            an object.
+        y_m: Distance to the right of the origin; in the lab, up the drawing.
+        height_m: Height above the ground; None for the height that the mission flies at.
+        heading_rad: Heading at the place, clockwise, or counter-clockwise in the lab; None for any.
+        object_id: Number of the object in the map; None in other frames.
+    """
+
+    frame: PlaceFrame
+    x_m: float = 0.0
+    y_m: float = 0.0
+    height_m: float | None = None
+    heading_rad: float | None = None
+    object_id: int | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Return the place of a text.
+
+        Raises:
+            ValueRangeError: The text is not a place, or a number is out of range.
+        """
+        bare = re.sub(r"\s+", "", text)
+        named = _NAMED.fullmatch(bare)
+        if named is not None:
+            if named["object"] is None:
+                return cls(frame=PlaceFrame.MARK, heading_rad=_heading(named["mark_deg"]))
+            return cls(
+                frame=PlaceFrame.OBJECT,
+                object_id=int(named["object"]),
+                heading_rad=_heading(named["object_deg"]),
+            )
+        point = _POINT.fullmatch(bare)
+        if point is None:
+            raise ValueRangeError(f"{_EXPECTED}, got '{text}'")
+        return cls(
+            frame=PlaceFrame(point["frame"]),
+            x_m=_bounded(point["x"], -_FURTHEST_M, _FURTHEST_M, "a coordinate", text),
+            y_m=_bounded(point["y"], -_FURTHEST_M, _FURTHEST_M, "a coordinate", text),
+            height_m=_height(point["height"], text),
+            heading_rad=_heading(point["deg"]),
+        )
+
+    def __str__(self) -> str:
+        """Return the place as a tree file writes it."""
+        if self.frame is PlaceFrame.OBJECT:
+            text = f"object:{self.object_id}"
+        elif self.frame is PlaceFrame.MARK:
+            text = "mark"
+        else:
+            text = f"{self.frame.value}:{_short(self.x_m)},{_short(self.y_m)}"
+        if self.height_m is not None:
+            text += f",{_short(self.height_m)}"
+        if self.heading_rad is not None:
+            text += f"@{_short(math.degrees(self.heading_rad), digits=1)}"
+        return text
+
+
+def parse_places(text: str) -> tuple[Place, ...]:
+    """Return the places of a list, in its order.
+
+    Args:
+        text: Places with `;` between them.
+
+    Raises:
+        ValueRangeError: The list is empty, or an element is not a place.
+    """
+    elements = [element for element in text.split(SEPARATOR) if element.strip()]
+    if not elements:
+        raise ValueRangeError(f"{_EXPECTED}, got an empty list")
+    return tuple(Place.parse(element) for element in elements)
+
+
+def _height(text: str | None, place: str) -> float | None:
+    return None if text is None else _bounded(text, _LOWEST_M, _HIGHEST_M, "a height", place)
+
+
+def _heading(text: str | None) -> float | None:
+    return None if text is None else math.radians(math.remainder(float(text), 360.0))
+
+
+def _bounded(text: str, least: float, most: float, what: str, place: str) -> float:
+    value = float(text)
+    if not least <= value <= most:
+        raise ValueRangeError(
+            f"expected {what} of {least:g} to {most:g} m, got {text} in the place '{place}'"
+        )
+    return value
+
+
+def _short(value: float, *, digits: int = 2) -> str:
+    """Return a number without needless digits, and 0 without a sign."""
+    return f"{round(value, digits) + 0.0:g}"

@@ -1,0 +1,134 @@
+"""Conversion between the frames of places and the map's frame.
+
+| frame | origin                | axes                                  | heading           |
+|-------|-----------------------|---------------------------------------|-------------------|
+| map   | of the odometry       | x along compass yaw 0, y to its right | clockwise         |
+| start | take-off pose         | x ahead, y to the right               | clockwise         |
+| body  | the drone now         | x ahead, y to the right               | clockwise         |
+| lab   | middle of the drawing | x to the right, y up                  | counter-clockwise |
+
+Users write the last three. The map's frame stays inside the program.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uav_bt.types.place import Place, PlaceFrame
+from uav_bt.types.pose import Pose2D, wrap_angle
+from uav_bt.types.site_map import SiteMap
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """A place on the map.
+
+    Attributes:
+        x_m: x in the map's frame.
+        y_m: y in the map's frame.
+        height_m: Height above the ground; None for the height that the mission flies at.
+        yaw_rad: Heading in the map's frame; None for any.
+    """
+
+    x_m: float
+    y_m: float
+    height_m: float | None = None
+    yaw_rad: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unresolved:
+    """A place that the map does not know yet.
+
+    Attributes:
+        reason: The reason in a few words, for the status line and the report.
+    """
+
+    reason: str
+
+
+def resolve(place: Place, site_map: SiteMap, take_off: Pose2D | None = None) -> Goal | Unresolved:
+    """Return a place in the map's frame.
+
+    Args:
+        place: The place.
+        site_map: The newest map, with the drone's pose and the take-off pose.
+        take_off: Take-off pose in the drawing of the lab, yaw counter-clockwise; None if unknown.
+    """
+    if place.frame is PlaceFrame.LAB:
+        if take_off is None:
+            return Unresolved(reason="the take-off pose in the lab's drawing is unknown")
+        start = lab_to_start(Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0), take_off)
+        yaw_rad = None
+        if place.heading_rad is not None:
+            yaw_rad = site_map.start.yaw_rad + take_off.yaw_rad - place.heading_rad
+        return _goal(place, site_map.start.to_world(start.x_m, start.y_m), yaw_rad)
+    if place.frame is PlaceFrame.MARK:
+        if site_map.mark is None:
+            return Unresolved(reason="the landing mark was not seen yet")
+        at_m = site_map.mark.x_m, site_map.mark.y_m
+    elif place.frame is PlaceFrame.OBJECT:
+        found = site_map.object(place.object_id)
+        if found is None:
+            return Unresolved(reason=f"the map has no object {place.object_id}")
+        at_m = found.x_m, found.y_m
+    else:
+        origin = site_map.pose if place.frame is PlaceFrame.BODY else site_map.start
+        yaw_rad = None if place.heading_rad is None else origin.yaw_rad + place.heading_rad
+        return _goal(place, origin.to_world(place.x_m, place.y_m), yaw_rad)
+    heading_rad = place.heading_rad
+    return _goal(place, at_m, None if heading_rad is None else site_map.start.yaw_rad + heading_rad)
+
+
+def _goal(place: Place, at_m: tuple[float, float], yaw_rad: float | None) -> Goal:
+    x_m, y_m = at_m
+    return Goal(
+        x_m=x_m,
+        y_m=y_m,
+        height_m=place.height_m,
+        yaw_rad=None if yaw_rad is None else wrap_angle(yaw_rad),
+    )
+
+
+def start_place(
+    site_map: SiteMap, x_m: float, y_m: float, *, yaw_rad: float | None = None
+) -> Place:
+    """Return a place of the map relative to the take-off pose, as users write it.
+
+    Args:
+        site_map: The newest map.
+        x_m: x in the map's frame.
+        y_m: y in the map's frame.
+        yaw_rad: Heading in the map's frame; None for any.
+    """
+    forward_m, right_m = site_map.start.to_body(x_m, y_m)
+    heading_rad = None if yaw_rad is None else wrap_angle(yaw_rad - site_map.start.yaw_rad)
+    return Place(frame=PlaceFrame.START, x_m=forward_m, y_m=right_m, heading_rad=heading_rad)
+
+
+def pose_from_start(site_map: SiteMap) -> Pose2D:
+    """Return the drone's pose relative to the take-off pose: ahead, to the right, clockwise."""
+    forward_m, right_m = site_map.start.to_body(site_map.pose.x_m, site_map.pose.y_m)
+    yaw_rad = wrap_angle(site_map.pose.yaw_rad - site_map.start.yaw_rad)
+    return Pose2D(x_m=forward_m, y_m=right_m, yaw_rad=yaw_rad)
+
+
+def lab_to_start(place: Pose2D, take_off: Pose2D) -> Pose2D:
+    """Return a pose of the lab's drawing relative to the take-off pose.
+
+    Args:
+        place: x, y and yaw in the drawing, counter-clockwise.
+        take_off: Take-off pose in the drawing.
+
+    Returns:
+        Distance ahead and to the right, and heading clockwise.
+    """
+    forward_m, left_m = take_off.to_body(place.x_m, place.y_m)
+    yaw_rad = wrap_angle(take_off.yaw_rad - place.yaw_rad)
+    return Pose2D(x_m=forward_m, y_m=-left_m, yaw_rad=yaw_rad)
+
+
+def start_to_lab(pose: Pose2D, take_off: Pose2D) -> Pose2D:
+    """Return a pose relative to the take-off pose in the lab's drawing; see `lab_to_start`."""
+    x_m, y_m = take_off.to_world(pose.x_m, -pose.y_m)
+    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=wrap_angle(take_off.yaw_rad - pose.yaw_rad))
