@@ -8,12 +8,15 @@ from behaviours.fly.avoid import Avoid
 from behaviours.fly.corridor_clear import CorridorClear
 from behaviours.fly.coverage_grows import CoverageGrows
 from behaviours.fly.explore import Explore
+from behaviours.fly.face import Face
 from behaviours.fly.give_way import GiveWay
+from behaviours.fly.go_to import GoTo
 from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
 from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
+from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
@@ -29,14 +32,17 @@ NODES: Final[tuple[type[Node], ...]] = (
     Advise,
     Avoid,
     BuildCorridor,
+    ClimbTo,
     CorridorClear,
     CoverageGrows,
     Detour,
     EmergencyLand,
     EstimateDepth,
     Explore,
+    Face,
     FindHelipad,
     GiveWay,
+    GoTo,
     GoToMark,
     GoToMarkUnderPolicy,
     HelipadCenter,
@@ -46,6 +52,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     Land,
     MapSite,
     MarkFound,
+    MoveBy,
     PointCamera,
     RememberViews,
     ReturnToBase,

@@ -296,7 +296,7 @@ def words_of(source: str) -> Iterator[tuple[int, str]]:
 # Words of the vocabulary that are also the name of a leaf or a policy.
 VOCABULARY = {
     # commands, which have the names of the leaves that send them
-    **{name: {"TakeOff", "Land"} for name in ("uav_bt.types", "uav_bt.types.commands")},
+    **{name: {"TakeOff", "Land", "MoveBy"} for name in ("uav_bt.types", "uav_bt.types.commands")},
     # writers of the mission board's keys, shown in lists of keys
     "uav_bt.board.keys": {
         "Segment",

@@ -55,6 +55,11 @@ class Scene(Protocol):
         """Size of the landing mark."""
         ...
 
+    @property
+    def take_off_pose(self) -> Pose2D | None:
+        """Take-off pose in the scene's drawing, yaw counter-clockwise; None where it is random."""
+        ...
+
 
 @runtime_checkable
 class Drone(Protocol):

@@ -22,7 +22,7 @@ class TakeOffConfig:
     height_slack_m: float = 0.1  # the mission's first advance corrects smaller errors
 
 
-def _above_ceiling(height_m: float) -> str | None:
+def above_ceiling(height_m: float) -> str | None:
     """Return a warning for a flight height above the default ceiling; else None."""
     ceiling_m = Limits().ceiling_m
     if height_m <= ceiling_m:
@@ -45,7 +45,7 @@ class TakeOff(MovingLeaf):
             least=0.3,
             most=20,
             doc="flight height above the carpet, m",
-            caution=_above_ceiling,
+            caution=above_ceiling,
         ),
         Port(
             "gimbal_deg",

@@ -208,6 +208,20 @@ class ClearanceMap:
     def _wide(self) -> Flags:
         return self.open & (self.clear_m >= self.margins.touch_m)
 
+    def is_open_to(self, x_m: float, y_m: float) -> bool:
+        """Return whether the straight line from the drone to a place leads over open cells only.
+
+        Args:
+            x_m: x of the place in the map's frame.
+            y_m: y of the place in the map's frame.
+        """
+        end = self.map.cell_of(x_m, y_m)
+        if self._within(end) != end:
+            return False
+        shares = np.linspace(0.0, 1.0, _LINE_SAMPLES)[:, None]
+        rows, columns = np.rint(self.start + shares * (np.array(end) - self.start)).astype(int).T
+        return bool(self.open[rows, columns].all())
+
     @property
     def shut_in(self) -> bool:
         """Whether too few of the flyable cells can be reached, by `Margins.enough_reached`."""

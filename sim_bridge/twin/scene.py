@@ -11,7 +11,7 @@ from functools import cached_property
 from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_problem, roof_of
 from uav_bt.classes import BOXES
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import LandingMark
+from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.ground import Footprint, Ground, Standing
 
 CARPET_SIZE_M = (5.0, 4.0)  # size in the paper, along x and y, centred on the origin
@@ -231,6 +231,14 @@ class Scene:
         """The size of the landing box."""
         length_m, width_m, height_m = self.helipad.size_m
         return LandingMark(length_m=length_m, width_m=width_m, height_m=height_m)
+
+    @property
+    def take_off_pose(self) -> Pose2D | None:
+        """The take-off pose in the drawing, yaw counter-clockwise; None where it is random."""
+        if self.take_off.random:
+            return None
+        x_m, y_m = self.take_off.position_m or self.helipad.position_m
+        return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(self.take_off.yaw_deg))
 
     def __post_init__(self) -> None:
         problem = layout_problem(self.helipad, self.boxes, self.ground)

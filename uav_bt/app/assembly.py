@@ -132,6 +132,9 @@ class Flight(Generic[DroneT]):
             airframe=self.drone.airframe,
             mark=self.mark,
             clearances=(site or Site()).clearances,
+            take_off=(site or Site()).take_off_pose
+            if self.drone.scene is None
+            else self.drone.scene.take_off_pose,
         )
 
     def _policy(self, name: str) -> LeafPolicy:

@@ -7,6 +7,7 @@
     network: {model: hall.onnx, classes: hall-classes.yaml}   # for all that segment
     ground: [carpet, background]   # which of the classes it may fly over and scale depth by
     limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2.0}
+    take_off: {position_m: [0.5, -1.2], yaw_deg: 90}   # in the lab's drawing, for lab:1,2
     mark: {size_m: [0.5, 0.5], height_m: 0.4}   # top of the landing mark, and its height
     margins: {obstacle_m: 0.4, edge_m: 0.3, unknown_m: 0.35, lane_m: 0.7}   # that routes keep
     battery: {take_off: 0.4, critical: 0.15}
@@ -20,9 +21,10 @@ Files that it names lie beside it, unless their path is absolute.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NotRequired
 
 from pydantic import AfterValidator, Field, ValidationInfo
 from typing_extensions import TypedDict
@@ -32,7 +34,7 @@ from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.files import did_you_mean_file
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
-from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark
+from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark, Pose2D
 from uav_bt.yaml_file import read_yaml
 
 
@@ -43,6 +45,7 @@ class Site:
     Attributes:
         flight_height_m: above the ground; None: as the tree says.
         take_off_surface_m: height of the surface that the drone takes off from, above the ground.
+        take_off_pose: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
         camera: a camera file; None: the drone's own intrinsics.
         model: the segmentation network's name or file; None: as the tree says.
         classes: Class-mapping file of that network.
@@ -60,6 +63,7 @@ class Site:
 
     flight_height_m: float | None = None
     take_off_surface_m: float = 0.0
+    take_off_pose: Pose2D | None = None
     camera: Path | None = None
     model: str | None = None
     classes: Path | None = None
@@ -99,6 +103,7 @@ def load_site(path: str | Path) -> Site:
         return Site(
             flight_height_m=found.flight_height_m,
             take_off_surface_m=found.take_off_surface_m,
+            take_off_pose=None if found.take_off is None else _pose(found.take_off),
             camera=found.camera,
             model=network.get("model"),
             classes=network.get("classes"),
@@ -141,6 +146,11 @@ def check_clearances(site: Site, airframe: Airframe) -> None:
         raise InputError(f"margins.{name}: {message}; a site file sets it")
 
 
+def _pose(section: _TakeOff) -> Pose2D:
+    x_m, y_m = section["position_m"]
+    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(section.get("yaw_deg", 0.0)))
+
+
 def _mark(section: _Mark) -> LandingMark:
     length_m, width_m = section.get("size_m", (LandingMark.length_m, LandingMark.width_m))
     height_m = section.get("height_m", LandingMark.height_m)
@@ -163,6 +173,7 @@ def _network(value: str, info: ValidationInfo) -> str:
 
 
 _Number = Annotated[float, Field(ge=0.0, le=1000.0)]
+_Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 _Side = Annotated[float, Field(gt=0.0, le=5.0)]
 _Distance = Annotated[float, Field(ge=0.0, le=5.0)]
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -199,6 +210,11 @@ class _Battery(TypedDict, total=False):
     critical: _Share
 
 
+class _TakeOff(TypedDict):
+    position_m: tuple[_Coordinate, _Coordinate]
+    yaw_deg: NotRequired[_Coordinate]
+
+
 class _Link(TypedDict, total=False):
     take_off: _Share
 
@@ -216,6 +232,7 @@ class _Ports(TypedDict, total=False):
 class _SiteFile:
     flight_height_m: Annotated[float, Field(gt=0.0, le=1000.0)] | None = None
     take_off_surface_m: _Number = 0.0
+    take_off: _TakeOff | None = None
     camera: _FileBeside | None = None
     network: _Network | None = None
     ground: Annotated[tuple[str, ...], Field(min_length=1)] = ("carpet",)

@@ -14,7 +14,7 @@ from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
-from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement
+from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
 
 
 class Proposals:
@@ -103,6 +103,7 @@ class MissionContext:
         airframe: size and reaction of the drone's body.
         mark: size of the landing mark.
         clearances: distances that routes keep.
+        take_off: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
         stage_times_s: duration of each perception stage, seconds by stage name.
     """
 
@@ -118,6 +119,7 @@ class MissionContext:
     airframe: Airframe = field(default_factory=Airframe)
     mark: LandingMark = field(default_factory=LandingMark)
     clearances: Clearances = field(default_factory=Clearances)
+    take_off: Pose2D | None = None
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -121,6 +121,7 @@ class MissionPhase(Phase):
     APPROACH = "approach"  # the landing mark was found
     CENTER = "center"
     LAND = "land"
+    GO_TO = "go to"
     LOOK = "look"
     HOVER = "hover"
     EMERGENCY_LANDING = "emergency landing"

@@ -18,7 +18,7 @@ from __future__ import annotations
 import enum
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Self
 
 from uav_bt.errors import ValueRangeError
@@ -102,6 +102,10 @@ class Place:
             height_m=_height(point["height"], text),
             heading_rad=_heading(point["deg"]),
         )
+
+    def at_height(self, height_m: float | None) -> Self:
+        """Return the same place at a height above the ground; None for the height of the flight."""
+        return replace(self, height_m=height_m)
 
     def __str__(self) -> str:
         """Return the place as a tree file writes it."""

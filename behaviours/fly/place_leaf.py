@@ -1,0 +1,108 @@
+"""Base of the leaves that need a place on the map."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from behaviours.fly.course_leaf import CourseLeaf
+from uav_bt.board import FLIGHT_PITCH, ODOMETRY, SITE_MAP
+from uav_bt.board.context import MissionContext
+from uav_bt.errors import InputError
+from uav_bt.tree import Port, Status
+from uav_bt.types import DroneState
+from uav_bt.types.place import Place, PlaceFrame
+from uav_bt.types.place_frames import Goal, Unresolved, resolve, start_place
+from uav_bt.types.site_map import SiteMap
+
+DOUBTED_S = 1.0
+"""The map is not used when the views have contradicted it for longer (chosen)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceConfig:
+    """When a place is reached. The numbers were chosen.
+
+    Attributes:
+        facing_rad: Largest error of a heading.
+        faced_s: A place counts as faced after it was faced for this time.
+        still_mps: Largest speed of a drone that stands still.
+        height_m: Largest error of a height.
+        steps: Last steps that are flown before the drone counts as arrived where it is.
+        progress_m: A way that is shorter by this is progress.
+        look_rad: Turn that is ordered while the drone looks for a way.
+    """
+
+    facing_rad: float = math.radians(4)
+    faced_s: float = 0.3
+    still_mps: float = 0.15
+    height_m: float = 0.1
+    steps: int = 2
+    progress_m: float = 0.1
+    look_rad: float = math.radians(60)
+
+
+class PlaceLeaf(CourseLeaf):
+    """Base of the leaves that need a place on the map."""
+
+    config: ClassVar[PlaceConfig] = PlaceConfig()
+    place_port: ClassVar[Port[str] | None] = None  # the port that names the place
+    reads = (*CourseLeaf.reads, FLIGHT_PITCH)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Note where the take-off lies in the lab's drawing.
+
+        Raises:
+            InputError: The place is one of the drawing, and the take-off pose there is unknown.
+        """
+        super().on_setup(mission)
+        self._take_off = mission.take_off
+        text = None if self.place_port is None else self.initial_value(self.place_port)
+        in_lab = text is not None and text.strip().startswith(PlaceFrame.LAB.value)
+        if in_lab and self._take_off is None:
+            raise InputError(
+                f"the place '{text}' needs the take-off pose in the lab's drawing: give `take_off` "
+                "in the site file, and no random take-off in the scene"
+            )
+
+    def initialise(self) -> None:
+        """Begin without a goal."""
+        self.drop_course()
+        self._place: Place | None = None  # `body:` is replaced by where it was at the beginning
+        self._progress_s = self.leaf_clock.now()
+
+    def gimbal_pitch_rad(self) -> float | None:
+        """Return the camera's pitch in flight, or lower where that would show little ground."""
+        flight_rad = self.read(FLIGHT_PITCH).value
+        return None if flight_rad is None else self.ground_pitch_rad(flight_rad)
+
+    def goal(self, site_map: SiteMap, text: str) -> Goal | Unresolved:
+        """Return a place on the map.
+
+        Args:
+            site_map: The newest map.
+            text: The place, as a port gives it.
+        """
+        place = self._place or Place.parse(text)
+        found = resolve(place, site_map, self._take_off)
+        if place.frame is PlaceFrame.BODY and isinstance(found, Goal):
+            start = start_place(site_map, found.x_m, found.y_m, yaw_rad=found.yaw_rad)
+            self._place = start.at_height(place.height_m)
+        return found
+
+    def trusted_map(self) -> SiteMap | None:
+        """Return the newest map; None without one, or while the views contradict it."""
+        site_map = self.read(SITE_MAP).value
+        return None if site_map is None or site_map.contradicted_s > DOUBTED_S else site_map
+
+    def is_still(self, state: DroneState) -> bool:
+        """Return whether the drone stands still over the ground."""
+        motion = self.read(ODOMETRY).value
+        velocity = state.velocity if motion is None else motion.velocity
+        return math.hypot(velocity.forward_mps, velocity.right_mps) < self.config.still_mps
+
+    def fails(self, reason: str) -> Status:
+        """Return FAILURE, with its reason on the status line."""
+        self.feedback_message = reason
+        return Status.FAILURE

@@ -1,0 +1,136 @@
+"""The way to a place of the map: along a route, by a last step, or as near as free ground leads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+from behaviours.path.clearance import Place, Route
+from behaviours.path.following import FollowConfig, follow
+from behaviours.path.margins import Margins, Passage
+from behaviours.path.nearby import recent_obstacles
+from behaviours.path.passages import ClearanceMaps
+from uav_bt.answers import FollowLeg, Rotate
+from uav_bt.types import Corridor, NearObstacles
+from uav_bt.types.site_map import SiteMap
+
+_NO_WAY: Final = "no known way"
+_UNSEEN: Final = "no known way: the ground there was not seen"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToPlaceConfig:
+    """How a place is flown to.
+
+    Attributes:
+        follow: How routes are followed.
+        step_m: From this distance the drone flies to the place by one step. Chosen: the drone
+            reaches the end of a route with the error of a cell and of its heading.
+        nearer_m: Without a route to the place, one is flown that ends at least this much nearer to
+            it. Chosen, as for the landing mark.
+    """
+
+    follow: FollowConfig = field(default_factory=FollowConfig)
+    step_m: float = 0.35
+    nearer_m: float = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepTo:
+    """One step in a straight line.
+
+    Attributes:
+        forward_m: Distance ahead, in the body frame.
+        right_m: Distance to the right.
+    """
+
+    forward_m: float
+    right_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayTo:
+    """The next part of the way to a place.
+
+    Attributes:
+        course: What to fly; None while nothing can be flown.
+        left_m: Length of the way that is left.
+        reason: One or two words for the status line.
+    """
+
+    course: FollowLeg | Rotate | StepTo | None
+    left_m: float
+    reason: str
+
+
+def way_to(
+    place: Place,
+    site_map: SiteMap,
+    obstacles: NearObstacles | None,
+    corridor: Corridor | None,
+    *,
+    margins: Margins,
+    arrive_m: float,
+    most_mps: float = math.inf,
+    config: ToPlaceConfig | None = None,
+) -> WayTo:
+    """Return the next part of the way to a place.
+
+    The way keeps the margins to its end. It leads over ground that was seen free.
+
+    Args:
+        place: The place, metres in the map's frame.
+        site_map: The newest map.
+        obstacles: Obstacles seen around the drone.
+        corridor: The safety corridor; None without depth.
+        margins: Distances that the way keeps.
+        arrive_m: Largest distance of the way's end from the place.
+        most_mps: Highest speed.
+        config: How places are flown to.
+    """
+    config = config or ToPlaceConfig()
+    forward_m, right_m = site_map.pose.to_body(*place)
+    apart_m = math.hypot(forward_m, right_m)
+    recent = recent_obstacles(obstacles, site_map, unmapped_s=config.follow.unmapped_s)
+    maps = ClearanceMaps(site_map, recent, margins, crossing=True)
+    if apart_m <= config.step_m and maps[Passage.TIGHT].is_open_to(*place):
+        step = StepTo(forward_m=forward_m, right_m=right_m)
+        return WayTo(course=step, left_m=apart_m, reason="last step")
+    route = maps.route_to(place, near_m=min(arrive_m, site_map.cell_m), far_m=arrive_m)
+    trouble = "" if route is not None else _trouble(place, maps)
+    if trouble == _UNSEEN:  # fly as near as known ground leads; from there more is seen
+        far_m = apart_m - config.nearer_m
+        route = maps[Passage.ORDINARY].route_to(place, near_m=arrive_m, far_m=far_m)
+    if route is None or len(route.path_m) == 1:
+        return WayTo(course=None, left_m=apart_m, reason=trouble or _NO_WAY)
+    left_m = route.length_m + math.dist(route.path_m[-1], place)
+    return WayTo(
+        course=_course(route, site_map, corridor, config, most_mps),
+        left_m=left_m,
+        reason=f"{left_m:.1f} m left",
+    )
+
+
+def _course(
+    route: Route,
+    site_map: SiteMap,
+    corridor: Corridor | None,
+    config: ToPlaceConfig,
+    most_mps: float,
+) -> FollowLeg | Rotate | None:
+    return follow(route, site_map, corridor, config=config.follow, most_mps=most_mps)
+
+
+def _trouble(place: Place, maps: ClearanceMaps) -> str:
+    """Return why no route leads to a place."""
+    if maps.map.is_beyond_edge(*place):
+        return "the place lies beyond the edge of the ground"
+    clearance = maps[Passage.TIGHTEST]
+    row, column = maps.map.cell_of(*place)
+    rows, columns = maps.map.free.shape
+    if not (0 <= row < rows and 0 <= column < columns and maps.map.free[row, column]):
+        return _UNSEEN
+    if not clearance.open[row, column]:
+        return "no room at the place: an obstacle or an edge is too near"
+    return _NO_WAY
