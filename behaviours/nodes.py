@@ -14,7 +14,7 @@ from behaviours.fly.go_to import GoTo
 from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
 from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
-from behaviours.fly.land import EmergencyLand, Land
+from behaviours.fly.land import EmergencyLand, Land, LandHere
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
 from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.return_to_base import ReturnToBase
@@ -50,6 +50,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     HoverFor,
     Hovering,
     Land,
+    LandHere,
     MapSite,
     MarkFound,
     MoveBy,

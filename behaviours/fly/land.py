@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -43,11 +44,11 @@ class LandingLeaf(MovingLeaf):
 
     def initialise(self) -> None:
         """Note that the descent has not begun."""
-        self._descends = False
+        self.descends = False
 
     def descend(self) -> Status:
         """Propose the landing."""
-        self._descends = True
+        self.descends = True
         self.propose(LandCommand())
         return Status.RUNNING
 
@@ -58,7 +59,7 @@ class LandingLeaf(MovingLeaf):
             state_age_s: Age of the newest telemetry; inf before the first.
         """
         stopped = _UNHEARD_S < state_age_s < math.inf
-        return self.descend() if self._descends or stopped else Status.RUNNING
+        return self.descend() if self.descends or stopped else Status.RUNNING
 
 
 class Land(LandingLeaf):
@@ -93,37 +94,28 @@ class Land(LandingLeaf):
         return self.descend()
 
 
-class EmergencyLand(LandingLeaf):
-    """Land on the nearest surface in view that holds the hull; FAILURE on the ground.
+_RADIUS: Final = Port(
+    "radius_m",
+    float,
+    default=0.0,
+    least=0,
+    most=5,
+    doc="radius of the free disc to land on, m; at least the hull and a margin",
+)
 
-    The surface is the ground or the top of the landing box, under the whole hull and a margin. The
-    leaf waits up to `look_s` for such a place. Then it accepts a place that holds the hull without
-    a margin. Without one it lands where it is: unseen ground is not known to be safer, and the
-    drone may not be able to fly any longer.
-    After a take-over it looks for a place again.
+
+class SpotLandingLeaf(LandingLeaf):
+    """Base of the leaves that land on the nearest surface in view that holds the hull.
+
+    The surface is the ground or the top of the landing box, under the whole hull and a margin.
+    After a take-over a leaf looks for a place again.
     """
 
     config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
-    ports = (
-        Port(
-            "radius_m",
-            float,
-            default=0.0,
-            least=0,
-            most=5,
-            doc="radius of the free disc to land on, m; at least the hull and a margin",
-        ),
-        Port(
-            "look_s",
-            float,
-            default=6.0,
-            least=0,
-            most=600,
-            doc="seconds to look for such a place before landing without a margin",
-        ),
-    )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (PHASE,)
+    phase: ClassVar[MissionPhase]
+    landed: ClassVar[Status]  # the answer on the ground
 
     def on_setup(self, mission: MissionContext) -> None:
         """Note the radius of the hull and the height of the landing mark."""
@@ -134,7 +126,7 @@ class EmergencyLand(LandingLeaf):
     def initialise(self) -> None:
         """Note the time; no spot is known."""
         super().initialise()
-        self.write(PHASE, MissionPhase.EMERGENCY_LANDING)
+        self.write(PHASE, self.phase)
         self._started_s = self.leaf_clock.now()
         self._above_spot = False
 
@@ -145,7 +137,7 @@ class EmergencyLand(LandingLeaf):
     def work(self, state: DroneState) -> Status:
         """Find a spot, move above it, descend."""
         if state.flying is FlyingState.LANDED:
-            return Status.FAILURE
+            return self.landed
         if self.moving(state):
             return Status.RUNNING
         if self.progress is Progress.INTERRUPTED:
@@ -153,15 +145,26 @@ class EmergencyLand(LandingLeaf):
         if self._above_spot:
             return self.descend()
         late = self.leaf_clock.now() - self._started_s > self.port_value("look_s")
-        spot = self._spot(max(self.port_value("radius_m"), self._hull_m + self.config.margin_m))
-        if spot is None and late:
-            spot = self._spot(self._hull_m)
-        self._above_spot = spot is not None or late
+        spot = self.spot(max(self.port_value("radius_m"), self._hull_m + self.config.margin_m))
+        return self.without_spot() if spot is None and late else self.land_on(spot)
+
+    @abstractmethod
+    def without_spot(self) -> Status:
+        """Do what follows when no place was found within `look_s`."""
+
+    def land_on(self, spot: LandingSpot | None) -> Status:
+        """Move above a place; None to look on."""
+        self._above_spot = spot is not None
         if spot is not None and spot.range_m > self.config.tolerance_m:
             self.start_move(forward_m=spot.forward_m, right_m=spot.right_m)
         return Status.RUNNING
 
-    def _spot(self, radius_m: float) -> LandingSpot | None:
+    def spot(self, radius_m: float) -> LandingSpot | None:
+        """Return the nearest place in view that holds a disc; None without one.
+
+        Args:
+            radius_m: Radius of the disc.
+        """
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map = self.read(CLASS_MAP).value
         if frame is None or camera is None or class_map is None:
@@ -177,3 +180,62 @@ class EmergencyLand(LandingLeaf):
             radius_m=radius_m,
             mark_m=self._mark_m,
         )
+
+
+class EmergencyLand(SpotLandingLeaf):
+    """Land on the nearest surface in view that holds the hull; FAILURE on the ground.
+
+    The leaf waits up to `look_s` for a place with a margin. Then it accepts a place that holds the
+    hull without a margin. Without one it lands where it is: unseen ground is not known to be safer,
+    and the drone may not be able to fly any longer.
+    """
+
+    ports = (
+        _RADIUS,
+        Port(
+            "look_s",
+            float,
+            default=6.0,
+            least=0,
+            most=600,
+            doc="seconds to look for such a place before landing without a margin",
+        ),
+    )
+    phase = MissionPhase.EMERGENCY_LANDING
+    landed = Status.FAILURE
+
+    def without_spot(self) -> Status:
+        """Land on a place without a margin, or where the drone is."""
+        spot = self.spot(self._hull_m)
+        self._above_spot = True
+        return Status.RUNNING if spot is None else self.land_on(spot)
+
+
+class LandHere(SpotLandingLeaf):
+    """Land on free ground near the drone as the mission plans it; SUCCESS on the ground.
+
+    FAILURE in the air when no free ground was in view for `look_s`; the tree may fly elsewhere.
+    """
+
+    ports = (
+        _RADIUS,
+        Port(
+            "look_s",
+            float,
+            default=6.0,
+            least=0,
+            most=600,
+            doc="seconds to look for such a place until it fails",
+        ),
+    )
+    phase = MissionPhase.LAND
+    landed = Status.SUCCESS
+
+    def without_spot(self) -> Status:
+        """Fail, and fly on."""
+        self.feedback_message = "no free ground in view"
+        return Status.FAILURE
+
+    def wait(self, state_age_s: float) -> Status:
+        """Continue a landing that has begun; an unheard drone begins none."""
+        return super().wait(state_age_s) if self.descends else Status.RUNNING

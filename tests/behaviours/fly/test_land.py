@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.fly.land import EmergencyLand, Land
+from behaviours.fly.land import EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
 from tests.behaviours.leaf_world import carpet, halted_proposals, live, show
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
@@ -207,11 +207,14 @@ def test_looks_down_before_it_judges() -> None:
     assert bench.board[PHASE] == "emergency landing"
 
 
-def test_moves_to_the_spot_and_lands() -> None:
+@pytest.mark.parametrize(
+    ("leaf", "ended"), [(EmergencyLand, Status.FAILURE), (LandHere, Status.SUCCESS)]
+)
+def test_moves_to_the_spot_and_lands(leaf: type[EmergencyLand | LandHere], ended: Status) -> None:
     """Only the right quarter of the view is carpet: there, then down."""
     ids = carpet()
     ids[:, :20] = BACKGROUND
-    bench = LeafBench(EmergencyLand, radius_m=0.15)
+    bench = LeafBench(leaf, radius_m=0.15)
     live(bench, gimbal_deg=-90.0, ids=ids)
     step = bench.proposed
     assert isinstance(step, MoveBy)
@@ -221,7 +224,7 @@ def test_moves_to_the_spot_and_lands() -> None:
     done = MovementStatus(id=step.id, state=MovementState.DONE)
     live(bench, gimbal_deg=-90.0, movement=done)
     assert bench.proposed == LandCommand()
-    assert live(bench, flying=FlyingState.LANDED) is Status.FAILURE
+    assert live(bench, flying=FlyingState.LANDED) is ended
     assert (bench.proposed, bench.pointed) == (None, None)
 
 
@@ -300,3 +303,23 @@ def test_where_no_place_has_a_margin_it_takes_one_that_holds_the_hull() -> None:
 
     assert isinstance(bench.proposed, MoveBy)
     assert bench.proposed.right_m > 0.3
+
+
+# --- LandHere -------------------------------------------------------------------------------------
+
+
+def test_without_free_ground_a_planned_landing_fails_in_the_air() -> None:
+    bench = LeafBench(LandHere, look_s=1.0)
+    statuses = [live(bench, seconds=0.3, gimbal_deg=-90.0, ids=0 * carpet()) for _ in range(6)]
+    assert statuses[:3] == [Status.RUNNING] * 3
+    assert Status.FAILURE in statuses
+    assert bench.proposed is None
+
+
+def test_a_planned_landing_does_not_begin_without_telemetry() -> None:
+    bench = LeafBench(LandHere)
+    bench.allow_stale()
+    live(bench, gimbal_deg=-90.0, ids=0 * carpet())
+    bench.clock.advance(5.0)
+    assert bench.tick() is Status.RUNNING
+    assert bench.proposed is None
