@@ -14,6 +14,7 @@ from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
+from behaviours.fly.moves_on import MovesOn
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
@@ -46,6 +47,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     Land,
     MapSite,
     MarkFound,
+    MovesOn,
     PointCamera,
     RememberViews,
     ReturnToBase,
