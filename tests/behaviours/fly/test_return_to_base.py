@@ -697,10 +697,9 @@ def test_where_all_ground_was_seen_and_no_way_is_known_the_policy_makes_a_detour
     """To look at the same ground again and again would bring nothing."""
     policy = Says(TURN_RIGHT)
     bench = searching(policy)
-    shut = corner(0.4)
-    mark = shut.pose.to_body(*MARK)
+    wall = np.column_stack([np.full(41, 0.6), np.linspace(-2.0, 2.0, 41)])
     for _ in range(10):
-        fly(bench, mark, site_map=shut)
+        fly(bench, (1.8, 0.0), site_map=replace(marked(1.8, 0.0), obstacles_m=wall))
     assert policy.views
     assert velocity(bench).yaw_rate_radps > 0.2
 
