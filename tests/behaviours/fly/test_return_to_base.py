@@ -698,10 +698,12 @@ def test_where_all_ground_was_seen_and_no_way_is_known_the_policy_makes_a_detour
     policy = Says(TURN_RIGHT)
     bench = searching(policy)
     wall = np.column_stack([np.full(41, 0.6), np.linspace(-2.0, 2.0, 41)])
+    shut = replace(marked(1.8, 0.0), obstacles_m=wall)
+    fly(bench, seconds=2.0)  # the ground was seen at 1 s
     for _ in range(10):
-        fly(bench, (1.8, 0.0), site_map=replace(marked(1.8, 0.0), obstacles_m=wall))
-    assert policy.views
+        fly(bench, (1.8, 0.0), site_map=shut)
     assert velocity(bench).yaw_rate_radps > 0.2
+    assert bench.board[PHASE] == "approach"
 
 
 def test_a_drone_that_does_not_get_on_gives_up() -> None:
