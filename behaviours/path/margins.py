@@ -175,9 +175,10 @@ class Margins:
         A route may begin with little clearance, so a drone that swayed comes through gaps that
         other margins close behind it. The way out is also narrower beside edges, by as much as the
         tightest passage is beside obstacles, but not narrower than the last metres before the pad.
+        It is flown as slowly as a route that begins with little clearance.
         """
-        least_m = min(self.edge_m, self.pad_edge_m)
-        return replace(self.tightest(), edge_m=max(self.edge_m - NARROWER_M, least_m))
+        edge_m = max(self.edge_m - NARROWER_M, min(self.edge_m, self.pad_edge_m))
+        return replace(self.tightest(), edge_m=edge_m, slow_mps=self.away_mps)
 
     def speed_mps(self, clear_m: Floats) -> Floats:
         """Return the speed at each clearance, metres."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from behaviours.path.margins import Margins
@@ -52,6 +53,7 @@ def test_the_way_out_is_as_narrow_as_the_place_permits() -> None:
     out = Margins().out()
     assert (out.touch_m, out.edge_m) == pytest.approx((0.3, 0.2))
     assert out.unknown_m == Margins.unknown_m
+    assert out.speed_mps(np.array([0.3])) == pytest.approx(Margins.away_mps)
     wide = Margins().within(Clearances(obstacle_m=0.5, edge_m=0.45)).out()
     assert (wide.touch_m, wide.edge_m) == pytest.approx((0.4, 0.35))
     assert Margins().within(Clearances(edge_m=0.15)).out().edge_m == pytest.approx(0.15)
