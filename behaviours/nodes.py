@@ -17,6 +17,7 @@ from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
 from behaviours.fly.move_by import ClimbTo, MoveBy
+from behaviours.fly.moves_on import MovesOn
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
@@ -54,6 +55,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     MapSite,
     MarkFound,
     MoveBy,
+    MovesOn,
     PointCamera,
     RememberViews,
     ReturnToBase,

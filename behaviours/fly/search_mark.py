@@ -49,7 +49,8 @@ class SearchByMap(CourseLeaf):
     """Fly to the map's landing mark, or without one to viewpoints of unseen ground.
 
     SUCCESS where the mark should be ahead or below but `MarkFound` does not find it: it may be
-    below the view. FAILURE without a map, or if the map has no path.
+    below the view. FAILURE without a map, or if the map has no path. With `to_mark="false"` also
+    FAILURE when all ground was seen: no more ground can show a way to the mark.
     """
 
     ports = (
@@ -64,12 +65,12 @@ class SearchByMap(CourseLeaf):
         super().on_setup(mission)
         config = MapSearchConfig()
         margins = config.margins.within(mission.clearances)
-        self._search = MapSearch(replace(config, margins=margins))
+        self._to_mark: bool = self.port_value("to_mark")
+        self._search = MapSearch(replace(config, margins=margins, repeats=self._to_mark))
         self._mark_m = mission.mark.height_m
         self._planned_s = -math.inf  # capture time of the map of the last plan
         self._led = False  # whether that map had a path
         self._flight_rad = math.radians(self.port_value("gimbal_deg"))
-        self._to_mark: bool = self.port_value("to_mark")
 
     def initialise(self) -> None:
         """Choose a new goal."""

@@ -19,6 +19,7 @@ from uav_bt.types.site_map import SiteMap
 
 Place = tuple[float, float]
 
+_ROUNDING_M: Final = 1e-6  # distances on the grid that differ by less are equal
 _LINE_SAMPLES: Final = 10  # samples of a straight line of about 0.6 m (FollowConfig)
 
 
@@ -97,7 +98,7 @@ class ClearanceMap:
         self.clear_m = self._clearance_m(distances)
         self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))
         flyable = self._free & ~site_map.outside
-        self.open = flyable & (self.clear_m >= margins.touch_m)
+        self.open = flyable & self.roomy
         here_m = float(self.clear_m[self.start])
         as_near_m = min(here_m, max(margins.min_start_m, here_m - margins.start_slack_m))
         near, from_start_m = self._from_start_m(margins.start_m)
@@ -136,6 +137,11 @@ class ClearanceMap:
             y_m: y of the place in the map's frame.
         """
         return float(self.clear_m[self._within(self.map.cell_of(x_m, y_m))])
+
+    @cached_property
+    def roomy(self) -> Flags:
+        """(rows, columns) whether the cell has the clearance that routes need."""
+        return np.asarray(self.clear_m >= self.margins.touch_m - _ROUNDING_M)
 
     @cached_property
     def fastest(self) -> FastestPaths:
@@ -206,7 +212,7 @@ class ClearanceMap:
 
     @cached_property
     def _wide(self) -> Flags:
-        return self.open & (self.clear_m >= self.margins.touch_m)
+        return self.open & self.roomy
 
     def is_open_to(self, x_m: float, y_m: float) -> bool:
         """Return whether the straight line from the drone to a place leads over open cells only.

@@ -48,6 +48,8 @@ class MapSearchConfig:
         margins: Distances that routes keep.
         follow: How routes are followed.
         view: How viewpoints are evaluated.
+        repeats: Whether the search starts over when all ground was seen, because the mark may have
+            been missed.
     """
 
     close_m: float = 0.9
@@ -60,6 +62,7 @@ class MapSearchConfig:
     margins: Margins = field(default_factory=Margins)
     follow: FollowConfig = field(default_factory=FollowConfig)
     view: ViewpointConfig = field(default_factory=ViewpointConfig)
+    repeats: bool = True
 
 
 class Aim(enum.Enum):
@@ -114,7 +117,7 @@ class MapSearch:
 
         Returns:
             The course; `Done` where the mark should be below or right ahead but was not found; None
-            if the map has no path.
+            if the map has no path, or if all ground was seen and the search does not start over.
         """
         if site_map.contradicted_s > self.config.doubted_s:
             self.pause()
@@ -157,9 +160,9 @@ class MapSearch:
         ):
             return self._to_view(self._viewpoint, maps[self._passage], corridor, in_view)
         if not self._choose(maps, in_view):
-            if self._round_s >= now_s:
+            if not self.config.repeats or self._round_s >= now_s:
                 return None
-            # All ground was seen: the search starts over.
+            # All ground was seen.
             self._round_s = now_s
             self._in_vain_m = np.empty((0, 2))
             self._choose(maps, in_view)
@@ -170,7 +173,7 @@ class MapSearch:
     def _choose(self, maps: ClearanceMaps, in_view: GroundInView) -> bool:
         """Choose the next view, in the widest passage possible; False if none is worth it."""
         self.pause()
-        for passage in Passage:
+        for passage in maps.usable():
             clearance = maps[passage]
             view = best_viewpoint(clearance, self._wanted(clearance), in_view, self.config.view)
             if view is not None:

@@ -17,11 +17,15 @@ from uav_bt.types.arrays import Floats
 
 
 class Passage(enum.Enum):
-    """Width of a passage that a route may use."""
+    """Width of a passage that a route may use, from the widest.
+
+    `OUT` is for a drone that is shut in by the tightest passage.
+    """
 
     ORDINARY = "ordinary"
     TIGHT = "tight"
     TIGHTEST = "tightest"
+    OUT = "out"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,6 +168,17 @@ class Margins:
         assumed, and rounded to the grid.
         """
         return replace(self, touch_m=self.tight_m, unsure_m=0.0)
+
+    def out(self) -> Margins:
+        """Return the margins of the way out, for a drone that the tightest passage shuts in.
+
+        A route may begin with little clearance, so a drone that swayed comes through gaps that
+        other margins close behind it. The way out is also narrower beside edges, by as much as the
+        tightest passage is beside obstacles, but not narrower than the last metres before the pad.
+        It is flown as slowly as a route that begins with little clearance.
+        """
+        edge_m = max(self.edge_m - NARROWER_M, min(self.edge_m, self.pad_edge_m))
+        return replace(self.tightest(), edge_m=edge_m, slow_mps=self.away_mps)
 
     def speed_mps(self, clear_m: Floats) -> Floats:
         """Return the speed at each clearance, metres."""

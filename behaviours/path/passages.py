@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -54,16 +55,25 @@ class ClearanceMaps:
             )
         return self._made[passage]
 
+    def usable(self) -> Iterator[Passage]:
+        """Yield the passages from the widest; `OUT` only if the tightest shuts the drone in."""
+        yield from (Passage.ORDINARY, Passage.TIGHT, Passage.TIGHTEST)
+        if self[Passage.TIGHTEST].shut_in:
+            yield Passage.OUT
+
     def _margins_of(self, passage: Passage) -> Margins:
         margins = self._margins
         if passage is Passage.ORDINARY:
             return margins
         if self._over is not None:
             at_pad = margins.at_pad()
-            return at_pad if passage is Passage.TIGHT else at_pad.sure()
+            if passage is Passage.TIGHT:
+                return at_pad
+            return at_pad.sure() if passage is Passage.TIGHTEST else at_pad.out()
         if passage is Passage.TIGHT:
             return margins.tight()
-        return replace(margins.tightest(), past_assumed=self._past_assumed)
+        narrow = margins.tightest() if passage is Passage.TIGHTEST else margins.out()
+        return replace(narrow, past_assumed=self._past_assumed)
 
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
         """Return the route to a place; None without one.
@@ -77,12 +87,12 @@ class ClearanceMaps:
         """
         best: Route | None = None
         margins = self._margins
-        for passage in Passage:
+        for passage in self.usable():
             if best is not None and best.length_m <= margins.direct * best.apart_m:
                 break
             found = self[passage].route_to(to, near_m=near_m, far_m=far_m)
             if found is not None and (best is None or found.time_s < best.time_s - margins.saved_s):
                 best = found
-            if best is not None and passage is Passage.TIGHT:
+            if best is not None and passage is not Passage.ORDINARY:
                 break
         return best

@@ -69,7 +69,7 @@ def best_route(
         + _first_turns_s(clearance, cfg.yaw_rate_radps)
     )
     # A route may begin with less clearance around the drone, but must end with enough.
-    roomy = clearance.clear_m.reshape(-1)[paths.reached] >= clearance.margins.touch_m
+    roomy = clearance.roomy.reshape(-1)[paths.reached]
     moves = paths.before.reshape(-1)[paths.reached] >= 0
     worth_it = roomy & (new_m2 >= cfg.min_leg_m2) & moves
     if not worth_it.any():

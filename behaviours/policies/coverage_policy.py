@@ -102,6 +102,8 @@ class CoveragePolicy:
             route = best_route(clearance, cfg.survey, self._value) or route
         if route is None and (clearance.shut_in or clearance.too_narrow):
             clearance = maps[Passage.TIGHTEST]
+            if clearance.shut_in:
+                clearance = maps[Passage.OUT]
             route = best_route(clearance, cfg.survey, self._value)
         if route is None:
             # Moving obstacles block ground only for a while.

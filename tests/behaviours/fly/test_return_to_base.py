@@ -24,6 +24,7 @@ from tests.behaviours.leaf_world import (
     show,
     steering_bench,
 )
+from tests.behaviours.path.test_passages import MARK, corner
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.answers import Done, FollowLeg
 from uav_bt.board import HELIPAD, ODOMETRY, PHASE, SITE_MAP, STATE
@@ -690,6 +691,33 @@ def test_where_no_way_is_known_unseen_ground_is_looked_at_before_a_detour() -> N
     assert policy.views == []
     assert velocity(bench).yaw_rate_radps < -0.2
     assert bench.board[PHASE] == "approach"
+
+
+def test_where_all_ground_was_seen_and_no_way_is_known_the_policy_makes_a_detour() -> None:
+    """To look at the same ground again and again would bring nothing."""
+    policy = Says(TURN_RIGHT)
+    bench = searching(policy)
+    wall = np.column_stack([np.full(41, 0.6), np.linspace(-2.0, 2.0, 41)])
+    shut = replace(marked(1.8, 0.0), obstacles_m=wall)
+    fly(bench, seconds=2.0)  # the ground was seen at 1 s
+    for _ in range(10):
+        fly(bench, (1.8, 0.0), site_map=shut)
+    assert velocity(bench).yaw_rate_radps > 0.2
+    assert bench.board[PHASE] == "approach"
+
+
+def test_a_drone_that_does_not_get_on_gives_up() -> None:
+    """Neither the map nor the policy leads it out of its corner. The mission lands then."""
+    bench, shut = searching(Says(TURN_RIGHT)), corner(0.4)
+    mark, status, seconds = shut.pose.to_body(*MARK), Status.RUNNING, 0.0
+    while status is Status.RUNNING and seconds < 90.0:
+        here = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
+        bench.board[ODOMETRY] = MotionEstimate(
+            pose=here, seen=here, velocity=BodyVelocity(), error=BodyVelocity(), tracked_s=0.0
+        )
+        status, seconds = fly(bench, mark, site_map=shut, seconds=0.5), seconds + 0.5
+    assert status is Status.FAILURE
+    assert seconds == pytest.approx(60.0, abs=2.0)
 
 
 def test_unseen_ground_is_crossed_beside_the_pad_only() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from behaviours.path.map_search import Aim, Course, MapSearch
+from behaviours.path.map_search import Aim, Course, MapSearch, MapSearchConfig
 from tests.behaviours.path.drawn_hall import SIGHT, DrawnHall
 from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.answers import Done, FollowLeg, Rotate
@@ -58,6 +58,15 @@ def test_when_all_was_seen_it_begins_anew() -> None:
     for _ in range(300):
         place.fly(search.decide(place.map(), None, None, None, SIGHT) or TURN)
     assert place.flown_m > 10.0
+
+
+def test_a_look_for_a_way_ends_when_all_was_seen() -> None:
+    """Ground that was seen before shows no new way to a mark whose place is known."""
+    search, place = MapSearch(MapSearchConfig(repeats=False)), known(hall(0.0, -0.2, 0.0))
+    place.now_s = 60.0
+    assert search.decide(place.map(), None, None, None, SIGHT) is None
+    place.seen_s[place.ground & (place.map().places_m()[..., 0] > 2.0)] = -math.inf
+    assert search.decide(place.map(), None, None, None, SIGHT) is not None
 
 
 def test_ground_that_stays_unseen_is_not_stared_at() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from behaviours.path.margins import Margins
@@ -45,3 +46,14 @@ def test_a_mark_that_is_flown_over_is_free_to_its_corners() -> None:
     """Half of the diagonal of 0.6 x 0.8 m is 0.5 m, and a cell is 0.1 m."""
     mark = LandingMark(length_m=0.6, width_m=0.8, height_m=0.05)
     assert Margins().within(Clearances(), mark).over_m == pytest.approx(0.6)
+
+
+def test_the_way_out_is_as_narrow_as_the_place_permits() -> None:
+    """Nearer than other passages to edges only, and not nearer than the last metres are."""
+    out = Margins().out()
+    assert (out.touch_m, out.edge_m) == pytest.approx((0.3, 0.2))
+    assert out.unknown_m == Margins.unknown_m
+    assert out.speed_mps(np.array([0.3])) == pytest.approx(Margins.away_mps)
+    wide = Margins().within(Clearances(obstacle_m=0.5, edge_m=0.45)).out()
+    assert (wide.touch_m, wide.edge_m) == pytest.approx((0.4, 0.35))
+    assert Margins().within(Clearances(edge_m=0.15)).out().edge_m == pytest.approx(0.15)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from behaviours.policies.coverage_policy import CoveragePolicy
+from tests.behaviours.path.test_passages import corner
 from tests.behaviours.path.test_survey import drawn_map, where
 from tests.behaviours.policies.cast_world import cast, view
 from uav_bt.answers import Answer, Blocked, Done, FollowLeg, Rotate
@@ -126,6 +127,15 @@ def test_a_drone_that_is_shut_in_leaves_through_the_gap_that_it_came_by() -> Non
     assert isinstance(decide(behind), FollowLeg | Rotate)
     closed = replace(behind, obstacles_m=np.vstack([wall, [[0.0, -0.5]]]))
     assert isinstance(decide(closed), Blocked)
+
+
+def test_a_drone_in_a_corner_explores_on_outside_it() -> None:
+    """Without the way out it would turn until the time for exploring is over."""
+    inside = replace(corner(0.5), passed=where("right"))
+    assert isinstance(decide(inside), FollowLeg | Rotate)
+    assert isinstance(decide(replace(corner(0.4), passed=where("right"))), Blocked)
+    # Nothing is left to explore: it is covered, because the rest can be reached.
+    assert isinstance(decide(replace(inside, passed=ALL), full_turns=1), Done)
 
 
 def test_while_something_moves_nothing_is_covered_for_good() -> None:
