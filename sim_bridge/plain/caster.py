@@ -116,9 +116,9 @@ def _moving(spec: MoverSpec, state: MoverState) -> list[float]:
 
 def _place(pose: CameraPose) -> NDArray[np.float64]:
     """Return position, optical axis, and right and down of the image in the world, (4, 3)."""
-    axis, up = np.array(pose.axes())
-    position_m = np.array([pose.x_m, pose.y_m, pose.z_m])
-    return np.stack([position_m, axis, np.cross(axis, up), -up])
+    (ax, ay, az), (ux, uy, uz) = pose.axes()
+    right = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
+    return np.array([(pose.x_m, pose.y_m, pose.z_m), (ax, ay, az), right, (-ux, -uy, -uz)])
 
 
 def _rays(lens: NDArray[np.float64], size_px: tuple[int, int]) -> NDArray[np.float64]:
@@ -180,11 +180,15 @@ def _frame(
 
     Returns:
         First row, row after the last, first column, column after the last, with a margin for rays
-        beside their pixels. The whole image if a corner is beside or behind the lens.
+        beside their pixels. No rows if the whole solid is behind the lens or beside the view; all
+        if only a corner is beside or behind the lens.
     """
     x_m, y_m, half_x, half_y, high_m, cos, sin = solid[:7]
     rows, columns = size_px
     low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
+    # The largest distance of a corner from the lens's plane and into the view from each side.
+    ahead = from_left = from_right = from_top = from_bottom = -np.inf
+    beside = False
     for corner in range(8):
         along = half_x if corner & 1 else -half_x
         across = half_y if corner & 2 else -half_y
@@ -192,13 +196,23 @@ def _frame(
         dy = y_m + sin * along + cos * across - place[0, 1]
         dz = (high_m if corner & 4 else 0.0) - place[0, 2]
         depth = place[1, 0] * dx + place[1, 1] * dy + place[1, 2] * dz
+        right = lens[0] * (place[2, 0] * dx + place[2, 1] * dy + place[2, 2] * dz)
+        down = lens[1] * (place[3, 0] * dx + place[3, 1] * dy + place[3, 2] * dz)
+        ahead = max(ahead, depth)
+        from_left = max(from_left, right + (lens[2] + _MARGIN_PX) * depth)
+        from_right = max(from_right, (columns - 1 + _MARGIN_PX - lens[2]) * depth - right)
+        from_top = max(from_top, down + (lens[3] + _MARGIN_PX) * depth)
+        from_bottom = max(from_bottom, (rows - 1 + _MARGIN_PX - lens[3]) * depth - down)
         if depth < _BESIDE_M:
-            return 0, rows, 0, columns
-        right = place[2, 0] * dx + place[2, 1] * dy + place[2, 2] * dz
-        down = place[3, 0] * dx + place[3, 1] * dy + place[3, 2] * dz
-        u, v = lens[0] * right / depth + lens[2], lens[1] * down / depth + lens[3]
+            beside = True
+            continue
+        u, v = right / depth + lens[2], down / depth + lens[3]
         low_u, high_u = min(low_u, u), max(high_u, u)
         low_v, high_v = min(low_v, v), max(high_v, v)
+    if min(ahead, from_left, from_right, from_top, from_bottom) < 0.0:
+        return 0, 0, 0, 0
+    if beside:
+        return 0, rows, 0, columns
     return (
         math.ceil(max(low_v - _MARGIN_PX, 0.0)),
         math.floor(min(high_v + _MARGIN_PX, rows - 1.0)) + 1,
