@@ -112,6 +112,8 @@ class Margins:
             mark: Landing mark of the place; default: `LandingMark()`.
         """
         usual, mark = LandingMark(), mark or LandingMark()
+        if place == Clearances() and mark == usual:
+            return self
         wider_m = place.obstacle_m - Clearances.obstacle_m
         return replace(
             self,

@@ -132,9 +132,14 @@ class CoveragePolicy:
 
 def _ground_rad(site_map: SiteMap, around_m: float) -> float | None:
     """Return the bearing of the mean of the ground around the drone; None if none was seen."""
-    places_m = site_map.pose.points_to_body(site_map.middles_m(np.argwhere(site_map.ground)))
-    if not len(places_m):
-        return None
+    pose, reach = site_map.pose, math.ceil(around_m / site_map.cell_m)
+    first = np.maximum(np.array(site_map.cell_of(pose.x_m, pose.y_m)) - reach, 0)
+    window = site_map.ground[first[0] :, first[1] :][: 2 * reach + 1, : 2 * reach + 1]
+    places_m = pose.points_to_body(site_map.middles_m(np.argwhere(window) + first))
     near_m = places_m[np.hypot(*places_m.T) <= around_m]
-    forward_m, right_m = (near_m if len(near_m) else places_m).mean(axis=0)
+    if not len(near_m):
+        near_m = pose.points_to_body(site_map.middles_m(np.argwhere(site_map.ground)))
+    if not len(near_m):
+        return None
+    forward_m, right_m = near_m.mean(axis=0)
     return math.atan2(right_m, forward_m)

@@ -167,6 +167,8 @@ def drop_missed(known: Landmarks, free: Flags, config: LandmarkConfig) -> Landma
         free: (N,) points around which the view shows only ground.
         config: limits for dropping points.
     """
+    if not free.any():
+        return known
     missed = known.missed + free
     enough = np.clip(known.weight, config.min_missed, config.max_missed)
     return replace(known, missed=missed).take(missed < enough)

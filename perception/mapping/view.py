@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final, Self
 
 import numpy as np
@@ -127,7 +128,7 @@ class View:
         """Range up to which points of the map are used, m."""
         return min(self.config.max_range_m, self.config.max_range_ratio * self.height_m)
 
-    @property
+    @cached_property
     def lens(self) -> Pose2D:
         """Position and heading of the camera, in the frame of `pose`."""
         x_m, y_m = self.pose.to_world(self.camera.forward_offset_m, 0.0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from uav_bt.types import CameraModel, DroneState, Frame, Observation
@@ -82,7 +82,7 @@ class Screening:
 
     def _usable_state(self, state: DroneState, now_s: float) -> DroneState:
         self.state_fault = _first(
-            *(self._late_or_early(time_s, now_s) for time_s in astuple(state.times)),
+            *(self._late_or_early(time_s, now_s) for time_s in vars(state.times).values()),
             self._impossible(state),
             self._jump(state),
         )

