@@ -15,8 +15,10 @@ from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
 from behaviours.fly.return_to_base import ReturnToBase
+from behaviours.fly.say import Say
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
+from behaviours.fly.take_photo import TakePhoto
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.class_map import FindHelipad, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
@@ -49,12 +51,14 @@ NODES: Final[tuple[type[Node], ...]] = (
     PointCamera,
     RememberViews,
     ReturnToBase,
+    Say,
     ScanBelow,
     SearchByMap,
     SearchUnderPolicy,
     Segment,
     StopAboveMark,
     TakeOff,
+    TakePhoto,
     TrackMotion,
     Turn,
 )

@@ -21,6 +21,7 @@ class FlightNotes:
         self.events: list[FlightEvent] = []
         self.photos: list[Photo] = []
         self._taken = 0
+        self._photo = 0
 
     def add(self, event: FlightEvent) -> None:
         """Add an event."""
@@ -29,6 +30,11 @@ class FlightNotes:
         elif len(self.events) == _MAX_EVENTS:
             text = f"the flight has more than {_MAX_EVENTS} events: further ones are not kept"
             self.events.append(FlightEvent(time_s=event.time_s, kind=EventKind.WARNING, text=text))
+
+    def next_photo(self) -> int:
+        """Return the number of the next photograph, from 1. A failed one keeps its number."""
+        self._photo += 1
+        return self._photo
 
     def take(self) -> tuple[FlightEvent, ...]:
         """Return the events since the last call."""
