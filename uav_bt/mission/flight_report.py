@@ -119,7 +119,7 @@ class FlightReport(FlightChanges):
 
     def _reached(self) -> Iterator[tuple[str, object]]:
         first = ("outcome", "reason")
-        curves = ("coverage_curve", "events", "objects")  # for programs
+        curves = ("coverage_curve", "events", "objects", "photos")  # for programs
         rest = (each.name for each in fields(FlightReport) if each.name not in first + curves)
         for name in (*first, *rest):
             value = getattr(self, name)
