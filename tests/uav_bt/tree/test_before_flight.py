@@ -56,7 +56,7 @@ class Steer(Leaf):
         return Status.RUNNING
 
 
-REGISTRY = NodeRegistry([RedDetector, Fly, Tilt, Steer])
+REGISTRY = NodeRegistry([RedDetector, Fly, Tilt, Steer, Say])
 
 
 def findings(body: str, inner: str = "<AlwaysSuccess/>", main: str = "Main") -> list[str]:
@@ -124,15 +124,9 @@ def test_keys_of_the_runner_and_of_leaves_may_be_read() -> None:
 
 
 def test_names_in_the_text_of_a_message_are_checked_as_in_scripts() -> None:
-    registry = NodeRegistry([Say, RedDetector])
-
-    def found(body: str) -> list[str]:
-        text = f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree></root>'
-        return [str(finding) for finding in check_text(text, registry)]
-
     script = '<Script code="n := 1"/>'
     good = '<Say text="{n} of {n}: {@elapsed_s} s"/>'
-    assert found(f"<Sequence>{script}{good}</Sequence>") == []
+    assert findings(f"<Sequence>{script}{good}</Sequence>") == []
     for text, why in (
         ("{m} of {n}", "nothing sets variable 'm' of the main tree"),
         ("{n}: {@red_share}", "no leaf of the tree writes board key 'red_share'"),
@@ -140,7 +134,7 @@ def test_names_in_the_text_of_a_message_are_checked_as_in_scripts() -> None:
         ("{n}: {@site_map}", "board key 'site_map' holds SiteMap, no number and no text"),
         ("{n", "'{' belongs to no placeholder"),
     ):
-        (message,) = found(f'<Sequence>{script}<Say text="{text}"/></Sequence>')
+        (message,) = findings(f'<Sequence>{script}<Say text="{text}"/></Sequence>')
         assert why in message, text
 
 
