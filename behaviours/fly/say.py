@@ -22,7 +22,7 @@ class Say(Leaf):
             str,
             default=EventKind.INFO.value,
             choices=(EventKind.INFO.value, EventKind.WARNING.value),
-            doc="kind of the event",
+            doc="kind of the event: info or warning",
         ),
     )
 

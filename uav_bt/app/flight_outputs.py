@@ -43,7 +43,7 @@ def flight_folder(out: Path | None, outputs: Mapping[str, Path | None]) -> Fligh
 
     Args:
         out: The folder, new or empty.
-        outputs: Files of the flight, by what they hold. Leaves cannot write these.
+        outputs: Files of the flight by kind: report, record, video. Leaves cannot write these.
 
     Raises:
         FileError: The folder has files already, or it cannot be written to.
@@ -66,7 +66,7 @@ def check_outputs(
     Args:
         mission: Mission that is flown; its files are inputs.
         options: Options of the flight; the files that they name are inputs.
-        outputs: Files of the flight, by what they hold.
+        outputs: Files of the flight by kind: report, record, video.
         folder: Output folder; it is made when something is written.
 
     Raises:

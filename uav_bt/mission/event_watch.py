@@ -11,7 +11,7 @@ from uav_bt.types.flight_results import EventKind
 
 
 class EventWatch:
-    """Adds events to a flight's notes, by what has changed since the last tick.
+    """Compares each tick with the last one, and adds the changes to a flight's notes.
 
     Args:
         context: Context of the mission; its notes get the events.
