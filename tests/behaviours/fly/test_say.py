@@ -13,10 +13,6 @@ from uav_bt.types import MissionPhase
 from uav_bt.types.flight_results import EventKind, FlightEvent
 
 
-def events_of(bench: LeafBench) -> list[FlightEvent]:
-    return bench.leaf.mission.notes.events
-
-
 def test_variables_and_board_keys_are_filled_in() -> None:
     text = "{side} of {count}, {share}, after {@elapsed_s} s in phase {@phase}"
     bench = LeafBench(Say, text=text)
@@ -26,7 +22,7 @@ def test_variables_and_board_keys_are_filled_in() -> None:
     bench.variables["share"] = 0.12345
     assert bench.tick() is Status.SUCCESS
     filled = "left of 4, 0.123, after 12 s in phase explore"
-    assert events_of(bench) == [
+    assert bench.notes.events == [
         FlightEvent(time_s=12.0, kind=EventKind.INFO, text=filled, node="Bench/Say")
     ]
     assert bench.feedback == filled
@@ -35,7 +31,7 @@ def test_variables_and_board_keys_are_filled_in() -> None:
 def test_a_name_without_a_value_is_unknown() -> None:
     bench = LeafBench(Say, text="{nothing} and {@helipad} {@phase}", level="warning")
     assert bench.tick() is Status.SUCCESS
-    (event,) = events_of(bench)
+    (event,) = bench.notes.events
     assert (event.kind, event.text) == (EventKind.WARNING, "unknown and unknown unknown")
 
 
@@ -43,7 +39,7 @@ def test_a_text_of_one_placeholder_is_filled_in_too() -> None:
     bench = LeafBench(Say, text="{n}")
     bench.variables["n"] = 2.5
     bench.tick()
-    assert events_of(bench)[0].text == "2.5"
+    assert bench.notes.events[0].text == "2.5"
 
 
 @pytest.mark.parametrize(
@@ -64,4 +60,4 @@ def test_each_activation_adds_one_event() -> None:
     bench = LeafBench(Say, text="again")
     for _ in range(3):
         bench.tick()
-    assert [event.text for event in events_of(bench)] == ["again"] * 3
+    assert [event.text for event in bench.notes.events] == ["again"] * 3

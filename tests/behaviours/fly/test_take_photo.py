@@ -15,7 +15,6 @@ from behaviours.fly.steadiness import Steadiness
 from behaviours.fly.take_photo import TakePhoto
 from tests.behaviours.leaf_world import live, map_with, show
 from uav_bt.board import ELAPSED, FRAME, SITE_MAP, STATE
-from uav_bt.board.context import MissionContext
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.classes import CARPET
 from uav_bt.errors import InputError
@@ -41,15 +40,8 @@ class _Blind:
 def photo_bench(out: Path | None, *, sight: bool = False, **attributes: object) -> LeafBench:
     """Return a bench whose flight has an output folder, or none."""
     bench = LeafBench(TakePhoto, **attributes)
-    context = MissionContext(
-        board=bench.strict_board,
-        clock=bench.clock,
-        proposals=bench.proposals,
-        outputs=None if out is None else FlightFolder(out),
-        sight=_Blind() if sight else None,  # type: ignore[arg-type]  # nothing calls it
-    )
-    bench.tree.setup(context)
-    bench._ready = True  # set up for this context
+    bench.outputs = None if out is None else FlightFolder(out)
+    bench.sight = _Blind() if sight else None  # type: ignore[assignment]  # nothing calls it
     return bench
 
 
@@ -95,7 +87,7 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
         "height_m": 1.5,
         "gimbal_pitch_deg": -30.0,
     }
-    notes = bench.leaf.mission.notes
+    notes = bench.notes
     assert [photo.label for photo in notes.photos] == ["box 1, left"]
     assert [(event.kind, event.text) for event in notes.events] == [(EventKind.PHOTO, name)]
 
@@ -115,7 +107,7 @@ def test_while_the_drone_moves_or_turns_nothing_is_stored(tmp_path: Path) -> Non
         if status is not Status.RUNNING:
             break
     assert status is Status.FAILURE
-    event = bench.leaf.mission.notes.events[-1]
+    event = bench.notes.events[-1]
     assert event.kind is EventKind.NO_PHOTO
     assert event.text == "no image within 1 s: the drone is not steady"
 
@@ -171,7 +163,7 @@ def test_stale_frames_and_a_pilot_do_not_count(tmp_path: Path) -> None:
 def test_without_a_folder_it_fails_at_once_and_says_what_to_do() -> None:
     bench = photo_bench(None, label="door")
     assert live(bench) is Status.FAILURE
-    event = bench.leaf.mission.notes.events[-1]
+    event = bench.notes.events[-1]
     assert event.text == "'door': the flight has no output folder: fly with --out DIR"
 
 
@@ -186,7 +178,7 @@ def test_a_full_disk_is_a_failure_with_the_reason(
         patched.setattr(Path, "write_bytes", full_disk)
         assert run(bench, 20)[-1] is Status.FAILURE
     assert "cannot be written: No space left on device" in bench.feedback
-    assert bench.leaf.mission.notes.photos == []
+    assert bench.notes.photos == []
     assert run(bench, 20)[-1] is Status.SUCCESS
     assert "photo-002.jpg" in names(tmp_path)
 
@@ -195,7 +187,7 @@ def test_a_drone_without_images_stores_pose_and_class_map(tmp_path: Path) -> Non
     bench = photo_bench(tmp_path, sight=True)
     assert run(bench, 20)[-1] is Status.SUCCESS
     assert names(tmp_path) == ["photo-001-classes.png", "photo-001.json"]
-    assert bench.leaf.mission.notes.photos[0].file is None
+    assert bench.notes.photos[0].file is None
 
 
 def test_a_drone_without_images_and_class_maps_fails_with_one_reason(tmp_path: Path) -> None:
