@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from typing import Final
 
@@ -16,6 +17,9 @@ from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import ClassMap, DroneState, Frame, GimbalTo, Hover, MissionPhase
 from uav_bt.types.flight_results import EventKind, Photo, ReportedPose, reported_pose
 
+_LOG: Final = logging.getLogger(__name__)
+
+_NO_FOLDER: Final = "the flight has no output folder: fly with --out DIR"
 _KEEP: Final = "keep"
 _RESTORE_S: Final = 2.0  # longest wait for the camera's former pitch; chosen
 
@@ -69,13 +73,15 @@ class TakePhoto(Leaf):
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Create the leaf's clock."""
+        """Create the leaf's clock; warn if the flight has no output folder."""
         # Late: OpenCV takes long to import, and `uav-bt check` must answer at once.
         from behaviours.fly.photo_files import photo_name, store_photo  # noqa: PLC0415
 
         self._name, self._write_files = photo_name, store_photo
         self._leaf_clock = LeafClock(mission.clock)
         self._imageless = mission.sight is not None
+        if mission.outputs is None:
+            _LOG.warning("Warning: %s will fail: %s", self.path, _NO_FOLDER)
 
     def initialise(self) -> None:
         """Begin to wait."""
@@ -112,7 +118,7 @@ class TakePhoto(Leaf):
         """Store the photograph when the frame fits. None: not yet."""
         folder = self.mission.outputs
         if folder is None:
-            return self._fail("the flight has no output folder: fly with --out DIR")
+            return self._fail(_NO_FOLDER)
         if state is None or frame is None:
             self._last_s = None
             return None

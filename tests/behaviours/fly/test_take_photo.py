@@ -160,8 +160,12 @@ def test_stale_frames_and_a_pilot_do_not_count(tmp_path: Path) -> None:
     assert run(bench, 10)[-1] is Status.SUCCESS
 
 
-def test_without_a_folder_it_fails_at_once_and_says_what_to_do() -> None:
+def test_without_a_folder_it_fails_at_once_and_says_what_to_do(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     bench = photo_bench(None, label="door")
+    bench.setup()
+    assert "Bench/TakePhoto will fail: the flight has no output folder" in caplog.text
     assert live(bench) is Status.FAILURE
     event = bench.notes.events[-1]
     assert event.text == "'door': the flight has no output folder: fly with --out DIR"
