@@ -19,8 +19,10 @@ from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, T
 from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.moves_on import MovesOn
 from behaviours.fly.return_to_base import ReturnToBase
+from behaviours.fly.say import Say
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
+from behaviours.fly.take_photo import TakePhoto
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.class_map import FindHelipad, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
@@ -59,12 +61,14 @@ NODES: Final[tuple[type[Node], ...]] = (
     PointCamera,
     RememberViews,
     ReturnToBase,
+    Say,
     ScanBelow,
     SearchByMap,
     SearchUnderPolicy,
     Segment,
     StopAboveMark,
     TakeOff,
+    TakePhoto,
     TrackMotion,
     Turn,
 )

@@ -32,6 +32,7 @@ from uav_bt.app.site import Site, check_clearances
 from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
+from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
 from uav_bt.mission.flown_tree import NextTree
@@ -81,6 +82,7 @@ class Flight(Generic[DroneT]):
         segmenter: Source of class maps in place of a network. Default: from the options.
         followers: Listeners that belong to the drone, before all others.
         make_runner: Makes the runner, with the parameters of `MissionRunner`.
+        outputs: Folder that leaves write files to.
 
     Raises:
         InputError: Site and scene state different landing marks.
@@ -96,6 +98,7 @@ class Flight(Generic[DroneT]):
         segmenter: Segmenter | None = None,
         followers: Sequence[TickListener] = (),
         make_runner: Callable[..., MissionRunner] = MissionRunner,
+        outputs: FlightFolder | None = None,
     ) -> None:
         self.mission = mission
         self.drone = drone
@@ -104,6 +107,7 @@ class Flight(Generic[DroneT]):
         self._segmenter = segmenter
         self._followers = followers
         self._make_runner = make_runner
+        self.outputs = outputs
         self._clock = TickClock(drone.clock)
         self.mark = mark_of(options, drone)
 
@@ -135,6 +139,7 @@ class Flight(Generic[DroneT]):
             take_off=(site or Site()).take_off_pose
             if self.drone.scene is None
             else self.drone.scene.take_off_pose,
+            outputs=self.outputs,
         )
 
     def _policy(self, name: str) -> LeafPolicy:
@@ -229,19 +234,22 @@ def assemble(
     return join(load_mission(tree, options, registry), options)
 
 
-def join(mission: MissionTree, options: FlightOptions) -> Flight[Drone]:
+def join(
+    mission: MissionTree, options: FlightOptions, outputs: FlightFolder | None = None
+) -> Flight[Drone]:
     """Return a flight of a loaded mission with a new drone; nothing is connected.
 
     Args:
         mission: Tree that was loaded with the options.
         options: Options of the flight.
+        outputs: Folder that leaves write files to.
 
     Raises:
         InputError: Drone or site was refused.
     """
     drone, faults = with_faults(make_drone(options), options.faults)
     check_clearances(site_of(options) or Site(), drone.airframe)
-    return Flight(mission, drone, options, followers=faults)
+    return Flight(mission, drone, options, followers=faults, outputs=outputs)
 
 
 def frame_judge(drone: Drone) -> FrameJudge:

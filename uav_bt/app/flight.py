@@ -6,12 +6,19 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
 from uav_bt.app.film import flight_video
+from uav_bt.app.flight_outputs import (
+    REPORT_FILE,
+    check_outputs,
+    flight_folder,
+    last_map,
+    objects_of,
+    write_objects,
+)
 from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission, read_mission
 from uav_bt.app.option_values import as_file
@@ -22,8 +29,6 @@ from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
 from uav_bt.errors import FileError, InputError, UavBtError
-from uav_bt.files import check_output
-from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightChanges, FlightReport, write_report
@@ -35,20 +40,10 @@ from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
-from uav_bt.tree.loading.lookup import shipped_trees
 
 STILL_IN_THE_AIR: Final = (
     "THE DRONE IS STILL IN THE AIR, as far as is known: take its remote control and land it"
 )
-
-_FILES_OF_OPTIONS: Final = (
-    "scene",
-    "camera",
-    "site",
-    "drone",
-    "policies",
-    "leaves",
-)  # that are read
 
 
 def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
@@ -71,6 +66,7 @@ def fly(
     options: FlightOptions | None = None,
     *,
     registry: NodeRegistry | None = None,
+    out: str | Path | None = None,
     report: str | Path | None = None,
     video: str | Path | None = None,
     listeners: Sequence[Listeners] = (),
@@ -92,14 +88,17 @@ def fly(
         options: Options that several flights share. Default: only `how`.
         registry: the nodes that may occur; default: all installed. Own leaves fly without a
             package with `NodeRegistry.installed().with_nodes(Peek)`.
+        out: output folder of the flight, new or empty: report, objects of the map, and the files
+            that leaves such as `TakePhoto` write.
         report: where to write the report as JSON; it is also written when the mission fails.
+            Default: `report.json` in `out`.
         video: where to write a film of the flight, an mp4 file; it, too, is written when the
             mission fails. `film.flight_video` has options.
         listeners: Functions that make tick listeners of the flight (displays, logs).
         on_check: called with each line of the check before take-off.
         controls: Controls of a person while the mission flies, such as a keyboard.
         watch: Read the tree file again whenever it is edited while it flies, and call this with
-            the result. For simulated drones, and without record, report and video;
+            the result. For simulated drones, and without out, record, report and video;
             listeners that hold the tree itself go on showing the first one.
         how: Fields of `FlightOptions`. They replace those of `options`.
 
@@ -113,11 +112,14 @@ def fly(
     _check_listeners(listeners)
     options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
-    report, video = as_file("report", report), as_file("video", video)
-    record_file = as_file("record", options.record)
+    out, report = as_file("out", out, "a folder"), as_file("report", report)
+    if out is not None and report is None:
+        report = out / REPORT_FILE
+    video, record_file = as_file("video", video), as_file("record", options.record)
     outputs = {"report": report, "record": record_file, "video": video}
-    _check_outputs(mission, options, outputs)
-    flight = join(mission, options)
+    folder = flight_folder(out, outputs)
+    check_outputs(mission, options, outputs, folder)
+    flight = join(mission, options, folder)
     watched = None if watch is None else reloadable_file(tree, flight.drone, outputs)
     with ExitStack() as stack:
         record = None
@@ -138,29 +140,15 @@ def fly(
         if record is not None:
             made.append(record.begin)
             keep["record"] = record.conclude
+        if folder is not None:
+            keep["objects"] = partial(write_objects, folder=folder)
         if report is not None:
-            keep["report"] = partial(write_report, path=report)
+            keep["report"] = partial(write_report, path=report, new_folders=folder is not None)
         next_tree = None
         if watched is not None and watch is not None:
             next_tree = TreeReload(flight, watched, registry, watch)
         followers, at_hand = [*made, *listeners], controls or (lambda _: nullcontext())
         return _run(flight, followers, keep, at_hand, next_tree)
-
-
-def _check_outputs(
-    mission: MissionTree, options: FlightOptions, outputs: Mapping[str, Path | None]
-) -> None:
-    """Refuse outputs that cannot be written, or that are inputs."""
-    read = [getattr(options, name) for name in _FILES_OF_OPTIONS]
-    files = [(name, file) for name, file in outputs.items() if file is not None]
-    for (first, file), (second, other) in combinations(files, 2):
-        if same_file(file, other):
-            raise FileError(
-                file, f"is named for the {first} and for the {second}; choose another name"
-            )
-    for _, file in files:
-        check_output(file)
-        refuse_inputs(file, [*mission.sources, *read], shipped_trees())
 
 
 def _changes(options: FlightOptions) -> FlightChanges:
@@ -238,6 +226,8 @@ def _run(
             slow_leaves_s=runner.slow_leaves_s,
             airborne_at_end=runner.descent.airborne,
             lost_outputs=runner.listeners.lost,
+            notes=flight.context.notes,
+            objects=objects_of(last_map(flight.context.board)),
         )
         for what, write in keep.items():
             try:
@@ -256,7 +246,7 @@ def _run(
         if flown.airborne_at_end:
             error.add_note(STILL_IN_THE_AIR)
         raise
-    site_map = flight.context.board.read(SITE_MAP).value
+    site_map = last_map(flight.context.board)
     return FlownMission(**vars(finish(verdict)), path=path.array(), site_map=site_map)
 
 

@@ -61,6 +61,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "airframe": flight.drone.airframe,
         "simulated": flight.drone.referee is not None,
         "imageless": flight.context.sight is not None,
+        "outputs": flight.outputs is not None,
         "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",
         "git": provenance.commit(),
@@ -91,6 +92,7 @@ class RecordedOptions:
     inference_threads: int = 1
     exact_masks: bool = False
     imageless: bool = False  # whether the frames show nothing
+    outputs: bool = False  # whether leaves could write files
     record_quality: Quality = "lossless"
     site: Site | None = None
     limits: Limits = field(default_factory=Limits)

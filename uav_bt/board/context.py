@@ -9,12 +9,15 @@ from typing import Any, Final, get_args
 import numpy as np
 
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.keys import MISSION_KEYS
+from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.flight_notes import FlightNotes
+from uav_bt.board.keys import ELAPSED, MISSION_KEYS
 from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
+from uav_bt.types.flight_results import EventKind, FlightEvent
 
 
 class Proposals:
@@ -105,6 +108,8 @@ class MissionContext:
         clearances: distances that routes keep.
         take_off: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
         stage_times_s: duration of each perception stage, seconds by stage name.
+        notes: events and photographs of the flight.
+        outputs: folder that leaves write files to; None if the flight has none.
     """
 
     clock: Clock = field(default_factory=WallClock)
@@ -121,6 +126,8 @@ class MissionContext:
     clearances: Clearances = field(default_factory=Clearances)
     take_off: Pose2D | None = None
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
+    notes: FlightNotes = field(default_factory=FlightNotes)
+    outputs: FlightFolder | None = None
 
     def __post_init__(self) -> None:
         if self.board is None:
@@ -129,6 +136,17 @@ class MissionContext:
     def rng(self, owner: str) -> np.random.Generator:
         """Return a generator that depends on the mission's seed and the owner's name only."""
         return np.random.default_rng([self.seed, *owner.encode()])
+
+    def add_event(self, kind: EventKind, text: str, node: str = "") -> None:
+        """Add an event of this moment to the flight's notes.
+
+        Args:
+            kind: kind of the event.
+            text: one line for people.
+            node: path of the node that it belongs to; empty if it has none.
+        """
+        elapsed_s = self.board.read(ELAPSED).value or 0.0
+        self.notes.add(FlightEvent(time_s=round(elapsed_s, 3), kind=kind, text=text, node=node))
 
 
 NO_CONTEXT: Final = """\

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tempfile
 import time
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt import app
+from uav_bt.app.flight_outputs import OBJECTS_FILES
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.mission.tick import TickRecord
 
@@ -28,24 +30,41 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
     task = FlightTask.from_json(values)
     options = task.flight_options()
     keeper = PathKeeper()
+    outputs = None if task.folder is None else Path(task.folder)
+    if outputs is not None:
+        shutil.rmtree(outputs, ignore_errors=True)  # of the same flight, when it was interrupted
 
     began_s = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="uav-bt-flight-") as folder:
         written = Path(folder) / "report.json"
         try:
             flight = app.fly(
-                task.tree_path, options, report=written, listeners=[lambda _: [keeper]]
+                task.tree_path,
+                options,
+                out=outputs,
+                report=written,
+                listeners=[lambda _: [keeper]],
             ).to_json()
         except Exception:
             if not written.exists():  # nothing flew
                 raise
             flight = json.loads(written.read_text(encoding="utf-8"))  # tells of the fault, too
+        finally:
+            _remove_unless_used(outputs)
     flight |= {"scene": task.scene, "tree": task.tree}
     if options.exact_masks:
         flight["exact_masks"] = True
     flight["path"] = keeper.points
     flight["wall_s"] = round(time.perf_counter() - began_s, 3)
     return flight
+
+
+def _remove_unless_used(folder: Path | None) -> None:
+    """Remove an output folder in which no leaf wrote: its objects are in the flight's line."""
+    if folder is not None and folder.is_dir():
+        written = {file.name for file in folder.iterdir()}
+        if written.issubset(OBJECTS_FILES):
+            shutil.rmtree(folder)
 
 
 class PathKeeper:

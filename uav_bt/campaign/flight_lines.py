@@ -72,7 +72,7 @@ _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
 _WALL_CLOCK_FIELDS: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
 _COUNTS: Final = ("objects_total", "map_restarts")
 _CURVES: Final = {"path": "t, x, y, z", "coverage_curve": "t, passed, seen"}
-_TEXT_FIELDS: Final = ("reason", "drone", "record", "details", "profile")
+_TEXT_FIELDS: Final = ("reason", "drone", "record", "folder", "details", "profile")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from uav_bt.app import provenance
 from uav_bt.campaign.flight_lines import key_of
 from uav_bt.campaign.plan import CampaignPlan, FlightTask
 from uav_bt.campaign.runner import Backend, LocalBackend, flown_line
-from uav_bt.campaign.store import RECORDS_FOLDER, CampaignStore, read_plan
+from uav_bt.campaign.store import OUTPUTS_FOLDER, RECORDS_FOLDER, CampaignStore, read_plan
 
 FLY_FUNCTION: Final = "uav_bt.campaign.flight:fly_task"
 
@@ -80,29 +80,32 @@ def run(
             on_note(note)
         for flight in done.values():
             on_flight(flight, False)
-        tasks = _with_records(plan, store.folder, left)
+        tasks = _with_outputs(plan, store.folder, left)
         with closing(backend.run(fly, tasks, plan.timeout_s)) as answers:
             for task, answer in answers:
                 flight = flown_line(task, answer)
                 if task.record is not None:
                     # Relative, so that the folder may move.
                     flight["record"] = f"{RECORDS_FOLDER}/{Path(task.record).name}"
+                if task.folder is not None and Path(task.folder).is_dir():
+                    flight["folder"] = f"{OUTPUTS_FOLDER}/{Path(task.folder).name}"
                 store.keep(flight)
                 done[task.key] = flight
                 on_flight(flight, True)
     return CampaignResult(flights=tuple(done[key] for key in wanted), flown_now=len(left))
 
 
-def _with_records(
+def _with_outputs(
     plan: CampaignPlan, folder: Path, tasks: list[FlightTask]
 ) -> Iterator[FlightTask]:
-    records = (folder / RECORDS_FOLDER).resolve()
+    records, outputs = (folder.resolve() / name for name in (RECORDS_FOLDER, OUTPUTS_FOLDER))
     if plan.record and tasks:
         records.mkdir(exist_ok=True)
     for task in tasks:
         # A scene may be called anything.
         name = re.sub(r"[^\w.-]+", "_", f"{Path(task.tree).stem}-{task.scene}-{task.seed}")
-        yield replace(task, record=str(records / f"{name}.mcap")) if plan.record else task
+        record = str(records / f"{name}.mcap") if plan.record else None
+        yield replace(task, record=record, folder=str(outputs / name))
 
 
 def _notes(store: CampaignStore, *, going_on: bool) -> list[str]:

@@ -46,6 +46,7 @@ class FlightTask:
         scene_path: Its file, or a shipped scene's name.
         seed: Seed of everything random.
         record: File that the flight's record is written to. None: no record.
+        folder: Output folder of the flight. None: it has none.
         options: What the campaign's flights have in common, the fields in `SHARED`.
     """
 
@@ -55,6 +56,7 @@ class FlightTask:
     scene_path: str
     seed: int
     record: str | None = None
+    folder: str | None = None
     options: FlightOptions = field(default_factory=FlightOptions)
 
     @property

@@ -105,7 +105,9 @@ class FailedFlight:
             if drone is not None:
                 options = replace(options, drone=drone)
             try:
-                return app.fly(self.tree, options).outcome == self.outcome
+                # With an output folder, as in the campaign: leaves that write files need one.
+                out = Path(folder) / "outputs"
+                return app.fly(self.tree, options, out=out).outcome == self.outcome
             except InputError:
                 raise
             except Exception:  # noqa: BLE001  (a leaf that raises ends a flight with `error`)

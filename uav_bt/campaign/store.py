@@ -19,6 +19,7 @@ from uav_bt.json_text import parse_json
 PLAN_FILE: Final = "campaign.json"
 FLIGHTS_FILE: Final = "flights.jsonl"
 RECORDS_FOLDER: Final = "records"
+OUTPUTS_FOLDER: Final = "flights"  # a folder for each flight that wrote files
 _LOCK_FILE: Final = ".lock"
 _MAX_PLAN_BYTES: Final = 50_000_000  # it lists every run, and a cluster starts many
 _FORMAT: Final = 1  # of campaign.json

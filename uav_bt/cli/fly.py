@@ -20,7 +20,7 @@ from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_options
 from uav_bt.cli.interrupts import stopped_by
 from uav_bt.cli.keys import pilot_keys
-from uav_bt.cli.options import grouped, output_option
+from uav_bt.cli.options import FOLDER, grouped, output_option
 from uav_bt.display.status import OrderLines, summary
 from uav_bt.errors import FileError, MissionError
 from uav_bt.groot import GrootConfig, watched_live
@@ -52,14 +52,16 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
 
 @dataclass(frozen=True, kw_only=True)
 class Outputs:
-    """Files that a flight is written to, besides its record; None: no such file.
+    """What a flight is written to, besides its record; None: nothing.
 
     Attributes:
+        out: Folder of the report, the objects and the files of leaves.
         report: JSON file of the report.
         video: mp4 file.
         btlog: Log of the nodes' statuses.
     """
 
+    out: Path | None
     report: Path | None
     video: Path | None
     btlog: Path | None
@@ -70,7 +72,7 @@ _SECTIONS: Final = {
         *("tree_id", "libraries", "include_root", "packages"),
         *("leaves", "ports", "policies", "judge"),
     ),
-    "Outputs": ("report", "video", "record", "record_quality", "btlog"),
+    "Outputs": ("out", "report", "video", "record", "record_quality", "btlog"),
     "Watching": ("view", "groot", "watch"),
     "Simulated room": (
         *("scene", "seed", "profile", "movers", "vary_room", "faults", "exact_masks"),
@@ -85,7 +87,16 @@ _SECTIONS: Final = {
 @grouped(
     "outputs",
     Outputs,
-    report=output_option("--report", "Write the flight's report there, as JSON."),
+    out=click.option(
+        "--out",
+        metavar="DIR",
+        type=FOLDER,
+        help="A new or empty folder for the report, the map's objects, and what leaves such as "
+        "TakePhoto write.",
+    ),
+    report=output_option(
+        "--report", "Write the flight's report there, as JSON; default: report.json in --out."
+    ),
     video=output_option("--video", "Make a video of the flight: an mp4 file.", suffix=".mp4"),
     btlog=output_option(
         "--btlog", "Log what each node does: a .btlog file, which Groot2 replays.", suffix=".btlog"
@@ -143,7 +154,7 @@ def fly(
     \b
     Examples:
       uav-bt fly land_only --scene val-a --seed 3 --video flight.mp4
-      uav-bt fly mission.xml --report report.json --record flight.mcap
+      uav-bt fly mission.xml --out results --record flight.mcap
       uav-bt fly mission.xml --watch --realtime
       uav-bt fly hover_and_look --drone anafi --site site.yaml --rehearse
     """  # noqa: D301  (click needs the backspace)
@@ -177,6 +188,7 @@ def fly(
             flown = app.fly(
                 tree,
                 flight,
+                out=outputs.out,
                 report=outputs.report,
                 video=outputs.video,
                 listeners=watchers,
@@ -221,7 +233,7 @@ def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
 def _name_files(written: Mapping[str, str | Path | None], lost: Mapping[str, str]) -> None:
     """Print the written outputs and the lost ones."""
     for what, path in written.items():
-        if path is not None and Path(path).is_file():
+        if path is not None and Path(path).exists():
             click.echo(f"{what}: {path}")
     for what, why in lost.items():
         click.echo(f"Error: {what} was lost: {why}", err=True)

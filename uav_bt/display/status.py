@@ -29,6 +29,7 @@ from uav_bt.mission.judge import Outcome
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import DroneState, LandingMark, MoveBy, Velocity
+from uav_bt.types.flight_results import EventKind
 
 _REDRAW_S: Final = 0.2  # wall time between redraws; faster ones are unreadable
 _DESCENT_LINE_EVERY_S: Final = 5.0  # wall time between lines during a descent
@@ -37,6 +38,14 @@ _ACT: Final = {  # actions for the operator; they stay on the screen
     Override.CUT: "keep clear, then take the remote control",
     Override.LINK: "take the remote control",
 }
+_MESSAGES: Final = {  # events that are shown at once, with their colours
+    EventKind.INFO: "",
+    EventKind.WARNING: "yellow",
+    EventKind.PHOTO: "",
+    EventKind.NO_PHOTO: "yellow",
+}
+_SUMMED_UP: Final = frozenset(EventKind) - {EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED}
+_EVENTS: Final = 10  # of the summary, at most
 
 
 class StandardError(Console):
@@ -55,7 +64,8 @@ class LiveStatus:
     """A tick listener that updates one status line. Use it as a context manager, or close it.
 
     On a terminal the line is redrawn in place. Elsewhere one line is written every ten seconds of
-    mission time, so that a log stays short. An override is always shown at once.
+    mission time, so that a log stays short. Overrides, messages of leaves and photographs are
+    always shown at once.
 
     Args:
         board: board of the mission, source of time and helipad fix.
@@ -91,6 +101,10 @@ class LiveStatus:
             words = f"{record.override.value}: {_ACT[record.override]}"
             self._console.print(Text(words, style="bold red"), soft_wrap=True)
         self._override = record.override
+        for event in record.events:
+            if event.kind in _MESSAGES:
+                text = Text(str(event), style=_MESSAGES[event.kind])
+                self._console.print(text, soft_wrap=True)
         if not self._console.is_terminal:
             if at_once or record.time_s - self._shown_s >= _LINE_EVERY_S - 1e-6:
                 self._shown_s = record.time_s
@@ -202,6 +216,14 @@ def summary(report: FlightReport, mark: LandingMark) -> Table:
     for name, describe in _SENTENCES.items():
         if words := describe(report):
             table.add_row(name, words)
+    if report.photos:
+        table.add_row("photos", f"{len(report.photos)} stored")
+    events = [event for event in report.events if event.kind in _SUMMED_UP]
+    for index, event in enumerate(events[-_EVENTS:]):
+        name = "" if index else "events"
+        table.add_row(name, Text(str(event)))
+    if len(events) > _EVENTS:
+        table.add_row("", f"and {len(events) - _EVENTS} before, in the report")
     table.add_row("tick", _milliseconds(report.tick_ms))
     for stage, times in report.perception_ms.items():
         table.add_row(Text(f"  {stage}"), _milliseconds(times))

@@ -10,7 +10,7 @@ from lsprotocol import types
 
 from uav_bt.lsp.desk import Desk
 from uav_bt.lsp.explain import explain_key, explain_node, explain_port
-from uav_bt.lsp.names import SUBTREE, What, is_script
+from uav_bt.lsp.names import SUBTREE, What, is_script, is_text
 from uav_bt.lsp.page import Page, attribute_at, tree_of
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.editing.markup import Branch, Kind, Piece
@@ -243,7 +243,9 @@ class _Values:
                     doc = explain_node(registry[node_id], registry)
                     yield self._item(node_id, _Kind.Class, (start, end), doc)
         elif attribute in CONDITION_ATTRIBUTES or is_script(self._node, attribute):
-            yield from self._in_script(typed)
+            placeholder = "{" in typed.rpartition("}")[2]  # an open one
+            if placeholder or not is_text(self._node, attribute):
+                yield from self._in_script(typed)
         elif self._tree:
             yield from self._port(typed, start, end)
 

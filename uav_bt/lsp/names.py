@@ -17,9 +17,10 @@ from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.script import SCRIPTS, ScriptError, parse_script
+from uav_bt.tree.script import SCRIPTS, ScriptError, parse_script, parse_text
 from uav_bt.tree.script.expressions import Assignment
 from uav_bt.tree.script.parser import tokenize
+from uav_bt.tree.script.text import names_in_text
 
 SUBTREE: Final = NodeKind.SUBTREE.value
 _FIXED: Final = frozenset({"ID", "name", "_autoremap", *EDITOR_ATTRIBUTES})
@@ -29,6 +30,9 @@ _NAMING: Final = {
     SetBlackboard.node_id: SetBlackboard.OUTPUT_KEY.name,
     UnsetBlackboard.node_id: UnsetBlackboard.KEY.name,
 }
+
+# Names in a script: name, offset, whether on the board, whether written there.
+_Names = tuple[tuple[str, int, bool, bool], ...]
 
 
 class What(Enum):
@@ -129,7 +133,8 @@ def _of_node(branch: Branch, tree: str, registry: NodeRegistry) -> Iterator[Use]
         text = _Text(found)
         if found.name in CONDITION_ATTRIBUTES or is_script(node, found.name):
             if _REFERENCE.fullmatch(text.text) is None:
-                yield from _script(branch, text, tree)
+                names = _in_placeholders if is_text(node, found.name) else _names_in
+                yield from _script(branch, text, tree, names(text.text))
                 continue
         elif is_subtree:
             end = found.start + len(found.name)
@@ -141,6 +146,12 @@ def is_script(node: type[Node] | None, attribute: str) -> bool:
     """Return whether a port of a node takes a script."""
     ports = () if node is None else node.ports
     return any(port.name == attribute and port.check in SCRIPTS for port in ports)
+
+
+def is_text(node: type[Node] | None, attribute: str) -> bool:
+    """Return whether a port of a node takes a text with placeholders."""
+    ports = () if node is None else node.ports
+    return any(port.name == attribute and port.check is parse_text for port in ports)
 
 
 def _value(branch: Branch, node: type[Node] | None, value: _Text, tree: str) -> Iterator[Use]:
@@ -161,15 +172,23 @@ def _value(branch: Branch, node: type[Node] | None, value: _Text, tree: str) -> 
     yield Use(what, name, tree, *place, branch, attribute, defines=written, same=same)
 
 
-def _script(branch: Branch, value: _Text, tree: str) -> Iterator[Use]:
-    for name, start, on_board, written in _names_in(value.text):
+def _script(branch: Branch, value: _Text, tree: str, names: _Names) -> Iterator[Use]:
+    for name, start, on_board, written in names:
         what = What.KEY if on_board else What.VARIABLE
         place = value.place(start, start + len(name))
         yield Use(what, name, tree, *place, branch, value.attribute, defines=written)
 
 
+def _in_placeholders(text: str) -> _Names:
+    """Return the names in a text's placeholders, as `_names_in` does."""
+    return tuple(
+        (name.removeprefix("@"), start + name.startswith("@"), name.startswith("@"), False)
+        for name, start in names_in_text(text)
+    )
+
+
 @lru_cache(maxsize=4096)  # of the scripts of a document, a keystroke changes one
-def _names_in(text: str) -> tuple[tuple[str, int, bool, bool], ...]:
+def _names_in(text: str) -> _Names:
     """Return the names of a script: name, offset, whether on the board, whether written here."""
     try:
         tokens = tokenize(text)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_report import (
     EXPLORE_S,
@@ -20,6 +21,7 @@ from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
 from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
+from uav_bt.types.flight_results import FoundObject
 
 
 @dataclass
@@ -156,6 +158,8 @@ class FlightLog:
         slow_leaves_s: Mapping[str, float] | None = None,
         airborne_at_end: bool = False,
         lost_outputs: Mapping[str, str] | None = None,
+        notes: FlightNotes | None = None,
+        objects: Sequence[FoundObject] | None = None,
     ) -> FlightReport:
         """Return the report of the flight.
 
@@ -172,7 +176,10 @@ class FlightLog:
             slow_leaves_s: the longest time of leaves that blocked, seconds, by path.
             airborne_at_end: whether the drone was left in the air.
             lost_outputs: displays and records that failed, with the reason.
+            notes: events and photographs.
+            objects: objects of the map at the end; None without a map.
         """
+        notes = notes or FlightNotes()
         marks, truth = self._marks, self._last_truth
         start = marks.take_off_s
         explored, found = (self._travelled_at(t) for t in (marks.explored_s, marks.found_s))
@@ -211,6 +218,9 @@ class FlightLog:
             warnings=list(self._warnings),
             airborne_at_end=airborne_at_end,
             lost_outputs=dict(lost_outputs or {}),
+            objects=None if objects is None else list(objects),
+            photos=list(notes.photos),
+            events=list(notes.events),
         )
 
 

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from uav_bt.files import write_whole
+from uav_bt.files import write_whole, writing
+from uav_bt.types.flight_results import FlightEvent, FoundObject, Photo
 
 # Span of `explore_distance_m`, seconds from the take-off command; chosen.
 EXPLORE_S = 90.0
@@ -84,6 +85,10 @@ class FlightReport(FlightChanges):
     map_drift_180s_m: float | None = None
     map_drift_m: float | None = None
     map_restarts: int | None = None  # number of times that the mission began its map again
+    # Objects of the map at the end, with their positions in the map's frame; None without a map.
+    objects: list[FoundObject] | None = None
+    photos: list[Photo] = field(default_factory=list)
+    events: list[FlightEvent] = field(default_factory=list)
     ticks: int
     tick_ms: Percentiles | None
     perception_ms: dict[str, Percentiles | None] = field(default_factory=dict)
@@ -114,7 +119,7 @@ class FlightReport(FlightChanges):
 
     def _reached(self) -> Iterator[tuple[str, object]]:
         first = ("outcome", "reason")
-        curves = ("coverage_curve",)  # for programs
+        curves = ("coverage_curve", "events", "objects", "photos")  # for programs
         rest = (each.name for each in fields(FlightReport) if each.name not in first + curves)
         for name in (*first, *rest):
             value = getattr(self, name)
@@ -122,10 +127,18 @@ class FlightReport(FlightChanges):
                 yield name, value
 
 
-def write_report(report: FlightReport, path: Path) -> None:
+def write_report(report: FlightReport, path: Path, *, new_folders: bool = False) -> None:
     """Write a report as JSON; a reader never sees half of it.
+
+    Args:
+        report: report of a flight.
+        path: the file.
+        new_folders: whether to make its folder.
 
     Raises:
         FileError: the file cannot be written.
     """
+    with writing(path):
+        if new_folders:
+            path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, json.dumps(report.to_json(), indent=2) + "\n")

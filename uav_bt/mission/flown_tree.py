@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from uav_bt.tree import MissionTree
+from uav_bt.tree.branch_watch import BranchWatch
 from uav_bt.tree.budget import BudgetWatch
 
 NextTree = Callable[[], MissionTree | None]
@@ -30,6 +31,7 @@ class FlownTree:
     ) -> None:
         self.tree = tree
         self.budgets = BudgetWatch(tree, timer=timer)
+        self.branches = BranchWatch(tree)
         self._next_tree = next_tree
 
     def renew(self) -> None:
@@ -47,5 +49,6 @@ class FlownTree:
         self.tree.halt()
         former, self.tree = self.tree, tree
         self.budgets.follow(tree)
+        self.branches.follow(tree)
         tree.inherit(former)
         former.shutdown()

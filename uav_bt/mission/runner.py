@@ -16,6 +16,7 @@ from uav_bt.mission.abort import Abort
 from uav_bt.mission.carpet_height import CarpetHeight
 from uav_bt.mission.contingencies import Contingencies
 from uav_bt.mission.descent import Descent, DescentEnd
+from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.flown_tree import FlownTree, NextTree
 from uav_bt.mission.hold_model import HoldConfig
 from uav_bt.mission.judge import Judge, Verdict
@@ -104,6 +105,7 @@ class MissionRunner:
         self._contingencies = Contingencies(limits)
         self._hold = PositionHold(self._config.hold, drone.airframe)
         self._flown = FlownTree(tree, next_tree, timer=timer)
+        self._events = EventWatch(context)
         self._index = 0
         self._abort = Abort(self._config.landing_grace_s)
         self._manual = False
@@ -234,12 +236,20 @@ class MissionRunner:
         compute_s: float,
     ) -> TickRecord:
         active = self._flown.tree.active_nodes()
+        phase = self._context.board.read(PHASE).value or ""
+        self._events.update(
+            phase=phase,
+            override=self._arbiter.override,
+            reasons=self._screening.refused,
+            flying=observation.state.flying,
+            ends=self._flown.branches.take(),
+        )
         return TickRecord(
             index=self._index,
             time_s=start_s,
             observation=observation,
             tree_status=status,
-            phase=self._context.board.read(PHASE).value or "",
+            phase=phase,
             active=tuple(node.name for node in active),
             command=sent,
             proposed_by=self._context.proposals.movement_owner,
@@ -251,6 +261,7 @@ class MissionRunner:
             refused=self._screening.refused,
             decided=decided,
             warnings=(*self._hold.warnings, *self._contingencies.warnings),
+            events=self._context.notes.take(),
         )
 
     def _verdict(self, record: TickRecord) -> Verdict | None:

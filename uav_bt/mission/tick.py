@@ -10,6 +10,7 @@ from uav_bt.mission.safety import Override
 from uav_bt.tree import Status
 from uav_bt.tree.budget import SlowLeaf
 from uav_bt.types import Command, Observation, Truth
+from uav_bt.types.flight_results import FlightEvent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +34,7 @@ class TickRecord:
     decided: Command | None = None  # by the arbiter, before the drone's limits
     # Faults of the drone's motion or of the map that do not end the mission.
     warnings: tuple[str, ...] = ()
+    events: tuple[FlightEvent, ...] = ()  # of this tick
 
 
 class TickListener(Protocol):

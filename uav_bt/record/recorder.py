@@ -21,10 +21,14 @@ from uav_bt.record.values import dump, encode
 from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, CutMotors, Land, Movement, Release, TakeOff
+from uav_bt.types.flight_results import EventKind
 
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
 _RUNNER: Final = "runner"
+_USUAL: Final = frozenset(
+    {EventKind.INFO, EventKind.PHASE, EventKind.PHOTO, EventKind.LANDED, EventKind.ENDED}
+)  # the log's other events are warnings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +84,6 @@ class FlightRecorder:
         self._nodes = tuple(tree.nodes())
         self._file = file
         self._timeline = Timeline(start_ns=start_ns, start_s=context.clock.now())
-        self._phase = ""
-        self._override: str | None = None
         self._refused: tuple[str, ...] = ()
         self._movement: type[Movement] | None = None
         self._ended = False
@@ -146,13 +148,8 @@ class FlightRecorder:
         )
 
     def _note_changes(self, record: TickRecord) -> None:
-        if record.phase != self._phase:
-            self._phase = record.phase
-            self._log("Info", f"phase: {record.phase}")
-        override = None if record.override is None else record.override.value
-        if override != self._override:
-            self._override = override
-            self._log("Warning", f"override: {override}" if override else "override over")
+        for event in record.events:
+            self._log("Info" if event.kind in _USUAL else "Warning", f"{event.kind}: {event.text}")
         if record.refused != self._refused:
             self._refused = record.refused
             why = "; ".join(record.refused)

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
 from uav_bt.board.context import MissionContext, Proposals
+from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.clock import ManualClock
 from uav_bt.errors import InputError, MissionError, ValueRangeError
 from uav_bt.plugins import make_policy
-from uav_bt.protocols import LeafPolicy, Segmenter
+from uav_bt.protocols import LeafPolicy, Segmenter, Sight
 from uav_bt.testing.board import BenchBoard, StrictBlackboard
 from uav_bt.testing.drone import blank_frame, pinhole
 from uav_bt.tree import Leaf, MissionTree, Status, Variables
@@ -40,6 +42,9 @@ class BenchWorld:
         self.tree = tree
         self.policies: dict[str, LeafPolicy] = {}  # with precedence over the installed ones
         self.segmenter: Segmenter | None = None
+        self.sight: Sight | None = None  # of a drone without images
+        self.outputs: FlightFolder | None = None  # such as FlightFolder(tmp_path)
+        self.notes = FlightNotes()  # events and photographs
         self.mark, self.clearances = LandingMark(), Clearances()
         self.seed = 0
         self.camera = pinhole()
@@ -161,6 +166,9 @@ class BenchWorld:
             policy=self._policy,
             seed=self.seed,
             segmenter=self.segmenter,
+            sight=self.sight,
+            outputs=self.outputs,
+            notes=self.notes,
             mark=self.mark,
             clearances=self.clearances,
         )

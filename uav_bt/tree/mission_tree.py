@@ -17,7 +17,7 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.loading.lookup import Inclusion
 from uav_bt.tree.node import Node, place_tree
-from uav_bt.tree.script import SCRIPTS, parse_script
+from uav_bt.tree.script import SCRIPTS, parse_script, parsed_by
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
@@ -216,9 +216,12 @@ class MissionTree:
             InputError: a script writes a key.
         """
         for node in self.nodes():
-            texts = [node.literals.get(port.name) for port in node.ports if port.check in SCRIPTS]
-            for text in (*node.condition_scripts.values(), *texts):
-                for key in parse_script(text).board_writes if isinstance(text, str) else ():
+            scripts = [parse_script(text) for text in node.condition_scripts.values()]
+            for port in node.ports:
+                text = node.literals.get(port.name) if port.check in SCRIPTS else None
+                scripts += [parsed_by(port.check, text)] if isinstance(text, str) else []
+            for script in scripts:
+                for key in script.board_writes:
                     if not board.scripts_may_write(key):
                         what = f"node '{node.path}': '@{key}' is a board key"
                         raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")

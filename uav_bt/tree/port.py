@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any, ClassVar, Final, Generic, Literal, TypeVar
 
 from uav_bt.errors import InputError, did_you_mean
+from uav_bt.tree.script import parse_text
 
 T = TypeVar("T")
 
@@ -162,7 +163,7 @@ class Port(Generic[T]):
         Raises:
             ValueError: the value fits neither; the message names the expected type.
         """
-        if isinstance(given, str):
+        if isinstance(given, str) and self.check is not parse_text:  # it fills in its own names
             reference = parse_reference(given, self.name)
             if reference is not None:
                 return reference

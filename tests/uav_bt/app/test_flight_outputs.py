@@ -1,7 +1,8 @@
-"""Outputs of a flight in Python never overwrite its inputs."""
+"""Outputs of a flight: they overwrite no input, and the folder has what the report states."""
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,9 @@ import pytest
 
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
+from uav_bt.app.flight_outputs import flight_folder
 from uav_bt.errors import FileError
+from uav_bt.types.flight_results import EventKind
 
 HOP = '<BehaviorTree ID="Hop"><Sequence><TakeOff/><Land/></Sequence></BehaviorTree>'
 LOOK = '<BehaviorTree ID="Look"><Sequence><Explore/></Sequence></BehaviorTree>'
@@ -73,3 +76,67 @@ def test_report_and_record_are_two_files() -> None:
     os.link("flight.mcap", "report.json")
     with pytest.raises(FileError, match=r"^report.json: .*for the report and for the record"):
         app.fly("hop.xml", app.FlightOptions(record="flight.mcap"), report="report.json")
+
+
+# --- the output folder ----------------------------------------------------------------------------
+
+PHOTOS = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveSequence name="m">
+<Segment/><FindHelipad/><TrackMotion/><MapSite/>
+<Sequence name="s">
+  <TakeOff/><Say text="up after {@elapsed_s} s"/>
+  <TakePhoto label="first" pitch_deg="-45"/><HelipadCenter/><Land/>
+</Sequence></ReactiveSequence></BehaviorTree></root>"""
+PLAIN = app.FlightOptions(drone="plain", profile="ideal", scene="val-a")
+
+
+def test_a_flight_writes_its_results_to_its_folder(folder: Path) -> None:
+    flown = app.fly(PHOTOS, PLAIN, out="results/first")
+    out = folder / "results" / "first"
+    assert flown.outcome == "success"
+    assert flown.lost_outputs == {}
+    assert {file.name for file in out.iterdir()} == {
+        *("report.json", "objects.json", "objects.csv"),
+        *("photo-001-first-classes.png", "photo-001-first.json"),
+    }
+    report = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    assert report == flown.to_json()
+    (photo,) = flown.photos
+    assert (photo.label, photo.file, photo.gimbal_pitch_deg) == ("first", None, -45.0)
+    said = next(event for event in flown.events if event.kind is EventKind.INFO)
+    assert said.text == f"up after {said.time_s:g} s"
+    assert report["events"][-1] == {
+        "time_s": flown.events[-1].time_s,
+        "kind": "ended",
+        "text": "the tree succeeded at Land",
+        "node": "M/m/s/Land",
+    }
+    assert flown.objects
+    objects = json.loads((out / "objects.json").read_text(encoding="utf-8"))
+    assert objects == {"frame": "map", "objects": report["objects"]}
+    table = (out / "objects.csv").read_text(encoding="utf-8").splitlines()
+    assert table[0] == "class_name,x_m,y_m,size_m,width_m,heading_deg,std_m"
+    assert len(table) == 1 + len(flown.objects)
+
+
+def test_a_folder_with_files_is_refused_before_anything_flies(folder: Path) -> None:
+    before = {file: file.read_bytes() for file in folder.iterdir()}
+    with pytest.raises(FileError, match="has files, and a flight writes to an empty"):
+        app.fly("hop.xml", PLAIN, out=folder)
+    assert {file: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_a_report_may_lie_elsewhere(folder: Path) -> None:
+    flown = app.fly("hop.xml", PLAIN, out="results", report="told.json")
+    assert flown.outcome == "success"
+    assert flown.objects is None
+    assert (folder / "told.json").is_file()
+    assert not (folder / "results").exists()  # neither a map nor a leaf wrote anything
+
+
+def test_leaves_cannot_take_the_names_of_other_outputs(folder: Path) -> None:
+    made = flight_folder(Path("out"), {"record": Path("out/flight.mcap"), "video": None})
+    assert made is not None
+    for name in ("report.json", "objects.csv", "objects.json", "flight.mcap"):
+        with pytest.raises(FileError, match="name of another output"):
+            made.write(name, "mine")
+    assert not (folder / "out").exists()

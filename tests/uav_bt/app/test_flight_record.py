@@ -167,6 +167,7 @@ def test_what_the_flight_logs_is_in_the_record(
     lines = [message.data for message in RecordReader(record).messages([channels.LOG.topic])]
     assert any(b"battery is at 42 %" in line for line in lines)
     assert any(b"sent: TakeOff" in line for line in lines)
+    assert any(b"phase: take-off" in line for line in lines)
 
 
 def test_a_disk_that_fills_up_lands_no_drone_and_the_loss_is_told(

@@ -114,6 +114,7 @@ def test_two_outputs_are_two_files(line: str, world: Path) -> None:
 
 
 OUTPUTS = [
+    "fly mission.xml --out {}",
     "fly mission.xml --report {}.json",
     "fly mission.xml --record {}.mcap",
     "fly mission.xml --video {}.mp4",

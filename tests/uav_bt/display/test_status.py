@@ -20,6 +20,7 @@ from uav_bt.testing import ScriptedDrone
 from uav_bt.testing.faults import Fault, FaultyDrone
 from uav_bt.tree import parse_tree
 from uav_bt.types import CutMotors, FlyingState, LandingMark, Pose
+from uav_bt.types.flight_results import EventKind, FlightEvent, Photo
 
 
 class Wall:
@@ -79,6 +80,43 @@ def test_a_warning_stands_behind_the_leaf() -> None:
     status, _, wall = watch(world, terminal=False)
     record = replace(world.tick(), warnings=("it drifts",))
     assert status.line(record, wall.now_s).plain.endswith("Explore: clear  it drifts")
+
+
+def test_messages_of_leaves_are_shown_at_once_and_other_events_are_not() -> None:
+    world = World()
+    status, out, _ = watch(world, terminal=False)
+    status.on_tick(world.tick())
+    events = (event(1.25, EventKind.WARNING, "low battery"), event(1.25, EventKind.PHASE, "land"))
+    status.on_tick(replace(world.tick(), events=events))
+    assert out.getvalue().splitlines()[1:] == ["1.2 s  warning: low battery"]
+
+
+def event(time_s: float, kind: EventKind, text: str) -> FlightEvent:
+    return FlightEvent(time_s=time_s, kind=kind, text=text)
+
+
+def test_the_summary_has_the_last_events() -> None:
+    ended = event(30.0, EventKind.ENDED, "the tree failed at Turn")
+    phase = event(30.0, EventKind.PHASE, "land")
+    photo = Photo(
+        label="",
+        file="photo-001.jpg",
+        class_map=None,
+        time_s=1.0,
+        pose=None,
+        height_m=1.5,
+        gimbal_pitch_deg=-30.0,
+    )
+    text = shown(replace(flight_report(), events=[phase, ended], photos=[photo, photo]))
+    assert "2 stored" in text
+    assert "30.0 s  ended: the tree failed at Turn" in text
+    assert "phase" not in text
+    many = [event(float(n), EventKind.INFO, f"message {n}") for n in range(25)]
+    text = shown(replace(flight_report(), events=many))
+    assert "message 14" not in text
+    assert "message 15" in text
+    assert "message 24" in text
+    assert "and 15 before, in the report" in text
 
 
 def test_an_override_is_shown_at_once_and_so_is_its_end() -> None:

@@ -192,6 +192,17 @@ def test_values_are_completed(editor: Editor, mission: Document, tmp_path: Path)
     assert "<Sequence" not in document.complete('msec="{')
 
 
+def test_names_in_the_text_of_a_message_are_known(editor: Editor, tmp_path: Path) -> None:
+    text = '<Sequence><Script code="far := 1"/><Say text="it is {far} m, {@elapsed_s} s, {fa'
+    document = typed(editor, tmp_path, text)
+    assert {"far", "@elapsed_s"} <= set(document.complete(", {fa"))
+    assert document.complete('text="it is') == {}
+    text = '<Sequence><Script code="far := 1"/><Say text="{far} of {far}"/></Sequence>'
+    whole = f'<root BTCPP_format="4"><BehaviorTree ID="M">{text}</BehaviorTree></root>'
+    document = Document(editor, tmp_path, whole)
+    assert renamed(document, "far", "wide") == whole.replace("far", "wide")
+
+
 def test_an_end_tag_is_completed(editor: Editor, tmp_path: Path) -> None:
     items = typed(editor, tmp_path, "<Sequence>\n<Fallback>\n</").complete("<Fallback>\n</")
     assert [item.text_edit.new_text for item in items.values()] == ["Fallback>"]

@@ -428,6 +428,7 @@ FIELDS = {
     "coverage_passed", "coverage_seen_90s", "coverage_seen", "coverage_curve",
     "objects_found", "objects_total", "object_errors_m", "false_objects",
     "map_drift_90s_m", "map_drift_180s_m", "map_drift_m", "map_restarts",
+    "objects", "photos", "events",
     "ticks", "tick_ms", "perception_ms", "slow_leaves", "warnings",
     "airborne_at_end",
     "lost_outputs",

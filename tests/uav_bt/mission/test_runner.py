@@ -275,6 +275,29 @@ def _forget() -> None:
 # --- a tick -----------------------------------------------------------------------------------
 
 
+def test_a_tick_has_its_events() -> None:
+    """Of the tree, the arbiter and the drone; each once."""
+    body = '<Fallback name="f"><Sequence name="s"><Up/><Drift ticks="30" fails="true"/></Sequence>'
+    flight = Flight(f"{body}<Down/></Fallback>")
+    take = At(12, lambda: flight.runner.set_manual(manual=True))
+    back = At(14, lambda: flight.runner.set_manual(manual=False))
+    flight.runner = with_listeners(flight, take, back)
+    flight.runner.run()
+    told = [(event.kind.value, event.node) for event in flight.context.notes.events]
+    assert told == [
+        ("phase", "Main/f/s/Up"),
+        ("phase", "Main/f/s/Drift"),
+        ("pilot", ""),
+        ("pilot over", ""),
+        ("failed", "Main/f/s/Drift"),
+        ("phase", "Main/f/Down"),
+        ("landed", ""),
+        ("ended", "Main/f/Down"),
+    ]
+    of_ticks = [event for record in flight.records for event in record.events]
+    assert of_ticks == flight.context.notes.events
+
+
 def test_a_mission_flies_up_ahead_and_down() -> None:
     """A leaf that ends and the next that starts share a tick without a conflict or a hover."""
     flight = Flight('<Sequence><Up/><Drift ticks="3"/><Down/></Sequence>')

@@ -61,13 +61,14 @@ def fly_noisy(
     body: str = FLIGHT,
     drone: Drone | None = None,
     options: app.FlightOptions | None = None,
+    out: Path | None = None,
 ) -> tuple[Path, FlightReport]:
     """Fly a mission with a scripted drone and return its record."""
     flown = drone or NoisyDrone()
     monkeypatch.setattr("uav_bt.app.assembly.make_drone", lambda _: flown)
     record = folder / "flight.mcap"
     options = replace(options or app.FlightOptions(seed=5), record=record)
-    return record, app.fly(tree_file(folder, body), options)
+    return record, app.fly(tree_file(folder, body), options, out=out)
 
 
 def copy_part(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from behaviours.fly.say import Say
 from uav_bt.board import ODOMETRY, PHASE
 from uav_bt.board.blackboard import Key
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
@@ -55,7 +56,7 @@ class Steer(Leaf):
         return Status.RUNNING
 
 
-REGISTRY = NodeRegistry([RedDetector, Fly, Tilt, Steer])
+REGISTRY = NodeRegistry([RedDetector, Fly, Tilt, Steer, Say])
 
 
 def findings(body: str, inner: str = "<AlwaysSuccess/>", main: str = "Main") -> list[str]:
@@ -120,6 +121,21 @@ def test_keys_of_the_runner_and_of_leaves_may_be_read() -> None:
     (message,) = findings('<Sequence><ScriptCondition code="@phase == 1"/></Sequence>')
     assert "board key 'phase'" in message
     assert findings('<Sequence><Fly/><ScriptCondition code="@phase == 1"/></Sequence>') == []
+
+
+def test_names_in_the_text_of_a_message_are_checked_as_in_scripts() -> None:
+    script = '<Script code="n := 1"/>'
+    good = '<Say text="{n} of {n}: {@elapsed_s} s"/>'
+    assert findings(f"<Sequence>{script}{good}</Sequence>") == []
+    for text, why in (
+        ("{m} of {n}", "nothing sets variable 'm' of the main tree"),
+        ("{n}: {@red_share}", "no leaf of the tree writes board key 'red_share'"),
+        ("{n}: {@blue_share}", "the board has no key 'blue_share'"),
+        ("{n}: {@site_map}", "board key 'site_map' holds SiteMap, no number and no text"),
+        ("{n", "'{' belongs to no placeholder"),
+    ):
+        (message,) = findings(f'<Sequence>{script}<Say text="{text}"/></Sequence>')
+        assert why in message, text
 
 
 # --- movers ---------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
 from uav_bt.board import CLASS_MAP, FRAME
+from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import FileError, NodeFailedError
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
@@ -78,14 +79,18 @@ def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayRe
     reader = RecordReader(record)
     _check_beginning(reader)
     flight, masks = assemble_recorded(reader, changes)
+    keeps_files = recorded_options(reader).outputs
     drone, lossless = flight.drone, flight.options.record_quality == "lossless"
     comparison = Comparison(
         reader.tree, flight.mission, drone, tolerance=0.0 if lossless else LOSSY_NUMBERS
     )
     ended = None
     try:
-        with flight.connected():
-            flight.runner([comparison]).run()
+        with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
+            # The replay's files are dropped; leaves must answer as in the flight.
+            flight.outputs = FlightFolder(Path(folder)) if keeps_files else None
+            with flight.connected():
+                flight.runner([comparison]).run()
     except NodeFailedError as error:
         ended = str(error)  # a replayed change may fail
     end = reader.end

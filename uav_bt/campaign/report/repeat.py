@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping
+from pathlib import PurePosixPath
 from typing import Any
 
 from uav_bt.campaign.report.sources import FlightSet
@@ -48,6 +49,8 @@ def _changes(flight: Mapping[str, Any]) -> Iterator[str]:
         yield from ("--movers", str(flight["movers"]))
     for fault in flight.get("faults") or ():
         yield from ("--faults", fault)
+    if flight.get("folder"):
+        yield from ("--out", PurePosixPath(flight["folder"]).name)
     for port, value in (flight.get("ports") or {}).items():
         yield from ("--set", f"{port}={value}")
 

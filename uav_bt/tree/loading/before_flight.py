@@ -13,7 +13,7 @@ from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import Parallel, ParallelAll
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
-from uav_bt.tree.script import SCRIPTS, parse_script
+from uav_bt.tree.script import SCRIPTS, Script, parse_script, parsed_by
 from uav_bt.tree.script.expressions import Name
 
 # Decorators whose first tick may not reach the child.
@@ -53,8 +53,8 @@ def _unwritten_keys(tree: MissionTree) -> Iterator[Finding]:
         outputs = (leaf.reference(port) for port in leaf.ports if port.direction != "input")
         written |= {at.key for at in outputs if at is not None and at.on_board}
     for node in tree.nodes():
-        for attribute, text in _scripts(node):
-            for key in sorted(_board_reads(node, text) - written):
+        for attribute, script in _scripts(node):
+            for key in sorted(_board_reads(node, script) - written):
                 writer = f": {writers[key]} writes it" if writers.get(key) else ""
                 message = (
                     f"attribute '{attribute}': no leaf of the tree writes board key '{key}'{writer}"
@@ -62,17 +62,17 @@ def _unwritten_keys(tree: MissionTree) -> Iterator[Finding]:
                 yield _finding(tree, node, message, Rule.BOARD_KEY)
 
 
-def _scripts(node: Node) -> Iterator[tuple[str, str]]:
-    yield from node.condition_scripts.items()
+def _scripts(node: Node) -> Iterator[tuple[str, Script]]:
+    for attribute, source in node.condition_scripts.items():
+        yield attribute, parse_script(source)
     for port in node.ports:
         text = node.literals.get(port.name)
         if port.check in SCRIPTS and isinstance(text, str):
-            yield port.name, text
+            yield port.name, parsed_by(port.check, text)
 
 
-def _board_reads(node: Node, text: str) -> set[str]:
+def _board_reads(node: Node, script: Script) -> set[str]:
     """Return the board keys that every run of a script reads, also by a variable's name."""
-    script = parse_script(text)
     names = {
         part.name for part in script.walk() if isinstance(part, Name) and id(part) in script.certain
     }

@@ -20,7 +20,7 @@ from uav_bt.tree.loading.variable_checker import check_variables, key_fits
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
-from uav_bt.tree.script import SCRIPTS, parse_question, parse_script
+from uav_bt.tree.script import SCRIPTS, Script, parse_question, parse_script, parsed_by
 from uav_bt.tree.script.expressions import Name
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 
@@ -105,7 +105,8 @@ class Checker:
             if isinstance(value, Reference) and value.on_board:
                 self._check_board_reference(element, port, value)
             elif port.check in SCRIPTS and isinstance(value, str):
-                self._check_script(element, port.name, value, asked=port.check is parse_question)
+                script = parsed_by(port.check, value)
+                self._check_script(element, port.name, script, asked=port.check is parse_question)
             doubt = unit_doubt(port, value) if port.name in given else None
             if doubt is not None:
                 message = f"attribute '{port.name}': {doubt}"
@@ -116,10 +117,11 @@ class Checker:
         if message is not None:
             self._note(element, f"attribute '{name}': {message}", name, Rule.SCRIPT)
         else:
-            self._check_script(element, name, text, asked=name in ASKED)
+            self._check_script(element, name, parse_script(text), asked=name in ASKED)
 
-    def _check_script(self, element: Element, attribute: str, text: str, *, asked: bool) -> None:
-        script = parse_script(text)
+    def _check_script(
+        self, element: Element, attribute: str, script: Script, *, asked: bool
+    ) -> None:
         fault = script.fault(self._document.enum_members, asked=asked)
         if fault is not None:
             message = f"attribute '{attribute}': the script always fails: {fault}"

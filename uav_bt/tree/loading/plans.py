@@ -15,6 +15,7 @@ from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, parse_reference, port_text
+from uav_bt.tree.script import parse_text
 from uav_bt.tree.scripted import Mock
 
 
@@ -51,13 +52,15 @@ class Plan:
         """Yield the input ports of the leaves here and below that have a text, with the text.
 
         The text may be the entry of a subtree that the leaf stands in. Leaves that are replaced by
-        a script, and ports of a palette, are left out.
+        a script, ports of a palette, and texts with placeholders are left out.
         """
         for plan in self.walk():
             if not issubclass(plan.node, Leaf) or plan.mock is not None:
                 continue
             for port in plan.node.ports:
-                if port.direction == "input" and not isinstance(port, PalettePort):
+                if isinstance(port, PalettePort) or port.check is parse_text:
+                    continue
+                if port.direction == "input":
                     value = plan._value(port.name, port_text(port.default))  # noqa: SLF001
                     if value is not None:
                         yield port, value

@@ -16,7 +16,7 @@ from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
-from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parse_script
+from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parsed_by
 from uav_bt.tree.script.expressions import Assignment, Literal, Name, kind_of
 
 
@@ -143,7 +143,7 @@ class VariableUses:
                 if port.check in SCRIPTS:
                     self._obscured.append(scope)  # a script that only the flight shows
             elif port.check in SCRIPTS and isinstance(value, str):
-                self._script(value, scope, use)
+                self._script(value, scope, use, port.check)
         if node is SetBlackboard:
             self._set(bound, element, scope)
         elif node is UnsetBlackboard:
@@ -200,9 +200,9 @@ class VariableUses:
 
     # --- scripts ----------------------------------------------------------------------------------
 
-    def _script(self, text: str, scope: Scope, use: Use) -> None:
+    def _script(self, text: str, scope: Scope, use: Use, check: object = None) -> None:
         try:
-            script = parse_script(text)
+            script = parsed_by(check, text)
         except (ScriptError, InputError):
             return
         for part in script.walk():

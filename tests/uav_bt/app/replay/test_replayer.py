@@ -36,6 +36,7 @@ from uav_bt.types import (
     MovementStatus,
     Velocity,
 )
+from uav_bt.types.flight_results import EventKind
 
 # With networks, detector, tracker, memory and policy: everything that affects decisions.
 PERCEIVING = """
@@ -358,3 +359,16 @@ def test_a_record_without_what_the_tree_perceives_is_refused(
     part = copy_part(perceived, tmp_path / "part.mcap", without=topic)
     with pytest.raises(FileError, match=words):
         replay(part, ReplayOptions(masks=masks))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("keeps", [True, False], ids=["with a folder", "without one"])
+def test_a_leaf_that_writes_files_answers_as_in_the_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, keeps: bool
+) -> None:
+    body = "<Sequence><TakeOff/><ForceSuccess><TakePhoto/></ForceSuccess><Land/></Sequence>"
+    out = tmp_path / "out" if keeps else None
+    record, report = fly_noisy(tmp_path, monkeypatch, body=body, out=out)
+    assert [photo.file for photo in report.photos] == (["photo-001.jpg"] if keeps else [])
+    kinds = [event.kind for event in report.events]
+    assert (EventKind.PHOTO if keeps else EventKind.NO_PHOTO) in kinds
+    assert replay(record).same

@@ -271,11 +271,12 @@ def test_flights_on_exact_masks_are_seen_again_with_exact_masks(tmp_path: Path) 
 
 def test_what_was_drawn_for_a_flight_is_in_the_command_that_repeats_it(tmp_path: Path) -> None:
     drawn = {"drone": "plain", "vary_room": True, "movers": 1, "faults": ["wind=0.1@explore~3"]}
+    drawn["folder"] = "flights/one-lab-3"
     folder = campaign(tmp_path / "c", flight(3, outcome="collision", reason="touched", **drawn))
     (row,) = rows(write(tmp_path / "r.html", folder), "failures")
     assert (
         "--seed 3 --drone plain --profile lab --vary-room --movers 1 "
-        "--faults 'wind=0.1@explore~3' --image-size"
+        "--faults 'wind=0.1@explore~3' --out one-lab-3 --image-size"
     ) in row["command to repeat"]
 
 

@@ -1,0 +1,200 @@
+"""A leaf that hovers until the camera is steady, and stores the newest frame."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import Final
+
+from behaviours.fly.leaf_clock import LeafClock
+from behaviours.fly.moving_leaf import camera_points_at
+from behaviours.fly.steadiness import Steadiness
+from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, ODOMETRY, PHASE, SITE_MAP, STATE
+from uav_bt.board.context import MissionContext
+from uav_bt.board.flight_folder import FlightFolder
+from uav_bt.errors import InputError
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import ClassMap, DroneState, Frame, GimbalTo, Hover, MissionPhase
+from uav_bt.types.flight_results import EventKind, Photo, ReportedPose, reported_pose
+
+_LOG: Final = logging.getLogger(__name__)
+
+_NO_FOLDER: Final = "the flight has no output folder: fly with --out DIR"
+_KEEP: Final = "keep"
+_RESTORE_S: Final = 2.0  # longest wait for the camera's former pitch; chosen
+
+
+def _pitch_rad(text: str) -> float | None:
+    """Return the pitch that a port's text states. None: the camera stays where it is.
+
+    Raises:
+        ValueError: The text is neither `keep` nor an angle.
+    """
+    if text == _KEEP:
+        return None
+    try:
+        pitch_deg = float(text)
+    except ValueError:
+        pitch_deg = math.nan
+    if not -90.0 <= pitch_deg <= 90.0:
+        raise ValueError(f"expected '{_KEEP}' or -90 to 90 degrees, got '{text}'")
+    return math.radians(pitch_deg)
+
+
+class TakePhoto(Leaf):
+    """Hover until the drone is steady and store the newest frame; FAILURE if it cannot be stored.
+
+    Time in which frame or telemetry is stale, or a pilot flies, does not count. A drone without
+    images stores pose and class map. A halted leaf leaves the camera where it is.
+    """
+
+    moves = True
+    points = True
+    ports = (
+        Port("label", str, default="", doc="text in the report and in the files' names"),
+        Port(
+            "pitch_deg",
+            str,
+            default=_KEEP,
+            check=_pitch_rad,
+            doc="camera pitch of the photograph, 0 level, -90 straight down, degrees; restored "
+            "afterwards. keep: the camera stays where it is",
+        ),
+        Port(
+            "timeout_s",
+            float,
+            default=5.0,
+            least=0.1,
+            most=600,
+            doc="longest wait for a steady drone and a new frame, s",
+        ),
+    )
+    reads = (STATE, FRAME, ELAPSED, CLASS_MAP, ODOMETRY, SITE_MAP)
+    writes = (PHASE,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Create the leaf's clock; warn if the flight has no output folder."""
+        # Late: OpenCV takes long to import, and `uav-bt check` must answer at once.
+        from behaviours.fly.photo_files import photo_name, store_photo  # noqa: PLC0415
+
+        self._name, self._write_files = photo_name, store_photo
+        self._leaf_clock = LeafClock(mission.clock)
+        self._imageless = mission.sight is not None
+        if mission.outputs is None:
+            _LOG.warning("Warning: %s will fail: %s", self.path, _NO_FOLDER)
+
+    def initialise(self) -> None:
+        """Begin to wait."""
+        self.write(PHASE, MissionPhase.LOOK)
+        self._steady = Steadiness()
+        self._wanted_rad = _pitch_rad(self.port_value("pitch_deg"))
+        self._former_rad: float | None = None  # the camera's pitch to restore
+        self._answer: Status | None = None  # known once the photograph is stored or given up
+        self._waited_s = 0.0
+        self._last_s: float | None = None  # leaf time of the last tick that counted
+        self._answered_s = 0.0
+
+    def update(self) -> Status:
+        """Hover and point the camera until the photograph is stored and the camera restored."""
+        self._leaf_clock.tick()
+        frame = self.read(FRAME).value
+        if self._answer is None:
+            self._answer = self._take(self.read(STATE).value, frame)
+            self._answered_s = self._leaf_clock.now()
+        wanted_rad = self._wanted_rad if self._answer is None else self._to_restore(frame)
+        if self._answer is not None and wanted_rad is None:
+            return self._answer
+        if wanted_rad is not None:
+            self.point(GimbalTo(pitch_rad=wanted_rad))
+        self.propose(Hover())
+        return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        """Stop the clock."""
+        del new_status
+        self._leaf_clock.stop()
+
+    def _take(self, state: DroneState | None, frame: Frame | None) -> Status | None:
+        """Store the photograph when the frame fits. None: not yet."""
+        folder = self.mission.outputs
+        if folder is None:
+            return self._fail(_NO_FOLDER)
+        if state is None or frame is None:
+            self._last_s = None
+            return None
+        now_s = self._leaf_clock.now()
+        self._waited_s += 0.0 if self._last_s is None else now_s - self._last_s
+        self._last_s = now_s
+        if self._wanted_rad is not None and self._former_rad is None:
+            self._former_rad = state.gimbal_pitch_rad
+        self._steady.update(state, self.read(ODOMETRY).value)
+        seen = self.read(CLASS_MAP).value
+        class_map = seen if seen is not None and seen.captured_s == frame.captured_s else None
+        missing = self._missing(frame, class_map)
+        if missing is None:
+            return self._store(folder, frame, class_map)
+        self.feedback_message = missing
+        limit_s = self.port_value("timeout_s")
+        # Ticks are a tenth of a second, and floats add up.
+        if self._waited_s >= limit_s - 1e-6:
+            return self._fail(f"no image within {limit_s:g} s: {missing}")
+        return None
+
+    def _missing(self, frame: Frame, class_map: ClassMap | None) -> str | None:
+        """Return what keeps the frame from being stored. None: nothing does."""
+        wanted_rad, since_s = self._wanted_rad, self._steady.since_s
+        if wanted_rad is not None and not camera_points_at(frame, wanted_rad):
+            return f"the camera is at {math.degrees(frame.gimbal_pitch_rad):.0f} degrees"
+        if math.isinf(since_s):
+            return "the drone is not steady"
+        if frame.captured_s < since_s:
+            return "no frame since the drone is steady"
+        if self._imageless and class_map is None:
+            return "the drone has no images, and no leaf makes a class map: add Segment"
+        return None
+
+    def _store(self, folder: FlightFolder, frame: Frame, class_map: ClassMap | None) -> Status:
+        notes, label = self.mission.notes, self.port_value("label")
+        name = self._name(notes.next_photo(), label)
+        elapsed_s = self.read(ELAPSED).value or 0.0
+        photo = Photo(
+            label=label,
+            file=None if self._imageless else f"{name}.jpg",
+            class_map=None if class_map is None else f"{name}-classes.png",
+            time_s=round(elapsed_s - (self.clock.now() - frame.captured_s), 3),
+            pose=self._pose(),
+            height_m=round(frame.height_above_carpet_m, 3),
+            gimbal_pitch_deg=round(math.degrees(frame.gimbal_pitch_rad), 1),
+        )
+        image = None if self._imageless else frame.image
+        ids = None if class_map is None else class_map.ids
+        try:
+            self._write_files(folder, name, photo, image, ids)
+        except InputError as error:
+            return self._fail(str(error))
+        notes.photos.append(photo)
+        self.feedback_message = name
+        self.mission.add_event(EventKind.PHOTO, name, self.path)
+        return Status.SUCCESS
+
+    def _pose(self) -> ReportedPose | None:
+        """Return the drone's pose, by the site map or else by the odometry. None: unknown."""
+        site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
+        if site_map is not None:
+            return reported_pose(site_map.pose)
+        return None if motion is None else reported_pose(motion.pose)
+
+    def _fail(self, reason: str) -> Status:
+        self.feedback_message = reason
+        label = self.port_value("label")
+        text = f"'{label}': {reason}" if label else reason
+        self.mission.add_event(EventKind.NO_PHOTO, text, self.path)
+        return Status.FAILURE
+
+    def _to_restore(self, frame: Frame | None) -> float | None:
+        """Return the former pitch while the camera is still elsewhere; None when that is over."""
+        former_rad = self._former_rad
+        waited_s = self._leaf_clock.now() - self._answered_s
+        if former_rad is None or waited_s > _RESTORE_S or camera_points_at(frame, former_rad):
+            return None
+        return former_rad

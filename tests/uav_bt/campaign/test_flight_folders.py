@@ -1,0 +1,65 @@
+"""Output folders of a campaign's flights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from tests.uav_bt.campaign.campaign_world import line, plan
+from uav_bt.app.options import FlightOptions
+from uav_bt.campaign import fly as campaign
+from uav_bt.campaign.flight import fly_task
+from uav_bt.campaign.plan import FlightTask
+
+BODY = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveSequence name="m">
+<Segment/><FindHelipad/><TrackMotion/><MapSite/>
+<Sequence name="s"><TakeOff/>{}<HelipadCenter/><Land/></Sequence>
+</ReactiveSequence></BehaviorTree></root>"""
+
+
+def task(tmp_path: Path, body: str) -> FlightTask:
+    tree = tmp_path / "tree.xml"
+    tree.write_text(BODY.format(body), encoding="utf-8")
+    return FlightTask(
+        tree="tree.xml",
+        tree_path=str(tree),
+        scene="val-a",
+        scene_path="val-a",
+        seed=0,
+        folder=str(tmp_path / "flights" / "tree-val-a-0"),
+        options=FlightOptions(drone="plain", profile="ideal"),
+    )
+
+
+def test_a_mission_that_writes_files_has_a_folder(tmp_path: Path) -> None:
+    flown = task(tmp_path, '<TakePhoto label="door"/>')
+    assert flown.folder is not None
+    folder = Path(flown.folder)
+    folder.mkdir(parents=True)
+    (folder / "photo-009.jpg").write_text("of an interrupted flight", encoding="utf-8")
+    flight = fly_task(flown.to_json())
+    assert flight["outcome"] == "success"
+    assert {file.name for file in folder.iterdir()} == {
+        *("objects.json", "objects.csv"),
+        *("photo-001-door-classes.png", "photo-001-door.json"),
+    }
+    assert [photo["label"] for photo in flight["photos"]] == ["door"]
+
+
+def test_a_mission_that_writes_none_has_no_folder(tmp_path: Path) -> None:
+    flight = fly_task(task(tmp_path, "").to_json())
+    assert flight["outcome"] == "success"
+    assert flight["objects"]
+    assert list((tmp_path / "flights").iterdir()) == []
+
+
+def write(values: dict[str, Any]) -> dict[str, Any]:
+    """Write a file for seed 0 only, in a worker's process."""
+    if values["seed"] == 0:
+        Path(values["folder"]).mkdir(parents=True)
+    return line(values["seed"], tree=values["tree"], scene=values["scene"])
+
+
+def test_the_flights_name_their_folders(tmp_path: Path) -> None:
+    done = campaign.run(plan(), tmp_path, fly=f"{__name__}:write")
+    assert [flight.get("folder") for flight in done.flights] == ["flights/one-lab-0", None]

@@ -1,0 +1,71 @@
+"""The folder that a flight's leaves and its report write their files to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from uav_bt.errors import FileError
+from uav_bt.files import check_output_folder, write_whole, writing
+
+_NAME: Final = re.compile(r"[A-Za-z0-9][\w.\-]{0,99}", re.ASCII)
+
+
+class FlightFolder:
+    """The output folder of one flight. It is made when the first file is written.
+
+    Args:
+        folder: New, or empty.
+        reserved: Names that leaves may not use, because other outputs have them.
+
+    Raises:
+        FileError: The folder has files already, or it cannot be written to.
+    """
+
+    def __init__(self, folder: Path, reserved: Iterable[str] = ()) -> None:
+        check_output_folder(folder)
+        with writing(folder):
+            if folder.is_dir() and any(folder.iterdir()):
+                raise FileError(
+                    folder,
+                    "has files, and a flight writes to an empty or a new folder: name another "
+                    "one, or empty this one",
+                )
+        self.folder = folder
+        self._reserved = frozenset(reserved)
+
+    def write(self, name: str, content: bytes | str) -> None:
+        """Write a new file. A reader never sees half of it.
+
+        Args:
+            name: Letters, digits, `_`, `-` and `.`; at most 100 characters.
+            content: Content of the whole file; text becomes UTF-8.
+
+        Raises:
+            FileError: The name is not allowed or exists already, or the file cannot be written.
+        """
+        path = self.folder / name
+        if not _NAME.fullmatch(name):
+            raise FileError(
+                name,
+                "is no name of a file in the flight's folder: expected letters, digits, '_', '-' "
+                "and '.', without folders",
+            )
+        if name in self._reserved:
+            raise FileError(path, "is the name of another output of the flight; use another name")
+        self.make()
+        with writing(path):
+            if path.exists() or path.is_symlink():
+                raise FileError(path, "exists already; use another name")
+        write_whole(path, content)
+
+    def make(self) -> None:
+        """Make the folder.
+
+        Raises:
+            FileError: It cannot be made.
+        """
+        with writing(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,77 @@
+"""Events that no leaf reports: phases, failed branches, overrides, take-overs, the landing."""
+
+from __future__ import annotations
+
+from uav_bt.board.context import MissionContext
+from uav_bt.mission.safety import Override
+from uav_bt.tree.branch_watch import BranchEnds
+from uav_bt.tree.node import Node
+from uav_bt.types import FlyingState
+from uav_bt.types.flight_results import EventKind
+
+
+class EventWatch:
+    """Compares each tick with the last one, and adds the changes to a flight's notes.
+
+    Args:
+        context: Context of the mission; its notes get the events.
+    """
+
+    def __init__(self, context: MissionContext) -> None:
+        self._context = context
+        self._phase = ""
+        self._override: Override | None = None
+        self._flew = False
+
+    def update(
+        self,
+        *,
+        phase: str,
+        override: Override | None,
+        reasons: tuple[str, ...],
+        flying: FlyingState,
+        ends: BranchEnds,
+    ) -> None:
+        """Add the events of a tick.
+
+        Args:
+            phase: Phase of the mission.
+            override: Override in force.
+            reasons: Why frame or telemetry were refused in this tick.
+            flying: Flying state by telemetry.
+            ends: Branches that ended in this tick.
+        """
+        add = self._context.add_event
+        for node in ends.failed:
+            add(EventKind.FAILED, _words(node), node.path)
+        if phase != self._phase:
+            self._phase = phase
+            add(EventKind.PHASE, phase, self._context.proposals.movement_owner or "")
+        self._note_override(override, reasons)
+        landed = flying is FlyingState.LANDED
+        if landed and self._flew:
+            add(EventKind.LANDED, "the drone landed")
+        self._flew = not landed
+        if ends.ended is not None:
+            how = "succeeded" if ends.succeeded else "failed"
+            add(EventKind.ENDED, f"the tree {how} at {_words(ends.ended)}", ends.ended.path)
+
+    def _note_override(self, override: Override | None, reasons: tuple[str, ...]) -> None:
+        before, self._override = self._override, override
+        if override is before:
+            return
+        add = self._context.add_event
+        if before is Override.MANUAL:
+            add(EventKind.PILOT_OVER, "the mission goes on")
+        elif before is not None:
+            add(EventKind.OVERRIDE_OVER, before.value)
+        if override is Override.MANUAL:
+            add(EventKind.PILOT, "a person took over")
+        elif override is not None:
+            why = f": {reasons[0]}" if reasons else ""
+            add(EventKind.OVERRIDE, f"{override.value}{why}")
+
+
+def _words(node: Node) -> str:
+    """Return a node's name, with its reason if it gave one."""
+    return f"{node.name}: {node.feedback_message}" if node.feedback_message else node.name
