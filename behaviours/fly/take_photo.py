@@ -178,11 +178,9 @@ class TakePhoto(Leaf):
         return Status.SUCCESS
 
     def _pose(self) -> ReportedPose | None:
-        """Return the drone's pose, by the site map or else by the odometry. None: unknown."""
-        site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
-        if site_map is not None:
-            return reported_pose(site_map.pose)
-        return None if motion is None else reported_pose(motion.pose)
+        """Return the drone's pose by the site map; None without one."""
+        site_map = self.read(SITE_MAP).value
+        return None if site_map is None else reported_pose(site_map.pose, site_map.start)
 
     def _fail(self, reason: str) -> Status:
         self.feedback_message = reason

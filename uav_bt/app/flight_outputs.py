@@ -94,7 +94,9 @@ def objects_of(site_map: SiteMap | None) -> list[FoundObject] | None:
     """Return the objects of a map as results state them. None without a map."""
     if site_map is None:
         return None
-    return [found_object(seen, CLASS_NAMES[seen.class_id]) for seen in site_map.objects]
+    return [
+        found_object(seen, CLASS_NAMES[seen.class_id], site_map.start) for seen in site_map.objects
+    ]
 
 
 def write_objects(report: FlightReport, folder: FlightFolder) -> None:

@@ -10,8 +10,8 @@ from typing import Final
 from uav_bt.types.pose import Pose2D
 from uav_bt.types.site_map import MapObject
 
-FRAME_OF_RESULTS: Final = "map"
-"""Frame of the positions in results: origin at the take-off, x along compass heading 0, y right."""
+FRAME_OF_RESULTS: Final = "start"
+"""Frame of the positions in results: origin and x axis of the take-off pose, y to its right."""
 
 
 class EventKind(enum.StrEnum):
@@ -82,6 +82,7 @@ class FoundObject:
     """An object of the site map at the end of a flight.
 
     Attributes:
+        id: Number of the object in the map, as in the place `object:ID`.
         class_name: Its class.
         x_m: Position of the middle of its base, in `FRAME_OF_RESULTS`.
         y_m: The same.
@@ -91,6 +92,7 @@ class FoundObject:
         std_m: One standard deviation of the position.
     """
 
+    id: int
     class_name: str
     x_m: float
     y_m: float
@@ -100,28 +102,32 @@ class FoundObject:
     std_m: float
 
 
-def reported_pose(pose: Pose2D) -> ReportedPose:
+def reported_pose(pose: Pose2D, start: Pose2D) -> ReportedPose:
     """Return a pose of the map's frame as results state it.
 
     Args:
-        pose: In the frame of the site map, which is that of dead reckoning.
+        pose: In the frame of the site map.
+        start: Take-off pose in the same frame.
     """
+    forward_m, right_m = start.to_body(pose.x_m, pose.y_m)
     return ReportedPose(
-        x_m=round(pose.x_m, 3),
-        y_m=round(pose.y_m, 3),
-        heading_deg=round(math.degrees(pose.yaw_rad) % 360.0, 1) % 360.0,
+        x_m=round(forward_m, 3),
+        y_m=round(right_m, 3),
+        heading_deg=round(math.degrees(pose.yaw_rad - start.yaw_rad) % 360.0, 1) % 360.0,
     )
 
 
-def found_object(seen: MapObject, class_name: str) -> FoundObject:
+def found_object(seen: MapObject, class_name: str, start: Pose2D) -> FoundObject:
     """Return an object of the map as results state it.
 
     Args:
         seen: Object of the site map.
         class_name: Name of its class.
+        start: Take-off pose in the map's frame.
     """
-    pose = reported_pose(Pose2D(x_m=seen.x_m, y_m=seen.y_m, yaw_rad=seen.yaw_rad))
+    pose = reported_pose(Pose2D(x_m=seen.x_m, y_m=seen.y_m, yaw_rad=seen.yaw_rad), start)
     return FoundObject(
+        id=seen.id,
         class_name=class_name,
         x_m=pose.x_m,
         y_m=pose.y_m,

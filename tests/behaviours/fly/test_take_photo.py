@@ -78,7 +78,7 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
     assert np.all(decode_bytes((tmp_path / f"{name}-classes.png").read_bytes()) == CARPET)
     facts = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
     assert facts == {
-        "frame": "map",
+        "frame": "start",
         "label": "box 1, left",
         "file": f"{name}.jpg",
         "class_map": f"{name}-classes.png",
