@@ -15,7 +15,8 @@ from uav_bt.app.film import flight_video
 from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission, read_mission
 from uav_bt.app.option_values import as_file
-from uav_bt.app.options import FlightOptions, given_options, site_of
+from uav_bt.app.options import FlightOptions, given_options
+from uav_bt.app.place_of_flight import site_of
 from uav_bt.app.random_faults import drawn
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.results import FlownMission, PathLog

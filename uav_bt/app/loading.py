@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
-from uav_bt.app.options import FlightOptions, limits_of, site_of
+from uav_bt.app.options import FlightOptions
+from uav_bt.app.place_of_flight import limits_of, site_of
 from uav_bt.app.site import Site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
 from uav_bt.errors import InputError, TreeError

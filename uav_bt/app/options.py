@@ -9,9 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, get_args
 
+from uav_bt.app.option_declaration import Declared, about
 from uav_bt.app.option_values import (
-    Declared,
-    about,
     as_file,
     check_drone,
     check_policies,
@@ -32,7 +31,6 @@ from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.config import Quality
 from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES
 from uav_bt.tree.loading.folders import WHICH_TREE, TreeFolders
-from uav_bt.types import LandingMark
 
 
 def declared(name: str) -> tuple[Declared, Any]:
@@ -323,37 +321,3 @@ def refuse_unusable(
         value = getattr(options, each.name)
         if each.name in _OF_THE_DRONE.difference(usable) and value != each.default:
             raise InputError(f"{drone} takes no {each.name}, got {value!r}{remedy}")
-
-
-def site_of(options: FlightOptions) -> Site | None:
-    """Return the site that was read from the options' site file."""
-    return options.site if isinstance(options.site, Site) else None
-
-
-def limits_of(options: FlightOptions) -> Limits:
-    """Return the limits of all commands. A site's limits replace the options'."""
-    site = site_of(options)
-    return options.limits if site is None else site.limits
-
-
-def mark_of(options: FlightOptions, drone: Drone) -> LandingMark:
-    """Return the size of the landing mark, from the site or the scene of a simulated drone.
-
-    Args:
-        options: options of the flight.
-        drone: drone that flies.
-
-    Raises:
-        InputError: site and scene state different sizes.
-    """
-    site = site_of(options)
-    stated = None if site is None else site.mark
-    if drone.scene is None:
-        return stated or LandingMark()
-    mark: LandingMark = drone.scene.mark
-    if stated not in {None, mark}:
-        raise InputError(
-            f"the site's mark ({stated}) is not that of scene '{drone.scene.name}' ({mark}): "
-            "remove 'mark' from the site file, or change 'helipad.size_m' of the scene"
-        )
-    return mark
