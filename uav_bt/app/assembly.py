@@ -17,8 +17,8 @@ from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.app.flying_process import collections_postponed
 from uav_bt.app.loading import Mission, load_mission
-from uav_bt.app.option_values import is_drone_config, refuse_incomplete
-from uav_bt.app.options import FlightOptions, given_options, refuse_unusable
+from uav_bt.app.option_values import is_drone_config, refuse_incomplete, refuse_unusable
+from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place_of_flight import limits_of, mark_of, site_of
 from uav_bt.app.random_faults import with_faults
 from uav_bt.app.rehearsed_drone import RehearsedDrone

@@ -49,22 +49,26 @@ _FILES_OF_OPTIONS: Final = (
     "drone",
     "policies",
     "leaves",
+    "params",
 )  # that are read
 
 
-def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
+def check(tree: Mission, registry: NodeRegistry | None = None, **how: Any) -> MissionTree:
     """Load a mission and return its tree.
+
+        app.check("patrol.xml", variables={"laps": 3}, ports={"TakeOff.height_m": 1.2})
 
     Args:
         tree: a shipped mission's name, a tree file, or a tree file's text; a `MissionTree` is
             returned as it is.
         registry: the nodes that may occur; default: all installed.
+        how: Fields of `FlightOptions`; the tree gets the values that they replace in it.
 
     Raises:
         TreeError: the file was refused; the error holds all findings.
         InputError: `tree` is not a mission, or it flew before.
     """
-    return read_mission(tree, FlightOptions(), registry)
+    return read_mission(tree, given_options(None, how), registry)
 
 
 def fly(
@@ -165,8 +169,10 @@ def _check_outputs(
 
 
 def _changes(options: FlightOptions) -> FlightChanges:
+    given = options.parameters
     return FlightChanges(
-        ports=dict(options.ports),
+        ports=dict(given.ports),
+        variables=dict(given.variables),
         movers=options.movers,
         vary_room=options.vary_room,
         faults=list(options.faults),
