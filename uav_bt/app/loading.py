@@ -15,7 +15,7 @@ from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
-from uav_bt.tree.leaves_file import nodes_of_files
+from uav_bt.tree.leaves_file import with_leaves
 from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.lookup import Lookup
@@ -118,8 +118,7 @@ def read_mission(
             f"NodeRegistry.installed().with_nodes(Peek); got {registry!r:.80}"
         )
     registry = (registry or NodeRegistry.installed()).with_policies(options.policy_objects)
-    if options.leaves:
-        registry = registry.with_nodes(*nodes_of_files([Path(file) for file in options.leaves]))
+    registry = with_leaves(registry, [Path(file) for file in options.leaves])
     if isinstance(tree, str | Path):
         load = (
             partial(parse_tree, tree) if is_text(tree) else partial(load_tree, resolve_tree(tree))

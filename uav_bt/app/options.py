@@ -27,7 +27,7 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.config import Quality
-from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES
+from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES, OwnParts, parts_of_files
 from uav_bt.tree.loading.folders import WHICH_TREE, TreeFolders
 from uav_bt.tree.loading.parameter_file import ParameterFile, read_parameters
 from uav_bt.tree.loading.parameters import (
@@ -258,6 +258,11 @@ class FlightOptions:
         """Ports and variables of the options, and beneath them those of the parameter file."""
         own = Parameters(ports=self.ports, variables=self.variables)
         return own if not isinstance(self.params, ParameterFile) else own.over(self.params.common)
+
+    @cached_property
+    def own_parts(self) -> OwnParts:
+        """Leaves, policies and drones that the files of `leaves` define."""
+        return parts_of_files([Path(file) for file in self.leaves])
 
     @cached_property
     def policy_objects(self) -> dict[str, LeafPolicy]:

@@ -196,7 +196,7 @@ class _Read:
         """
         tree = self.build({}, by_key={}, mocks={})
         for port, value in self._given:
-            yield from _remarks(port, value)
+            yield from _remarks(port, value, self.document.registry)
         if self.document.is_mission and not self.document.registry.foreign_board:
             yield from faults_of(tree)
             yield from self._unset_variables()
@@ -295,12 +295,14 @@ def _find_main_to_check(read: _Read, findings: Findings, tree_id: str | None) ->
         find_main(read.document, read.root, findings, None)
 
 
-def _remarks(port: Port[Any], value: GivenValue) -> Iterator[Finding]:
+def _remarks(port: Port[Any], value: GivenValue, registry: NodeRegistry) -> Iterator[Finding]:
     """Yield findings for names that are not installed, and for values that need caution."""
     element = value.element
     where = element.at(value.attribute)
     finding = partial(Finding, str(element.path), where, node=value.path)
-    look_up = plugins.look_up_policy if port.name == POLICY_PORT else port.look_up
+    look_up = port.look_up
+    if port.name == POLICY_PORT:
+        look_up = partial(plugins.look_up_policy, own=registry.factories)
     try:
         typed = port.convert(value.text)
     except ValueError:  # the first value of a variable that another one replaces

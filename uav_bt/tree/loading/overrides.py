@@ -60,22 +60,15 @@ class Overrides:
             target, port = split_port(name)
             place = parameters.places.get((SET, name))
             hits = self._hits(target, name, place)
-            if len(hits) > 1:
-                paths = [f"'{plan.path}.{port}'" for plan in hits]
-                more = f" and {len(paths) - _MAX_PATHS} more" if len(paths) > _MAX_PATHS else ""
-                self._note(
-                    f"'{name}' fits {len(hits)} nodes: name one by its path, such as "
-                    f"{', '.join(paths[:_MAX_PATHS])}{more}",
-                    place,
-                )
-                continue
-            for plan in hits:
-                if (plan.path, port) in self._chosen:
-                    message = f"port '{name}' is given two values: leave one of them out"
-                    self._note(message, place, plan)
-                    continue
-                self._chosen.add((plan.path, port))
-                self._replace(plan, {port: text}, name, place)
+            taken = [plan for plan in hits if (plan.path, port) in self._chosen]
+            if taken:
+                message = f"port '{name}' is given two values: leave one of them out"
+                self._note(message, place, taken[0])
+            elif len(hits) > 1:
+                self._note(_choice(name, port, hits), place)
+            elif hits:
+                self._chosen.add((hits[0].path, port))
+                self._replace(hits[0], {port: text}, name, place)
 
     def _hits(self, target: str, name: str, place: Place | None) -> list[Plan]:
         hits = [plan for plan in self._plans if target in (plan.name, plan.path)]
@@ -130,3 +123,13 @@ class Overrides:
             for name in attributes
             if name.startswith("_") and name not in CONDITION_ATTRIBUTES | _FIXED
         ]
+
+
+def _choice(name: str, port: str, hits: Sequence[Plan]) -> str:
+    """Return the message that a name fits several nodes."""
+    paths = [f"'{plan.path}.{port}'" for plan in hits]
+    more = f" and {len(paths) - _MAX_PATHS} more" if len(paths) > _MAX_PATHS else ""
+    return (
+        f"'{name}' fits {len(hits)} nodes: name one by its path, such as "
+        f"{', '.join(paths[:_MAX_PATHS])}{more}"
+    )
