@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Final
 
 from uav_bt.app.assembly import is_simulated
+from uav_bt.app.option_values import port_values, variable_values
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import InputError, ValueRangeError
@@ -46,6 +47,10 @@ class PlannedTree(PlannedFile):
 
     ports: dict[str, str] = field(default_factory=dict)  # before those of the plan's options
     variables: dict[str, Plain] = field(default_factory=dict)  # likewise
+
+    def __post_init__(self) -> None:
+        port_values(self.ports)
+        variable_values(self.variables)
 
     def options(self, shared: FlightOptions) -> FlightOptions:
         """Return how this tree is flown.

@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan
-from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile
+from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile, PlannedTree
 from uav_bt.campaign.report.campaign_report import WrittenReport, write_campaign_report
 from uav_bt.campaign.report.figures import densities
 from uav_bt.campaign.report.lab_figures import scene_figure
@@ -72,7 +72,7 @@ def jsonl(path: Path, *flights: dict[str, Any]) -> Path:
 def campaign(folder: Path, *flights: dict[str, Any], **how: Any) -> Path:
     shared = {name: how.pop(name) for name in SHARED if name in how}
     plan = CampaignPlan(
-        trees=(PlannedFile(name="one.xml", path="/missions/one.xml", sha256="0" * 64),),
+        trees=(PlannedTree(name="one.xml", path="/missions/one.xml", sha256="0" * 64),),
         scenes=(PlannedFile(name="lab", path="/labs/my lab.yaml", sha256="1" * 64),),
         flights=how.pop("planned", len(flights)),
         options=FlightOptions(**shared),
