@@ -20,7 +20,7 @@ from uav_bt import app
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import load_site
 from uav_bt.campaign.flight_lines import read_flights
-from uav_bt.campaign.plan import CampaignPlan, PlannedTree
+from uav_bt.campaign.plan import CampaignPlan, PlannedFile, PlannedTree
 from uav_bt.campaign.store import PLAN_FILE, read_plan
 from uav_bt.errors import InputError
 from uav_bt.record.channels import CHANNELS, START
@@ -52,9 +52,11 @@ FLIGHT: Final = (
     '{"tree": "a", "seed": 3, "outcome": "success", "tick_ms": {"p50": 4.1, "p99": 9.0, "max": 12},'
     ' "min_clearance_m": null, "path": [[0.0, 1.0, 2.0, 0.0]]}'
 )
-FILES: Final = (PlannedTree(name="a", path="/a", sha256="0" * 64),)
+FILE: Final = {"name": "a", "path": "/a", "sha256": "0" * 64}
+TREES: Final = (PlannedTree(**FILE, ports={"TakeOff.height_m": "1.2"}),)
+SCENES: Final = (PlannedFile(**FILE),)
 OPTIONS: Final = FlightOptions(policies={"a": "b"})
-PLANS: Final = CampaignPlan(trees=FILES, scenes=FILES, flights=5, options=OPTIONS).to_json()
+PLANS: Final = CampaignPlan(trees=TREES, scenes=SCENES, flights=5, options=OPTIONS).to_json()
 PLAN: Final = json.dumps({"format": 1, "plan": PLANS, "runs": [{"began": "now", "host": "here"}]})
 
 
