@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from uav_bt import plugins
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
 from uav_bt.tree.loading.before_flight import faults_of
-from uav_bt.tree.loading.builder import POLICY_PORT, Builder
+from uav_bt.tree.loading.builder import Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
@@ -28,12 +26,11 @@ from uav_bt.tree.loading.findings import (
 from uav_bt.tree.loading.given_variables import check_given_variables
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.plans import GivenValue
+from uav_bt.tree.loading.remarks import remarks_on
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.variable_uses import unset_slots
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
-from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import Mock
 
@@ -196,7 +193,7 @@ class _Read:
         """
         tree = self.build({}, by_key={}, mocks={})
         for port, value in self._given:
-            yield from _remarks(port, value, self.document.registry)
+            yield from remarks_on(port, value, self.document.registry)
         if self.document.is_mission and not self.document.registry.foreign_board:
             yield from faults_of(tree)
             yield from self._unset_variables()
@@ -293,28 +290,6 @@ def _find_main_to_check(read: _Read, findings: Findings, tree_id: str | None) ->
         find_main(read.document, read.root, findings, tree_id)
     elif not read.document.trees and not is_palette:
         find_main(read.document, read.root, findings, None)
-
-
-def _remarks(port: Port[Any], value: GivenValue, registry: NodeRegistry) -> Iterator[Finding]:
-    """Yield findings for names that are not installed, and for values that need caution."""
-    element = value.element
-    where = element.at(value.attribute)
-    finding = partial(Finding, str(element.path), where, node=value.path)
-    look_up = port.look_up
-    if port.name == POLICY_PORT:
-        look_up = partial(plugins.look_up_policy, own=registry.factories)
-    try:
-        typed = port.convert(value.text)
-    except ValueError:  # the first value of a variable that another one replaces
-        return
-    if look_up is not None:
-        try:
-            look_up(typed)
-        except InputError as error:
-            yield finding(message=f"{value.lead}{error}", rule=Rule.NOT_INSTALLED)
-    odd = None if port.caution is None else port.caution(typed)
-    if odd is not None:
-        yield finding(message=f"{value.lead}{odd}", severity=WARNING, rule=Rule.LIMIT)
 
 
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
