@@ -8,10 +8,10 @@ import pytest
 
 from uav_bt.errors import FileError, TreeError
 from uav_bt.testing import load_tree as load_bench
-from uav_bt.tree import MissionTree, Status, parse_tree
+from uav_bt.tree import MissionTree, Parameters, Status, parse_tree
 from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.parameter_file import read_parameters
-from uav_bt.tree.loading.parameters import Parameters, Plain
+from uav_bt.tree.loading.parameters import Plain
 
 PATROL = """<root BTCPP_format="4" main_tree_to_execute="Main">
   <BehaviorTree ID="Main">
