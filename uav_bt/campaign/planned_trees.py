@@ -65,7 +65,7 @@ def _planned(
         name=f"{path.stem}[{variant}]{path.suffix}" if variant else path.name,
         path=path.stem if shipped else str(path),
         sha256=provenance.sha256_of(mission),
-        # What the command line gives counts before a variant.
+        # Values of the command line take precedence over a variant.
         ports={
             name: text
             for name, text in values.ports.items()
@@ -83,7 +83,7 @@ def _own_values(tree: MissionTree) -> Parameters:
     """Return the ports and variables that a loaded tree has instead of those of its file.
 
     Raises:
-        InputError: The tree has no file, flew before, or a variable is no number and no text.
+        InputError: The tree has no file, or a variable is neither a number nor a text.
     """
     if not tree.sources or not tree.path.is_file():
         raise InputError(

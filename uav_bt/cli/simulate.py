@@ -77,7 +77,7 @@ def simulate(
       default: S              # for all other leaves
       outputs:                # written when the leaf succeeds
         Measure: {depth_m: 1.5}
-      variables: {laps: 3}    # before the first tick; --var counts before them
+      variables: {laps: 3}    # before the first tick; --var takes precedence
       board: {phase: explore}
       nodes: {RecoveryNode: Fallback}  # for a palette's control nodes
 

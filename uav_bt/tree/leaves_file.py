@@ -22,7 +22,7 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.registry import NodeRegistry
 
 WHICH_LEAVES: Final = (
-    "A Python file with leaves, policies and drones, which go by their classes' names. Repeatable."
+    "A Python file with leaves, policies and drones, known by their class names. Repeatable."
 )
 LEAVES_FLAG: Final = "--leaves"
 

@@ -134,7 +134,7 @@ def scripted_tree(
         registry: the nodes that may occur; default: all installed.
         tree_id: which of the file's trees; see `load_tree`.
         lookup: where to look for trees and included files; see `load_tree`.
-        parameters: values from outside; they count before the script's variables.
+        parameters: values from outside; they take precedence over the script's variables.
 
     Raises:
         TreeError: the tree was refused, a leaf has no script, or a script does not fit.

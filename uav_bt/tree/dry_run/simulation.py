@@ -79,7 +79,7 @@ class Simulation:
         tick_s: time between two ticks.
         tree_id: which of the file's trees; see `load_tree`.
         lookup: where to look for trees and included files; see `load_tree`.
-        parameters: values from outside; they count before the script's variables.
+        parameters: values from outside; they take precedence over the script's variables.
 
     Raises:
         TreeError: the tree was refused, or a leaf has no script.

@@ -33,7 +33,7 @@ def check_given_variables(document: Document, findings: Findings) -> None:
 
 
 def _faults(name: str, value: Plain, slot: Slot, scope: Scope) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the value of a variable, with its severity."""
+    """Yield the faults of a variable's value, each with a severity."""
     if name not in scope.touched and not slot.obscure:
         hint = did_you_mean(name, scope.touched)
         yield f"no node uses a variable '{name}' of tree '{scope.tree_id}'{hint}", ERROR
@@ -45,5 +45,5 @@ def _faults(name: str, value: Plain, slot: Slot, scope: Scope) -> Iterator[tuple
             yield f"variable '{name}': {error}; {read.use} reads it", ERROR
     for write in slot.writes:
         if write.creates:
-            message = f"variable '{name}': {write.use} sets it, too, and its value counts from then"
+            message = f"variable '{name}': {write.use} sets it, too, and replaces this value"
             yield message, WARNING

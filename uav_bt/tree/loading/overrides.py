@@ -102,7 +102,7 @@ class Overrides:
             self._findings.add(at.path, at.position, f"{lead}{finding.message}", finding.node)
 
     def _refused(self, plan: Plan, attributes: Mapping[str, str]) -> list[str]:
-        """Return why attributes cannot be given, besides what is wrong in a file, too."""
+        """Return the faults of attributes that only a replacement can have."""
         node = plan.node
         choosing = {name for name, _ in node.variants} if issubclass(node, ExpandedNode) else set()
         fixed = (_FIXED | choosing).intersection(attributes)

@@ -8,7 +8,7 @@ A YAML file:
       slow: {var: {laps: 2}}
       fast: {var: {laps: 5}, set: {TakeOff.height_m: 1.2}}
 
-A variant has the values of the whole file, too, and its own count before those.
+A variant also has the values of the whole file. The variant's values take precedence.
 """
 
 from __future__ import annotations

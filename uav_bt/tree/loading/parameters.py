@@ -18,7 +18,7 @@ WHICH_VARIABLES: Final = (
 )
 WHICH_PARAMS: Final = (
     "A file with such values: YAML with the keys `set` and `var`, in a campaign also `variants`. "
-    "--set and --var count before it."
+    "--set and --var take precedence."
 )
 """Descriptions of the options of flights and commands."""
 

@@ -1,4 +1,4 @@
-"""Remarks on the values that ports of leaves get: names that are not there, values of caution."""
+"""Remarks on values of leaves' ports: names that are not installed, values that need caution."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def remarks_on(port: Port[Any], value: GivenValue, registry: NodeRegistry) -> It
 
     Args:
         port: of a leaf.
-        value: what the port gets.
+        value: text that the port gets.
         registry: the nodes and policies that may occur.
     """
     element = value.element
