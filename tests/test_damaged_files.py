@@ -20,7 +20,7 @@ from uav_bt import app
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import load_site
 from uav_bt.campaign.flight_lines import read_flights
-from uav_bt.campaign.plan import CampaignPlan, PlannedFile
+from uav_bt.campaign.plan import CampaignPlan, PlannedFile, PlannedTree
 from uav_bt.campaign.store import PLAN_FILE, read_plan
 from uav_bt.errors import InputError
 from uav_bt.record.channels import CHANNELS, START
@@ -29,6 +29,7 @@ from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.tree.dry_run.script_file import read_script
 from uav_bt.tree.loading.loader import check_file
+from uav_bt.tree.loading.parameter_file import read_parameters
 from uav_bt.tree.shipped import resolve_tree
 
 SITE: Final = """\
@@ -44,13 +45,18 @@ classes: {0: background, 5: obstacle, 11: carpet}"""
 SCRIPT: Final = """\
 {leaves: {TakeOff: RRS, Explore: (RRS)}, default: S, outputs: {Measure: {depth_m: 1.5}},
 variables: {laps: 3, name: north, on: true}}"""
+PARAMETERS: Final = """\
+{set: {TakeOff.height_m: 1.2}, var: {laps: 3, name: north},
+variants: {slow: {var: {laps: 2}}, fast: {set: {Explore.flowing: true}}}}"""
 FLIGHT: Final = (
     '{"tree": "a", "seed": 3, "outcome": "success", "tick_ms": {"p50": 4.1, "p99": 9.0, "max": 12},'
     ' "min_clearance_m": null, "path": [[0.0, 1.0, 2.0, 0.0]]}'
 )
-FILES: Final = (PlannedFile(name="a", path="/a", sha256="0" * 64),)
+FILE: Final = {"name": "a", "path": "/a", "sha256": "0" * 64}
+TREES: Final = (PlannedTree(**FILE, ports={"TakeOff.height_m": "1.2"}),)
+SCENES: Final = (PlannedFile(**FILE),)
 OPTIONS: Final = FlightOptions(policies={"a": "b"})
-PLANS: Final = CampaignPlan(trees=FILES, scenes=FILES, flights=5, options=OPTIONS).to_json()
+PLANS: Final = CampaignPlan(trees=TREES, scenes=SCENES, flights=5, options=OPTIONS).to_json()
 PLAN: Final = json.dumps({"format": 1, "plan": PLANS, "runs": [{"began": "now", "host": "here"}]})
 
 
@@ -73,6 +79,7 @@ TEXTS: Final[dict[str, tuple[Callable[[Path], Any], str, str]]] = {
     "site": (load_site, ".yaml", SITE),
     "camera": (load_camera, ".yaml", CAMERA),
     "mapping": (read_mapping, ".yaml", MAPPING),
+    "parameters": (read_parameters, ".yaml", PARAMETERS),
     "script": (read_script, ".yaml", SCRIPT),
     "flights": (read_flights, ".jsonl", FLIGHT),
     "campaign": (read_campaign, ".json", PLAN),

@@ -6,7 +6,7 @@ import importlib.metadata
 import importlib.util
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -173,12 +173,13 @@ def _is_installed(module: str) -> bool:
     return importlib.util.find_spec(module) is not None
 
 
-def look_up_policy(name: str) -> None:
+def look_up_policy(name: str, own: Mapping[str, Any] | None = None) -> None:
     """Refuse a policy that cannot be made, without making it.
 
     Args:
         name: NAME, or NAME:ARGUMENT for a policy with `from_text`. The policy's `look_up`, if any,
             checks the argument.
+        own: classes of policies by name, besides the registered ones.
 
     Raises:
         UnknownNameError: the name is not registered.
@@ -187,16 +188,17 @@ def look_up_policy(name: str) -> None:
     registered, colon, argument = name.partition(":")
     if not colon:
         return  # an import would take longer than the rest of the check
-    factory = _policy_factory(registered, argument)
+    factory = _policy_factory(registered, argument, own or {})
     if hasattr(factory, "look_up"):
         factory.look_up(argument)
 
 
-def make_policy(name: str) -> LeafPolicy:
+def make_policy(name: str, own: Mapping[str, Any] | None = None) -> LeafPolicy:
     """Return a leaf policy by its registered name.
 
     Args:
         name: NAME, or NAME:ARGUMENT for a policy with `from_text`: `student:FILE.onnx`.
+        own: classes of policies by name, besides the registered ones.
 
     Raises:
         UnknownNameError: the name is not registered.
@@ -205,7 +207,7 @@ def make_policy(name: str) -> LeafPolicy:
     from uav_bt.protocols import LeafPolicy  # noqa: PLC0415  (NumPy, and `--help` needs this module)
 
     registered, colon, argument = name.partition(":")
-    factory = _policy_factory(registered, argument if colon else None)
+    factory = _policy_factory(registered, argument if colon else None, own or {})
     try:
         policy = factory.from_text(argument) if colon else factory()
     except UavBtError:
@@ -218,14 +220,14 @@ def make_policy(name: str) -> LeafPolicy:
     return policy
 
 
-def _policy_factory(registered: str, argument: str | None) -> Any:
-    """Return the factory that is registered as a policy.
+def _policy_factory(registered: str, argument: str | None, own: Mapping[str, Any]) -> Any:
+    """Return the factory that is registered as a policy, or is one of these.
 
     Raises:
         UnknownNameError: the name is not registered.
         InputError: the policy takes no argument, but one is given.
     """
-    factory = load(POLICIES, registered)
+    factory = own[registered] if registered in own else load(POLICIES, registered)
     if argument is not None and not hasattr(factory, "from_text"):
         raise InputError(f"policy '{registered}' takes no argument, got '{registered}:{argument}'")
     return factory

@@ -196,7 +196,9 @@ def _form_at(form: Any, steps: Steps) -> dict[str, Any]:
                 nested = (one for one in branches if one.get("type") in (None, "array", "object"))
                 part = next(nested, branches[0])
         if isinstance(step, str):
-            part = part.get("properties", {}).get(step, part)
+            others = part.get("additionalProperties")  # values of a mapping with any keys
+            others = others if isinstance(others, dict) else part
+            part = part.get("properties", {}).get(step, others)
         elif isinstance(step, int):
             part = part.get("items") or part["prefixItems"][step]
     return part

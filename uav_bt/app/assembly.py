@@ -17,15 +17,9 @@ from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.app.flying_process import collections_postponed
 from uav_bt.app.loading import Mission, load_mission
-from uav_bt.app.option_values import is_drone_config, refuse_incomplete
-from uav_bt.app.options import (
-    FlightOptions,
-    given_options,
-    limits_of,
-    mark_of,
-    refuse_unusable,
-    site_of,
-)
+from uav_bt.app.option_values import is_drone_config, refuse_incomplete, refuse_unusable
+from uav_bt.app.options import FlightOptions, given_options
+from uav_bt.app.place_of_flight import limits_of, mark_of, site_of
 from uav_bt.app.random_faults import with_faults
 from uav_bt.app.rehearsed_drone import RehearsedDrone
 from uav_bt.app.site import Site, check_clearances
@@ -144,7 +138,9 @@ class Flight(Generic[DroneT]):
 
     def _policy(self, name: str) -> LeafPolicy:
         given = self.options.policy_objects.get(name)
-        return plugins.make_policy(name) if given is None else given
+        if given is None:
+            return plugins.make_policy(name, self.options.own_parts.policies)
+        return given
 
     def _exact_segmenter(self) -> Segmenter | None:
         if not self.options.exact_masks:
@@ -275,7 +271,7 @@ def make_drone(options: FlightOptions) -> Drone:
 
 def _named_drone(options: FlightOptions) -> Drone:
     name, colon, address = str(options.drone).partition(":")
-    config: type[DroneConfig] = plugins.load(plugins.DRONES, name)
+    config = _config_class(name, options)
     known = _field_names(config)
     if colon and "address" not in known:
         raise InputError(f"drone '{name}' takes no address, got '{address}'")
@@ -285,14 +281,26 @@ def _named_drone(options: FlightOptions) -> Drone:
     return config(**{key: value for key, value in given.items() if key in known}).create()
 
 
-def is_simulated(name: str) -> bool:
-    """Return whether a registered drone flies in a scene.
+def is_simulated(options: FlightOptions) -> bool:
+    """Return whether the drone is named, and flies in a scene.
 
     Raises:
-        UnknownNameError: no drone is registered under that name.
+        UnknownNameError: no drone has that name.
     """
-    config: type[DroneConfig] = plugins.load(plugins.DRONES, name)
-    return "scene" in _field_names(config)
+    named = isinstance(options.drone, str)
+    return named and "scene" in _field_names(_config_class(options.drone_name, options))
+
+
+def _config_class(name: str, options: FlightOptions) -> type[DroneConfig]:
+    """Return the configuration class of a named drone: registered, or from a file of leaves.
+
+    Raises:
+        UnknownNameError: no drone has that name.
+    """
+    registered = name in plugins.names(plugins.DRONES)
+    own = {} if registered else options.own_parts.drones  # a plan is read without its leaves
+    config: type[DroneConfig] = own[name] if name in own else plugins.load(plugins.DRONES, name)
+    return config
 
 
 def _given_drone(options: FlightOptions) -> Drone:

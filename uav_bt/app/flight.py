@@ -22,7 +22,8 @@ from uav_bt.app.flight_outputs import (
 from uav_bt.app.flying_process import landing_on_signals, short_collections
 from uav_bt.app.loading import Mission, load_mission, read_mission
 from uav_bt.app.option_values import as_file
-from uav_bt.app.options import FlightOptions, given_options, site_of
+from uav_bt.app.options import FlightOptions, given_options
+from uav_bt.app.place_of_flight import site_of
 from uav_bt.app.random_faults import drawn
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.results import FlownMission, PathLog
@@ -46,19 +47,22 @@ STILL_IN_THE_AIR: Final = (
 )
 
 
-def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
+def check(tree: Mission, registry: NodeRegistry | None = None, **how: Any) -> MissionTree:
     """Load a mission and return its tree.
+
+        app.check("patrol.xml", variables={"laps": 3}, ports={"TakeOff.height_m": 1.2})
 
     Args:
         tree: a shipped mission's name, a tree file, or a tree file's text; a `MissionTree` is
             returned as it is.
         registry: the nodes that may occur; default: all installed.
+        how: Fields of `FlightOptions`; the tree gets the values that they replace in it.
 
     Raises:
         TreeError: the file was refused; the error holds all findings.
         InputError: `tree` is not a mission, or it flew before.
     """
-    return read_mission(tree, FlightOptions(), registry)
+    return read_mission(tree, given_options(None, how), registry)
 
 
 def fly(
@@ -152,8 +156,10 @@ def fly(
 
 
 def _changes(options: FlightOptions) -> FlightChanges:
+    given = options.parameters
     return FlightChanges(
-        ports=dict(options.ports),
+        ports=dict(given.ports),
+        variables=dict(given.variables),
         movers=options.movers,
         vary_room=options.vary_room,
         faults=list(options.faults),

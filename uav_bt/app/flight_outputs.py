@@ -35,6 +35,7 @@ _FILES_OF_OPTIONS: Final = (
     "drone",
     "policies",
     "leaves",
+    "params",
 )  # that are read
 
 

@@ -35,6 +35,8 @@ from uav_bt.record.config import Quality, RecordConfig
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
+from uav_bt.tree import MissionTree
+from uav_bt.tree.loading.parameters import Plain
 from uav_bt.types import Airframe
 
 
@@ -54,6 +56,8 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "tree_name": mission.name,
         "scene": flight.scene_name,
         "replaced": mission.replaced,
+        "ports": options.parameters.ports,
+        "variables": _plain_variables(mission),
         "policies": options.policy_names,
         "policy_objects": list(options.policy_objects),
         "drone": options.drone_name,
@@ -67,7 +71,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "git": provenance.commit(),
         "weights": provenance.weights_of(mission),
     }
-    del values["record"]
+    del values["record"], values["params"]
     texts = {
         name: value if isinstance(value, str) else json.dumps(value, default=_plain)
         for name, value in values.items()
@@ -76,6 +80,12 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         values={**texts, **tree_facts(mission)},
         attachments=[*tree_files(mission), *scene_files(scene)],
     )
+
+
+def _plain_variables(mission: MissionTree) -> dict[str, Plain]:
+    """Return the variables that have a value before the first tick, numbers and texts."""
+    variables = mission.variables.snapshot()
+    return {name: value for name, value in variables.items() if isinstance(value, Plain)}
 
 
 def _plain(value: object) -> object:
@@ -103,6 +113,7 @@ class RecordedOptions:
     policy_objects: tuple[str, ...] = ()  # policies that only the recorded program had
     # Attributes that nodes had instead of those of the tree file, policies among them.
     replaced: dict[str, dict[str, str]] | None = None
+    variables: dict[str, Plain] = field(default_factory=dict)  # before the first tick
 
     def attributes(self) -> dict[str, dict[str, str]]:
         """Return the attributes that replaced those of the tree file, by node."""

@@ -8,16 +8,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
-from uav_bt.app.options import FlightOptions, limits_of, site_of
+from uav_bt.app.options import FlightOptions
+from uav_bt.app.place_of_flight import limits_of, site_of
 from uav_bt.app.site import Site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
-from uav_bt.errors import InputError, TreeError
+from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
-from uav_bt.tree.leaves_file import nodes_of_files
+from uav_bt.tree.leaves_file import with_leaves
 from uav_bt.tree.loading.before_flight import faults_of
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.parameter_file import ParameterFile
+from uav_bt.tree.loading.parameters import split_port
 from uav_bt.tree.shipped import resolve_tree
 
 Mission = str | Path | MissionTree
@@ -78,10 +81,16 @@ def read_mission(
 
     Raises:
         TreeError: the file was refused, or a policy is unknown.
-        FileError: the file or folder does not exist.
+        FileError: the file or folder does not exist, or the parameter file has variants.
         InputError: `tree` is not a mission or was set up before, or its leaves cannot take a
             setting of the site.
     """
+    if isinstance(options.params, ParameterFile) and options.params.variants:
+        raise FileError(
+            options.params.path,
+            f"has variants ({', '.join(options.params.variants)}), and a campaign flies them; give "
+            "a file with `set` and `var` only",
+        )
     overrides = _overrides(options, replaced or {})
     by_key = _site_values(site_of(options))
     if isinstance(tree, MissionTree):
@@ -100,8 +109,7 @@ def read_mission(
             )
         if options.leaves:
             raise InputError(f"leaves are for tree files; this is '{tree.name}', which has its own")
-        _check_single(tree, options.ports)
-        tree.replace(overrides, by_key=by_key)
+        _give(tree, options, overrides, by_key)
         _check_site_reaches(tree, by_key)
         return tree
     if registry is not None and not isinstance(registry, NodeRegistry):
@@ -110,8 +118,7 @@ def read_mission(
             f"NodeRegistry.installed().with_nodes(Peek); got {registry!r:.80}"
         )
     registry = (registry or NodeRegistry.installed()).with_policies(options.policy_objects)
-    if options.leaves:
-        registry = registry.with_nodes(*nodes_of_files([Path(file) for file in options.leaves]))
+    registry = with_leaves(registry, [Path(file) for file in options.leaves])
     if isinstance(tree, str | Path):
         load = (
             partial(parse_tree, tree) if is_text(tree) else partial(load_tree, resolve_tree(tree))
@@ -122,8 +129,8 @@ def read_mission(
             overrides=overrides,
             by_key=by_key,
             lookup=lookup or options.tree_folders.lookup(),
+            parameters=options.parameters,
         )
-        _check_single(loaded, options.ports)
         _check_site_reaches(loaded, by_key)
         return loaded
     remedy = ": make a tree of it with MissionTree(...)" if isinstance(tree, Node) else ""
@@ -136,20 +143,37 @@ def read_mission(
 def _overrides(
     options: FlightOptions, replaced: Mapping[str, Mapping[str, str]]
 ) -> dict[str, dict[str, str]]:
-    """Return the attribute values that replace the tree's, by node.
-
-    Raises:
-        InputError: a port is given two values.
-    """
+    """Return the attribute values that replace the tree's, by node, besides ports."""
     overrides = {node: dict(given) for node, given in replaced.items()}
     for node, policy in options.policy_names.items():
         overrides.setdefault(node, {})["policy"] = policy
-    for name, value in options.ports.items():
-        node, _, port = name.rpartition(".")
+    return overrides
+
+
+def _give(
+    tree: MissionTree,
+    options: FlightOptions,
+    overrides: dict[str, dict[str, str]],
+    by_key: _ByKey,
+) -> None:
+    """Give a loaded tree the values of options and site.
+
+    Raises:
+        InputError: a value does not fit, a port is given two values, or there are variables.
+    """
+    given = options.parameters
+    _check_single(tree, given.ports)
+    for name, value in given.ports.items():
+        node, port = split_port(name)
         if port in overrides.setdefault(node, {}):
             raise InputError(f"port '{name}' is given two values: leave one of them out")
         overrides[node][port] = value
-    return overrides
+    for name, plain in given.variables.items():
+        raise InputError(
+            f"variables are for tree files; this is '{tree.name}', which is loaded already: write "
+            f"tree.variables['{name}'] = {plain!r}"
+        )
+    tree.replace(overrides, by_key=by_key)
 
 
 def _check_single(mission: MissionTree, ports: Iterable[str]) -> None:
@@ -220,7 +244,8 @@ def _check_variables(mission: MissionTree) -> None:
     if unset:
         raise InputError(
             f"nothing sets variable '{unset[0]}' of tree '{mission.name}': give it a value in a "
-            f"Script of the file, or in Python by tree.variables['{unset[0]}'] = ..."
+            f"Script of the file, with --var {unset[0]}=VALUE, or in Python by "
+            f"variables={{'{unset[0]}': ...}}"
         )
 
 

@@ -1,72 +1,26 @@
-"""Declarations of options and checks of their values; errors say what was expected and given."""
+"""Checks of the values of options; errors say what was expected and given."""
 
 from __future__ import annotations
 
 import inspect
 import operator
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
 from types import UnionType
-from typing import Any, Final, Literal, NoReturn
+from typing import Any, Final, NoReturn
 
-from uav_bt.errors import InputError
+from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.files import reading
 from uav_bt.protocols import Drone, LeafPolicy
+from uav_bt.tree.loading.parameters import Plain, split_port
+from uav_bt.tree.port import port_text
 
 _ABSENT: Final = object()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Declared:
-    """Declaration of an option, besides its name, type and default.
-
-    Attributes:
-        help: One or two sentences.
-        flag: The command line's option, with dashes. None: Python only.
-        metavar: The command line's placeholder for the value.
-        least: Smallest value of a whole number.
-        choices: The values that may be given. Empty: any of the type.
-        file: Whether the value is a file that is read or written.
-        suffix: How the name of a written file ends.
-    """
-
-    help: str
-    flag: str | None = None
-    metavar: str | None = None
-    least: int | None = None
-    choices: tuple[str, ...] = ()
-    file: Literal["read", "written"] | None = None
-    suffix: str = ""
-
-    def checked(self, name: str, value: Any, default: object) -> Any:
-        """Return a value in its usual type: a number as `int`, a file as `Path`.
-
-        Args:
-            name: Name of the option.
-            value: Value from the caller.
-            default: Default of the option.
-
-        Raises:
-            InputError: The declaration does not allow the value.
-        """
-        if self.file is not None:
-            file = as_file(name, value)
-            if file is not None and self.suffix and file.suffix.lower() != self.suffix:
-                refuse(name, f"a file whose name ends in {self.suffix}", str(file))
-            return file
-        if self.least is not None:
-            return whole_number(name, value, self.least)
-        if self.choices and value not in self.choices:
-            refuse(name, " or ".join(self.choices), value)
-        if isinstance(default, bool):
-            expect(name, value, bool, "True or False")
-        return value
-
-
-def about(help_: str, flag: str | None = None, **more: Any) -> dict[str, Declared]:
-    """Return a field's metadata: what `Declared` takes."""
-    return {"declared": Declared(help=help_, flag=flag, **more)}
+# These options set up the drone.
+_OF_THE_DRONE: Final = frozenset(
+    {"scene", "seed", "profile", "image_size_px", "realtime", "movers", "vary_room"}
+)
 
 
 def class_name(value: object) -> str:
@@ -97,19 +51,18 @@ def as_file(name: str, value: object, expected: str = "a file") -> Path | None:
     return Path(value)
 
 
-def files(name: str, value: object) -> tuple[Path, ...]:
+def files(value: object) -> tuple[Path, ...]:
     """Return the paths of several files.
 
     Args:
-        name: Name of the value in the message.
         value: Sequence of texts and paths.
 
     Raises:
         InputError: The value is not a sequence of them.
     """
     if not isinstance(value, (tuple, list)):
-        refuse(name, "a list of files, such as ['my_leaves.py']", value)
-    return tuple(path for each in value if (path := as_file(name, each or "")) is not None)
+        refuse("leaves", "a list of files, such as ['my_leaves.py']", value)
+    return tuple(path for each in value if (path := as_file("leaves", each or "")) is not None)
 
 
 def fault_texts(faults: object) -> tuple[str, ...]:
@@ -146,18 +99,36 @@ def port_values(ports: object) -> dict[str, str]:
         InputError: The value is not such a mapping.
     """
     expected = "values by node and port, such as {'ExploreFor.min_gain': 0.01}"
-    if not isinstance(ports, Mapping):
-        refuse("ports", expected, ports)
-    for name, value in ports.items():
-        node, _, port = name.rpartition(".") if isinstance(name, str) else ("", "", "")
-        if not (node and port):
+    found = _plain_values("ports", expected, ports)
+    for name in found:
+        try:
+            split_port(name)
+        except ValueRangeError:
             refuse("ports", expected, name)
-        if not isinstance(value, str | int | float):
-            refuse(f"ports['{name}']", "a text, a number, True or False", value)
-    return {
-        name: str(value).lower() if isinstance(value, bool) else str(value)
-        for name, value in ports.items()
-    }
+    return {name: port_text(value) for name, value in found.items()}
+
+
+def variable_values(variables: object) -> dict[str, Plain]:
+    """Return first values of variables.
+
+    Args:
+        variables: Mapping from a variable's name to a text, a number or a truth value.
+
+    Raises:
+        InputError: The value is not such a mapping.
+    """
+    return _plain_values("variables", "values by variable, such as {'laps': 3}", variables)
+
+
+def _plain_values(what: str, expected: str, values: object) -> dict[str, Plain]:
+    if not isinstance(values, Mapping):
+        refuse(what, expected, values)
+    for name, value in values.items():
+        if not isinstance(name, str):
+            refuse(what, expected, name)
+        if not isinstance(value, Plain):
+            refuse(f"{what}['{name}']", "a text, a number, True or False", value)
+    return dict(values)
 
 
 def check_policies(policies: object) -> None:
@@ -215,6 +186,24 @@ def _missing(protocol: type, value: object) -> Iterator[str]:
             yield name
 
 
+def refuse_unusable(options: Any, drone: str, usable: Collection[str], *, remedy: str = "") -> None:
+    """Refuse options that this drone does not support.
+
+    Args:
+        options: A `FlightOptions`. Defaults are never refused.
+        drone: Subject of the message.
+        usable: Names of the options that the drone supports.
+        remedy: End of the message with the remedy.
+
+    Raises:
+        InputError: The drone does not support an option.
+    """
+    for each in fields(options):
+        value = getattr(options, each.name)
+        if each.name in _OF_THE_DRONE.difference(usable) and value != each.default:
+            raise InputError(f"{drone} takes no {each.name}, got {value!r}{remedy}")
+
+
 def whole_number(name: str, value: object, least: int) -> int:
     """Return a whole number as `int`.
 
@@ -246,6 +235,16 @@ def image_size(value: object) -> tuple[int, int]:
         refuse("image_size_px", "width and height in pixels, such as (640, 360)", value)
     width, height = (whole_number("image_size_px", side, 1) for side in sides)
     return width, height
+
+
+CHECKED: Final[Mapping[str, Callable[[object], Any]]] = {
+    "image_size_px": image_size,
+    "ports": port_values,
+    "variables": variable_values,
+    "leaves": files,
+    "faults": fault_texts,
+}
+"""Checks by the option's name; each returns the value in its usual type."""
 
 
 def expect(name: str, value: object, kind: type | UnionType, expected: str) -> None:

@@ -3,36 +3,40 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, get_args
 
+from uav_bt.app.option_declaration import Declared, about
 from uav_bt.app.option_values import (
-    Declared,
-    about,
+    CHECKED,
     as_file,
     check_drone,
     check_policies,
     class_name,
     expect,
-    fault_texts,
-    files,
-    image_size,
-    port_values,
+    refuse_unusable,
 )
 from uav_bt.app.site import Site, load_site
 from uav_bt.brief import brief_repr
-from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.errors import UnknownNameError
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.config import Quality
-from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES
+from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES, OwnParts, parts_of_files
 from uav_bt.tree.loading.folders import WHICH_TREE, TreeFolders
-from uav_bt.types import LandingMark
+from uav_bt.tree.loading.parameter_file import ParameterFile, read_parameters
+from uav_bt.tree.loading.parameters import (
+    WHICH_PARAMS,
+    WHICH_PORTS,
+    WHICH_VARIABLES,
+    Parameters,
+    Plain,
+)
 
 
 def declared(name: str) -> tuple[Declared, Any]:
@@ -132,12 +136,14 @@ class FlightOptions:
     )
     ports: Mapping[str, str] = field(
         default_factory=dict,
-        metadata=about(
-            "Let a port of one node, by name or path, have another value than in the tree file: "
-            "ExploreFor.min_gain=0.01. Repeatable.",
-            "--set",
-            metavar="NODE.PORT=VALUE",
-        ),
+        metadata=about(WHICH_PORTS, "--set", metavar="NODE.PORT=VALUE"),
+    )
+    variables: Mapping[str, Plain] = field(
+        default_factory=dict, metadata=about(WHICH_VARIABLES, "--var", metavar="NAME=VALUE")
+    )
+    params: str | Path | ParameterFile | None = field(
+        default=None,
+        metadata=about(WHICH_PARAMS, "--params", metavar="FILE.yaml"),
     )
     leaves: Sequence[str | Path] = field(
         default=(),
@@ -224,17 +230,15 @@ class FlightOptions:
                 known: Declared = each.metadata["declared"]
                 value = known.checked(each.name, getattr(self, each.name), each.default)
                 self._set(each.name, value)
-        for name, kind in (("limits", Limits), ("runner", RunnerConfig), ("judge", JudgeConfig)):
-            expect(name, getattr(self, name), kind, f"a {kind.__name__}")
-        expect("tree_id", self.tree_id, str | None, "the ID of a tree, or None")
-        expect("tree_folders", self.tree_folders, TreeFolders, "a TreeFolders")
-        expect("profile", self.profile, str, "the name of a profile: ideal, lab or harsh")
+        if not isinstance(self.params, ParameterFile):
+            params = as_file("params", self.params, "a parameter file")
+            self._set("params", None if params is None else read_parameters(params))
+        for name, (kind, expected) in _TYPES.items():
+            expect(name, getattr(self, name), kind, expected)
         scene = as_file("scene", self.scene)
         self._set("scene", None if scene is None else str(self.scene))
-        self._set("image_size_px", image_size(self.image_size_px))
-        self._set("ports", port_values(self.ports))
-        self._set("leaves", files("leaves", self.leaves))
-        self._set("faults", fault_texts(self.faults))
+        for name, checked in CHECKED.items():
+            self._set(name, checked(getattr(self, name)))
         check_policies(self.policies)
         check_drone(self.drone)
         if not isinstance(self.drone, str):
@@ -248,6 +252,17 @@ class FlightOptions:
     def drone_name(self) -> str:
         """Name of the drone in reports and records: its name, or its class."""
         return self.drone if isinstance(self.drone, str) else class_name(self.drone)
+
+    @property
+    def parameters(self) -> Parameters:
+        """Ports and variables of the options, and beneath them those of the parameter file."""
+        own = Parameters(ports=self.ports, variables=self.variables)
+        return own if not isinstance(self.params, ParameterFile) else own.over(self.params.common)
+
+    @cached_property
+    def own_parts(self) -> OwnParts:
+        """Leaves, policies and drones that the files of `leaves` define."""
+        return parts_of_files([Path(file) for file in self.leaves])
 
     @cached_property
     def policy_objects(self) -> dict[str, LeafPolicy]:
@@ -281,10 +296,14 @@ FlightOptions.__doc__ = (
     f"{inspect.cleandoc(str(FlightOptions.__doc__))}\n\nAttributes:\n{_ATTRIBUTES}\n"
 )
 
-# These options set up the drone.
-_OF_THE_DRONE: Final = frozenset(
-    {"scene", "seed", "profile", "image_size_px", "realtime", "movers", "vary_room"}
-)
+_TYPES: Final[Mapping[str, tuple[Any, str]]] = {
+    "limits": (Limits, "a Limits"),
+    "runner": (RunnerConfig, "a RunnerConfig"),
+    "judge": (JudgeConfig, "a JudgeConfig"),
+    "tree_id": (str | None, "the ID of a tree, or None"),
+    "tree_folders": (TreeFolders, "a TreeFolders"),
+    "profile": (str, "the name of a profile: ideal, lab or harsh"),
+}
 
 
 def given_options(options: FlightOptions | None, how: Mapping[str, Any]) -> FlightOptions:
@@ -303,57 +322,3 @@ def given_options(options: FlightOptions | None, how: Mapping[str, Any]) -> Flig
         if name not in names:
             raise UnknownNameError("flight option", name, names)
     return replace(options or FlightOptions(), **how)
-
-
-def refuse_unusable(
-    options: FlightOptions, drone: str, usable: Collection[str], *, remedy: str = ""
-) -> None:
-    """Refuse options that this drone does not support.
-
-    Args:
-        options: Options of a flight. Defaults are never refused.
-        drone: Subject of the message.
-        usable: Names of the options that the drone supports.
-        remedy: End of the message with the remedy.
-
-    Raises:
-        InputError: The drone does not support an option.
-    """
-    for each in fields(options):
-        value = getattr(options, each.name)
-        if each.name in _OF_THE_DRONE.difference(usable) and value != each.default:
-            raise InputError(f"{drone} takes no {each.name}, got {value!r}{remedy}")
-
-
-def site_of(options: FlightOptions) -> Site | None:
-    """Return the site that was read from the options' site file."""
-    return options.site if isinstance(options.site, Site) else None
-
-
-def limits_of(options: FlightOptions) -> Limits:
-    """Return the limits of all commands. A site's limits replace the options'."""
-    site = site_of(options)
-    return options.limits if site is None else site.limits
-
-
-def mark_of(options: FlightOptions, drone: Drone) -> LandingMark:
-    """Return the size of the landing mark, from the site or the scene of a simulated drone.
-
-    Args:
-        options: options of the flight.
-        drone: drone that flies.
-
-    Raises:
-        InputError: site and scene state different sizes.
-    """
-    site = site_of(options)
-    stated = None if site is None else site.mark
-    if drone.scene is None:
-        return stated or LandingMark()
-    mark: LandingMark = drone.scene.mark
-    if stated not in {None, mark}:
-        raise InputError(
-            f"the site's mark ({stated}) is not that of scene '{drone.scene.name}' ({mark}): "
-            "remove 'mark' from the site file, or change 'helipad.size_m' of the scene"
-        )
-    return mark

@@ -7,15 +7,18 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Final
 
 from uav_bt.app.assembly import is_simulated
+from uav_bt.app.option_values import port_values, variable_values
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.parameters import Plain
 
 SHARED: Final = (
     *("drone", "profile", "image_size_px", "exact_masks", "movers", "vary_room", "faults"),
-    *("tree_id", "tree_folders", "leaves", "ports", "policies", "judge", "record_quality"),
+    *("tree_id", "tree_folders", "leaves", "ports", "variables", "policies", "judge"),
+    "record_quality",
 )
 """Fields of `FlightOptions` that all flights of a campaign have in common."""
 
@@ -33,6 +36,39 @@ class PlannedFile:
     name: str  # what flights and reports call it
     path: str  # absolute, so that workers find it from any folder
     sha256: str  # of its text and of all that it includes
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedTree(PlannedFile):
+    """A tree with the values that only its flights have.
+
+    A variant of the campaign's parameters is a tree of its own: `patrol[fast].xml`.
+    """
+
+    ports: dict[str, str] = field(default_factory=dict)  # before those of the plan's options
+    variables: dict[str, Plain] = field(default_factory=dict)  # likewise
+
+    def __post_init__(self) -> None:
+        port_values(self.ports)
+        variable_values(self.variables)
+
+    def options(self, shared: FlightOptions) -> FlightOptions:
+        """Return how this tree is flown.
+
+        Args:
+            shared: what all flights of the campaign have in common.
+        """
+        return replace(
+            shared,
+            ports={**shared.ports, **self.ports},
+            variables={**shared.variables, **self.variables},
+        )
+
+    @property
+    def values(self) -> dict[str, str]:
+        """The values as texts, by NODE.PORT and by `{variable}`."""
+        named = {f"{{{name}}}": str(value) for name, value in self.variables.items()}
+        return {**self.ports, **named}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +133,7 @@ class CampaignPlan:
         versions: Versions of packages that flights depend on.
     """
 
-    trees: tuple[PlannedFile, ...]
+    trees: tuple[PlannedTree, ...]
     scenes: tuple[PlannedFile, ...]
     flights: int
     seed_from: int = 0
@@ -125,7 +161,7 @@ class CampaignPlan:
                 if names.count(name) > 1:
                     raise InputError(
                         f"two {what}s are called '{name}', and flights tell them apart by that; "
-                        "give each once, under its own name"
+                        "give each once, under its own name, and values as variants of --params"
                     )
 
     def __len__(self) -> int:
@@ -142,7 +178,7 @@ class CampaignPlan:
                         scene=scene.name,
                         scene_path=scene.path,
                         seed=seed,
-                        options=self.options,
+                        options=tree.options(self.options),
                     )
 
     def differences(self, before: CampaignPlan) -> list[str]:
@@ -156,10 +192,19 @@ class CampaignPlan:
         for what in ("trees", "scenes"):
             now, then = ({f.name: f.sha256 for f in getattr(p, what)} for p in (self, before))
             found += _compared(what.removesuffix("s"), then, now)
+        before_of = {tree.name: tree for tree in before.trees}
+        for tree in self.trees:
+            if tree.name in before_of:
+                found += _compared(tree.name, before_of[tree.name].values, tree.values)
         for what in ("weights", "leaves_sha256", "versions"):
             found += _compared(what, getattr(before, what), getattr(self, what))
         found += _compared("policies", before.options.policy_names, self.options.policy_names)
         found += _compared("ports", before.options.ports, self.options.ports)
+        now, then = (
+            {name: str(value) for name, value in plan.options.variables.items()}
+            for plan in (self, before)
+        )
+        found += _compared("variables", then, now)
         flat, flat_before = _flat(self), _flat(before)
         for what in _COMPARED:
             value, value_before = flat[what], flat_before[what]
@@ -180,8 +225,8 @@ class CampaignPlan:
         """
         try:
             files = {
-                what: tuple(PlannedFile(**one) for one in values[what])
-                for what in ("trees", "scenes")
+                what: tuple(made(**one) for one in values[what])
+                for what, made in (("trees", PlannedTree), ("scenes", PlannedFile))
             }
             return cls(**{**_with_options(values), **files})
         except (InputError, KeyError, TypeError, ValueError, AttributeError) as error:
@@ -201,7 +246,7 @@ def _check_shared(options: FlightOptions) -> None:
                 f"a campaign takes no {each.name}, only {', '.join(SHARED)}; "
                 "fly with app.fly(...) instead"
             )
-    if not isinstance(options.drone, str) or not is_simulated(options.drone):
+    if not is_simulated(options):
         raise InputError(
             f"drone '{options.drone_name}' cannot fly a campaign, only simulated ones can: twin, "
             "plain, or another that is installed and takes a scene"

@@ -13,18 +13,17 @@ from typing import Any
 
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app import provenance
-from uav_bt.app.loading import load_mission
+from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.random_faults import check_faults
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
+from uav_bt.campaign.planned_trees import planned_trees
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
-from uav_bt.tree import MissionTree
-from uav_bt.tree.shipped import shipped_missions
 
 
 def make_plan(
-    trees: Sequence[str | Path],
+    trees: Sequence[Mission],
     options: FlightOptions | None = None,
     *,
     scenes: Sequence[str] = ("val-*",),
@@ -37,8 +36,10 @@ def make_plan(
     """Return the plan of a campaign; everything it names was read.
 
     Args:
-        trees: tree files, or names of shipped missions.
-        options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`.
+        trees: tree files, or names of shipped missions. A `MissionTree` that was loaded from a
+            file flies with its replaced ports and with its variables.
+        options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`, and `params`:
+            each variant of the parameter file is flown.
         scenes: names of shipped scenes, scene files, or patterns (`test-*`) of either.
         flights: of each tree in each scene, one seed each.
         seed_from: the first seed.
@@ -55,9 +56,12 @@ def make_plan(
         options, tree_folders=options.tree_folders.absolute(), leaves=tuple(map(str, leaves))
     )
     check_faults(options.faults)
-    missions = [load_mission(tree, options) for tree in trees]
+    flown = [one for tree in trees for one in planned_trees(tree, options)]
+    missions = [mission for mission, _ in flown]
+    common = options.parameters
+    options = replace(options, ports=common.ports, variables=common.variables, params=None)
     return CampaignPlan(
-        trees=tuple(map(_planned_tree, missions)),
+        trees=tuple(planned for _, planned in flown),
         scenes=tuple(_planned_scene(name) for name in _scenes(scenes)),
         flights=flights,
         seed_from=seed_from,
@@ -65,7 +69,7 @@ def make_plan(
         record=record,
         timeout_s=timeout_s,
         weights=provenance.weights_of(*missions),
-        leaves_sha256={str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in leaves},
+        leaves_sha256=_leaves_sha256(options),
         versions=provenance.package_versions(),
     )
 
@@ -78,34 +82,26 @@ def plan_of(folder: Path) -> CampaignPlan:
         InputError: a file that it needs cannot be used any more.
     """
     before, _ = read_plan(folder)
-    plan = make_plan(
-        [tree.path for tree in before.trees],
-        before.options,
-        scenes=[glob.escape(scene.path) for scene in before.scenes],
-        flights=before.flights,
-    )
+    check_faults(before.options.faults)
+    missions = [load_mission(tree.path, tree.options(before.options)) for tree in before.trees]
     return replace(
         before,
-        trees=plan.trees,
-        scenes=tuple(
-            replace(now, name=then.name)
-            for now, then in zip(plan.scenes, before.scenes, strict=True)
+        trees=tuple(
+            replace(tree, sha256=provenance.sha256_of(mission))
+            for tree, mission in zip(before.trees, missions, strict=True)
         ),
-        weights=plan.weights,
-        leaves_sha256=plan.leaves_sha256,
-        versions=plan.versions,
+        scenes=tuple(
+            replace(_planned_scene(scene.path), name=scene.name) for scene in before.scenes
+        ),
+        weights=provenance.weights_of(*missions),
+        leaves_sha256=_leaves_sha256(before.options),
+        versions=provenance.package_versions(),
     )
 
 
-def _planned_tree(mission: MissionTree) -> PlannedFile:
-    # A shipped mission by its name is found on other machines and in other installations, too.
-    path = mission.path
-    shipped = path in {file.resolve() for file in shipped_missions().values()}
-    return PlannedFile(
-        name=path.name,
-        path=path.stem if shipped else str(path),
-        sha256=provenance.sha256_of(mission),
-    )
+def _leaves_sha256(options: FlightOptions) -> dict[str, str]:
+    files = [Path(file) for file in options.leaves]
+    return {str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
 
 
 def _scenes(wanted: Sequence[str]) -> list[str]:

@@ -22,6 +22,7 @@ from uav_bt.mission.judge import Outcome
 
 Part = TypeVar("Part")
 
+_OF_THE_LINE: Final = ("drone", "profile", "ports", "variables")  # options as they were flown
 _BOX: Final = "box"
 _MOVER: Final = "mover"
 _FAULT: Final = "fault"
@@ -66,7 +67,7 @@ class FailedFlight:
             raise InputError("this flight succeeded; there is nothing to shrink")
         room, movers = bool(flight.get("vary_room")), int(flight.get("movers") or 0)
         seed = int(flight["seed"])
-        flown = {name: flight[name] for name in ("drone", "profile") if flight.get(name)}
+        flown = {name: flight[name] for name in _OF_THE_LINE if flight.get(name)}
         return cls(
             tree=tree,
             scene=varied(load_scene(scene), seed, room=room, movers=movers),

@@ -93,7 +93,7 @@ class Place:
         "--record", is_flag=True, help="Keep a record of every flight in DIR/records."
     ),
 )
-@flight_options(*(name for name in SHARED if name != "record_quality"))
+@flight_options(*(name for name in SHARED if name != "record_quality"), "params")
 @grouped(
     "place",
     Place,
@@ -139,6 +139,7 @@ def campaign(
     """Fly missions many times and keep every flight.
 
     TREE is a tree file, or the name of a mission that ships with uav-bt; each flies in every scene.
+    With `variants` in the file of --params, each tree flies with the values of each variant.
     Flights are kept one by one in DIR/flights.jsonl. The same command continues a campaign that was
     stopped; more --flights add to it. A flight that crashes or hangs its process counts as
     `error`. `uav-bt report DIR` writes the report. A flight with networks takes 30 to 60 s of a
@@ -165,7 +166,7 @@ def campaign(
             timeout_s=flown.timeout_s,
             record=flown.record,
         )
-        folder = out or RUNS / "-".join(Path(tree.name).stem for tree in plan.trees)
+        folder = out or RUNS / "-".join(dict.fromkeys(Path(tree.path).stem for tree in plan.trees))
     else:
         raise click.UsageError("which TREE is to be flown? or --resume DIR")
     result = _fly(ctx, plan, folder, place.open())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -13,17 +13,19 @@ import click
 
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import format_option, tree_folders_option, tree_option
+from uav_bt.cli.parameter_options import parameter_options
 from uav_bt.cli.registry_options import registry_options
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Rule, errors_of
+from uav_bt.tree.loading.findings import Finding, errors_of
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.loader import check_text, findings_of
 from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.sarif import sarif_log
-from uav_bt.tree.loading.source import MAX_BYTES
+from uav_bt.tree.loading.source import MAX_BYTES, read_source
 from uav_bt.tree.loading.together import FilesTogether
-from uav_bt.tree.shipped import STARTERS, tree_files, write_starter
+from uav_bt.tree.shipped import STARTERS, resolve_tree, tree_files, write_starter
 
 _STDIN: Final = "-"  # as a TREE
 
@@ -33,6 +35,7 @@ _STDIN: Final = "-"  # as a TREE
 @tree_option
 @registry_options
 @tree_folders_option
+@parameter_options
 @format_option(
     "text",
     "json",
@@ -47,6 +50,7 @@ def check(
     tree_id: str | None,
     registry: NodeRegistry,
     tree_folders: TreeFolders,
+    parameters: tuple[Parameters, ...],
     format_: str,
 ) -> None:
     """Check tree files and report all that is wrong.
@@ -54,6 +58,8 @@ def check(
     TREE is a file, a folder with tree files, or the name of a mission that ships with uav-bt. A
     folder is one workspace: its files use each other's trees. - is standard input, and a pipe is
     read, too. Exits with 2 when something is refused; a warning is about what flies all the same.
+    --set, --var and --params are for one file, which is checked with their values, and with those
+    of each variant of the parameter file.
 
     \b
     As JSON, each line is an object with
@@ -69,8 +75,15 @@ def check(
     """  # noqa: D301  (click needs the backspace)
     reports = []
     lookup = tree_folders.lookup()
+    if parameters and (len(trees) > 1 or Path(trees[0]).is_dir()):
+        raise click.UsageError("--set, --var and --params are for one mission: name one tree file")
     for tree in trees:
-        for path, findings in _reports(tree, registry, tree_id, lookup):
+        found = (
+            [_single(tree, registry, tree_id, lookup, parameters)]
+            if parameters
+            else _reports(tree, registry, tree_id, lookup)
+        )
+        for path, findings in found:
             reports.append((path, findings))
             if format_ == "json":
                 click.echo(_as_json(path, findings))
@@ -89,8 +102,8 @@ def _reports(
     lookup: Lookup,
 ) -> Iterator[tuple[Path, tuple[Finding, ...]]]:
     """Yield the findings of each file of a TREE."""
-    if tree == _STDIN or Path(tree).is_fifo() or Path(tree).is_char_device():
-        yield _piped(tree, registry, tree_id, lookup)
+    if _is_pipe(tree):
+        yield _single(tree, registry, tree_id, lookup, [None])
         return
     try:
         files = tree_files(tree)
@@ -104,23 +117,48 @@ def _reports(
         yield path, together.findings(path)
 
 
-def _piped(
+def _single(
     tree: str,
     registry: NodeRegistry,
     tree_id: str | None,
     lookup: Lookup,
+    parameters: Sequence[Parameters | None],
 ) -> tuple[Path, tuple[Finding, ...]]:
-    """Return the name and the findings of a text from a pipe, which is read once."""
+    """Return the name and the findings of one text, which is read once, with each set of values."""
+    try:
+        path, source = _read(tree)
+    except InputError as error:
+        return Path(tree), findings_of(error, Path(tree))
+    found = (
+        finding
+        for each in parameters
+        for finding in check_text(
+            source, registry, path=path, tree_id=tree_id, lookup=lookup, parameters=each
+        )
+    )
+    return path, tuple(dict.fromkeys(found))
+
+
+def _is_pipe(tree: str) -> bool:
+    return tree == _STDIN or Path(tree).is_fifo() or Path(tree).is_char_device()
+
+
+def _read(tree: str) -> tuple[Path, bytes]:
+    """Return the name and the text of a file, of a shipped mission or from a pipe.
+
+    Raises:
+        InputError: there is no such mission, or it cannot be read.
+    """
     if tree == _STDIN:
-        path, source = Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1)
-    else:
-        path = Path(tree)
-        try:
-            with path.open("rb") as pipe:
-                source = pipe.read(MAX_BYTES + 1)
-        except OSError as error:
-            return path, (Finding(tree, WHOLE_FILE, str(error.strerror), rule=Rule.FILE),)
-    return path, check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup)
+        return Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1)
+    if not _is_pipe(tree):
+        path = resolve_tree(tree)
+        return path, read_source(path)
+    try:
+        with Path(tree).open("rb") as pipe:
+            return Path(tree), pipe.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise FileError(tree, str(error.strerror)) from error
 
 
 def _print(path: Path, findings: tuple[Finding, ...]) -> None:

@@ -10,7 +10,7 @@ import click
 from uav_bt.app.options import FlightOptions, declared
 from uav_bt.cli.command import OutputFile
 from uav_bt.cli.options import INPUT, Decorator, grouped, tree_folders_option, tree_option
-from uav_bt.cli.values import Number, WholeNumber, image_size, node_policies, node_ports
+from uav_bt.cli.values import Number, WholeNumber, image_size, node_policies, node_ports, variables
 from uav_bt.mission.judge import JudgeConfig
 
 
@@ -59,6 +59,8 @@ _FORMS: Final[Mapping[str, Mapping[str, Any]]] = {
     },
     "policies": {"callback": node_policies, "multiple": True},
     "ports": {"callback": node_ports, "multiple": True},
+    "variables": {"callback": variables, "multiple": True},
+    "params": {"type": INPUT},
     "leaves": {"type": INPUT, "multiple": True},
     "faults": {"multiple": True},
     "judge": {

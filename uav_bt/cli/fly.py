@@ -70,7 +70,7 @@ class Outputs:
 _SECTIONS: Final = {
     "Mission": (
         *("tree_id", "libraries", "include_root", "packages"),
-        *("leaves", "ports", "policies", "judge"),
+        *("leaves", "ports", "variables", "params", "policies", "judge"),
     ),
     "Outputs": ("out", "report", "video", "record", "record_quality", "btlog"),
     "Watching": ("view", "groot", "watch"),
@@ -103,7 +103,8 @@ _SECTIONS: Final = {
     ),
 )
 @flight_options(
-    *("tree_id", "tree_folders", "leaves", "ports", "policies", "judge", "scene", "seed"),
+    *("tree_id", "tree_folders", "leaves", "ports", "variables", "params", "policies", "judge"),
+    *("scene", "seed"),
     *("profile", "movers", "vary_room", "faults", "exact_masks", "realtime", "drone", "site"),
     *("camera", "rehearse"),
     *("record", "record_quality", "image_size_px", "inference_threads"),

@@ -18,12 +18,10 @@ from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_option
 from uav_bt.cli.options import INPUT, format_option, output_option, tree_folders_option
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.registry_options import leaves_option
 from uav_bt.cli.values import Number
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.record.info import RecordInfo, record_info
-from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.folders import TreeFolders
 
 _METADATA: Final = (
@@ -137,7 +135,7 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
 @_file_argument
 @click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
 @tree_folders_option
-@leaves_option
+@flight_option("leaves")
 @flight_option("policies")
 @click.option(
     "--masks",
@@ -153,7 +151,7 @@ def replay(
     file: Path,
     tree: str | None,
     tree_folders: TreeFolders,
-    registry: NodeRegistry,
+    leaves: tuple[Path, ...],
     policies: dict[str, str],
     masks: Literal["network", "recorded"] | None,
     format_: str,
@@ -167,7 +165,7 @@ def replay(
     if tree is None and tree_folders != TreeFolders():
         raise click.UsageError("a record has its own tree files: folders are for another --tree")
     changes = ReplayOptions(
-        tree=tree, tree_folders=tree_folders, registry=registry, policies=policies, masks=masks
+        tree=tree, tree_folders=tree_folders, leaves=leaves, policies=policies, masks=masks
     )
     report = replay_record(file, changes)
     if format_ == "json":

@@ -9,7 +9,7 @@ import click
 
 from uav_bt.cli.options import INPUT, Decorator, grouped
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES, nodes_of_files
+from uav_bt.tree.leaves_file import LEAVES_FLAG, WHICH_LEAVES, with_leaves
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.palette import read_palette, with_palette
 
@@ -26,7 +26,7 @@ palette_option: Final[Decorator] = click.option(
 
 
 def _with_leaves(leaves: tuple[Path, ...]) -> NodeRegistry:
-    return NodeRegistry.installed().with_nodes(*nodes_of_files(leaves))
+    return with_leaves(NodeRegistry.installed(), leaves)
 
 
 def registry_with(leaves: tuple[Path, ...], palette: Path | None) -> NodeRegistry:

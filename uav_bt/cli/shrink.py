@@ -77,6 +77,8 @@ def shrink_command(
     words = ["uav-bt", "fly", small.tree, "--scene", str(out / SCENE_FILE)]
     words += ["--seed", str(options.seed), "--profile", options.profile]
     words += ["--faults", f"@{out / FAULTS_FILE}"] if small.faults else []
+    for option, values in (("--set", options.ports), ("--var", options.variables)):
+        words += [word for name, value in values.items() for word in (option, f"{name}={value}")]
     click.echo(shlex.join(words))
     if twin and not small.fails("twin"):
         click.echo("it does not fail in the twin")

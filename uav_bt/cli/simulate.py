@@ -11,12 +11,14 @@ import click
 
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
+from uav_bt.cli.parameter_options import parameter_options, single
 from uav_bt.cli.registry_options import registry_options
 from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
 from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.shipped import resolve_tree
 
 
@@ -45,6 +47,7 @@ from uav_bt.tree.shipped import resolve_tree
 @tree_option
 @registry_options
 @tree_folders_option
+@parameter_options
 @click.pass_context
 def simulate(
     ctx: click.Context,
@@ -57,6 +60,7 @@ def simulate(
     tree_id: str | None,
     registry: NodeRegistry,
     tree_folders: TreeFolders,
+    parameters: tuple[Parameters, ...],
 ) -> None:
     """Tick a tree file with leaves that answer by a script.
 
@@ -73,7 +77,7 @@ def simulate(
       default: S              # for all other leaves
       outputs:                # written when the leaf succeeds
         Measure: {depth_m: 1.5}
-      variables: {laps: 3}    # before the first tick
+      variables: {laps: 3}    # before the first tick; --var takes precedence
       board: {phase: explore}
       nodes: {RecoveryNode: Fallback}  # for a palette's control nodes
 
@@ -89,6 +93,7 @@ def simulate(
         tick_s=tick_s,
         tree_id=tree_id,
         lookup=tree_folders.lookup(),
+        parameters=single(parameters),
     )
     steps = simulation.run(ticks)
     if format_ == "json":

@@ -10,11 +10,13 @@ import click
 
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import format_option, output_option, tree_folders_option, tree_option
+from uav_bt.cli.parameter_options import parameter_options, single
 from uav_bt.cli.registry_options import leaves_option, registry_options
 from uav_bt.files import writing
 from uav_bt.tree import NodeRegistry, load_tree
 from uav_bt.tree.describe import NodeInfo, PortInfo, describe, describe_all, palette_xml
 from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.node_page import node_page
 from uav_bt.tree.render import render as draw
@@ -87,6 +89,7 @@ def _attribute(port: PortInfo) -> str:
 @tree_option
 @registry_options
 @tree_folders_option
+@parameter_options
 def render(
     *,
     tree: str,
@@ -95,6 +98,7 @@ def render(
     tree_id: str | None,
     registry: NodeRegistry,
     tree_folders: TreeFolders,
+    parameters: tuple[Parameters, ...],
 ) -> None:
     """Draw a tree file, with its subtrees in place.
 
@@ -102,7 +106,13 @@ def render(
     what the file gives it; svg also shows the board keys that it reads and writes.
     """
     lookup = tree_folders.lookup()
-    loaded = load_tree(resolve_tree(tree), registry, tree_id=tree_id, lookup=lookup)
+    loaded = load_tree(
+        resolve_tree(tree),
+        registry,
+        tree_id=tree_id,
+        lookup=lookup,
+        parameters=single(parameters),
+    )
     _print_or_write(draw(loaded, format_), out)
 
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import click
 
+from uav_bt.tree.nodes.base import entry_value
+
 
 class WholeNumber(click.IntRange):
     """A whole number in a range."""
@@ -97,6 +99,24 @@ def node_ports(
             raise click.BadParameter(message, ctx, param)
     pairs = [value.partition("=")[::2] for value in values]
     return _each_once(ctx, param, pairs, "port '{}' is given two values")
+
+
+def variables(
+    ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
+) -> dict[str, int | float | str]:
+    """Return the values of several NAME=VALUE, by name: numbers, or texts.
+
+    Raises:
+        BadParameter: one is malformed, or two are about the same variable.
+    """
+    for value in values:
+        name, equals, _ = value.partition("=")
+        if not (name and equals):
+            message = f"expected NAME=VALUE, such as laps=3, got '{value}'"
+            raise click.BadParameter(message, ctx, param)
+    pairs = [value.partition("=")[::2] for value in values]
+    found = _each_once(ctx, param, pairs, "variable '{}' is given two values")
+    return {name: entry_value(text) for name, text in found.items()}
 
 
 def ros_packages(

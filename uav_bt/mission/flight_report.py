@@ -42,6 +42,7 @@ class FlightChanges:
     """Changes for this flight only, besides the files that it names."""
 
     ports: dict[str, str] = field(default_factory=dict)  # values by NODE.PORT
+    variables: dict[str, bool | int | float | str] = field(default_factory=dict)  # first values
     movers: int = 0  # random ones that were added to the scene
     vary_room: bool = False  # whether the boxes stand elsewhere than in the scene
     faults: list[str] = field(default_factory=list)  # of the drone

@@ -3,6 +3,7 @@
 from uav_bt.tree.foreign import leaf_of
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.loader import load_tree, parse_tree
+from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port
@@ -17,6 +18,7 @@ __all__ = [
     "Node",
     "NodeKind",
     "NodeRegistry",
+    "Parameters",
     "Port",
     "Status",
     "SubtreeNode",

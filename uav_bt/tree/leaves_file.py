@@ -1,4 +1,4 @@
-"""Node classes from a Python file that a user names: leaves without a package."""
+"""Leaves, policies and drones from a Python file that a user names: parts without a package."""
 
 from __future__ import annotations
 
@@ -6,24 +6,44 @@ import importlib.util
 import inspect
 import sys
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
 from py_trees.behaviour import Behaviour
 
+from uav_bt import plugins
 from uav_bt.errors import FileError
 from uav_bt.files import did_you_mean_file
 from uav_bt.plugins import describe_failure
 from uav_bt.tree.node import Node
+from uav_bt.tree.registry import NodeRegistry
 
-WHICH_LEAVES: Final = "A Python file with leaves that tree files may use. Repeatable."
+WHICH_LEAVES: Final = (
+    "A Python file with leaves, policies and drones, known by their class names. Repeatable."
+)
 LEAVES_FLAG: Final = "--leaves"
 
 
-def nodes_of_files(files: Sequence[Path]) -> list[type[Node | Behaviour]]:
-    """Return the node classes that Python files define, in the order of the files.
+@dataclass(frozen=True, kw_only=True)
+class OwnParts:
+    """Classes that Python files define.
+
+    Attributes:
+        nodes: Node classes and plain py_trees behaviours.
+        policies: Classes with `decide`, by name.
+        drones: Configuration dataclasses with `create`, by name.
+    """
+
+    nodes: tuple[type[Node | Behaviour], ...]
+    policies: Mapping[str, Any]
+    drones: Mapping[str, Any]
+
+
+def parts_of_files(files: Sequence[Path]) -> OwnParts:
+    """Return the leaves, policies and drones that Python files define.
 
     A class counts if the file defines it, its name has no leading underscore, and it is not
     abstract. A file is run once in a process; a second call returns the same classes.
@@ -32,27 +52,71 @@ def nodes_of_files(files: Sequence[Path]) -> list[type[Node | Behaviour]]:
         files: Python files. Each is run with the rights of this process.
 
     Raises:
-        FileError: a file does not exist, raises when it is run, or defines no node class.
+        FileError: A file does not exist, raises when it is run, defines nothing of the kind, or
+            defines a policy or a drone whose name is taken.
     """
-    return [node for file in files for node in _nodes_of(file)]
+    nodes: list[type[Node | Behaviour]] = []
+    policies: dict[str, Any] = {}
+    drones: dict[str, Any] = {}
+    for file in dict.fromkeys(files):
+        found = list(_classes_of(file))
+        leaves = [one for one in found if issubclass(one, Behaviour)]
+        others = [one for one in found if not issubclass(one, Behaviour)]
+        deciding = [one for one in others if callable(getattr(one, "decide", None))]
+        created = [one for one in others if _is_drone_config(one)]
+        if not (leaves or deciding or created):
+            raise FileError(
+                file,
+                "defines no leaf, policy or drone: expected a class that inherits "
+                "uav_bt.tree.Leaf or a behaviour, a class with `decide`, or a dataclass with "
+                "`create`",
+            )
+        nodes += leaves
+        _add(file, plugins.POLICIES, deciding, policies)
+        _add(file, plugins.DRONES, created, drones)
+    return OwnParts(nodes=tuple(nodes), policies=policies, drones=drones)
 
 
-def _nodes_of(file: Path) -> list[type[Node | Behaviour]]:
+def with_leaves(registry: NodeRegistry, files: Sequence[Path]) -> NodeRegistry:
+    """Return a registry that has the leaves and policies of Python files, too.
+
+    Args:
+        registry: Other nodes and policies.
+        files: Python files; see `parts_of_files`.
+
+    Raises:
+        FileError: A file cannot be used.
+        InputError: The id of a leaf is taken.
+    """
+    if not files:
+        return registry
+    own = parts_of_files(files)
+    return registry.with_nodes(*own.nodes).with_policies(own.policies)
+
+
+def _classes_of(file: Path) -> Iterator[type]:
     module = _module_of(file)
-    found: list[type[Node | Behaviour]] = [
-        value
-        for name, value in vars(module).items()
-        if isinstance(value, type)
-        and issubclass(value, Behaviour)
-        and value.__module__ == module.__name__
-        and not name.startswith("_")
-        and not inspect.isabstract(value)
-    ]
-    if not found:
-        raise FileError(
-            file, "defines no leaf: expected a class that inherits uav_bt.tree.Leaf or a behaviour"
-        )
-    return found
+    for name, value in vars(module).items():
+        own = isinstance(value, type) and value.__module__ == module.__name__
+        if own and not name.startswith("_") and not inspect.isabstract(value):
+            yield value
+
+
+def _is_drone_config(one: type) -> bool:
+    return is_dataclass(one) and callable(getattr(one, "create", None))
+
+
+def _add(file: Path, group: str, found: Sequence[type], known: dict[str, Any]) -> None:
+    """Add classes by their names.
+
+    Raises:
+        FileError: The name is taken, by an installed package or by another file.
+    """
+    for one in found:
+        name = one.__name__
+        if name in known or name in plugins.names(group):
+            raise FileError(file, f"'{name}' is taken already: give the class another name")
+        known[name] = one
 
 
 def _module_of(file: Path) -> ModuleType:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Final
+from typing import Any, Final
 
 from py_trees.behaviour import Behaviour
 
@@ -35,6 +35,7 @@ class NodeRegistry:
         self, nodes: Iterable[type[Node | Behaviour]] = (), *, policies: Iterable[str] | None = None
     ) -> None:
         self.policies = None if policies is None else frozenset(policies)
+        self.factories: dict[str, Any] = {}  # of policies that no package registers, by name
         self.faults: tuple[str, ...] = ()  # of installed packages, whose nodes are missing here
         self.enum_members: dict[str, int] = {}  # of a palette's enumerations, for scripts
         self.foreign_board = False  # trees of another engine name keys of a board that is not ours
@@ -89,10 +90,16 @@ class NodeRegistry:
         """Return a registry that has other classes for nodes of these ids."""
         return self._copy({**self._nodes, **nodes}.values(), self.policies)
 
-    def with_policies(self, names: Iterable[str]) -> NodeRegistry:
-        """Return a registry of the same nodes that accepts further policies' names."""
-        known = None if self.policies is None else self.policies.union(names)
-        return self._copy(self._nodes.values(), known)
+    def with_policies(self, factories: Mapping[str, Any]) -> NodeRegistry:
+        """Return a registry of the same nodes that has further policies.
+
+        Args:
+            factories: classes of policies, or policies, by the names that tree files give them.
+        """
+        known = None if self.policies is None else self.policies.union(factories)
+        registry = self._copy(self._nodes.values(), known)
+        registry.factories.update(factories)
+        return registry
 
     def with_any_policy(self) -> NodeRegistry:
         """Return a registry of the same nodes that accepts any policy's name, for benches."""
@@ -103,6 +110,7 @@ class NodeRegistry:
     ) -> NodeRegistry:
         registry = NodeRegistry(nodes, policies=policies)
         registry.faults = self.faults
+        registry.factories = dict(self.factories)
         registry.foreign_board = self.foreign_board
         registry.enum_members = dict(self.enum_members)
         return registry

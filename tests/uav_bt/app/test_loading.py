@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from uav_bt.app.assembly import assemble
 from uav_bt.app.loading import load_mission
 from uav_bt.app.options import FlightOptions
 from uav_bt.errors import InputError
-from uav_bt.tree import parse_tree
+from uav_bt.tree import NodeRegistry, parse_tree
+from uav_bt.tree.leaves_file import with_leaves
+from uav_bt.tree.loading.loader import check_text
 
 
 def mission(body: str) -> str:
@@ -81,6 +85,42 @@ def test_a_wrong_value_from_outside_is_refused(ports: dict[str, str], message: s
         )
 
 
+PORTS = (("TakeOff", "height_m"), ("HoverFor", "seconds"), ("Repeat", "num_cycles"))
+
+
+def test_what_is_given_counts_before_the_parameter_file(tmp_path: Path) -> None:
+    file = tmp_path / "params.yaml"
+    file.write_text("{set: {TakeOff.height_m: 1.1}, var: {wait_s: 1, laps: 2}}")
+    body = '<Sequence><TakeOff/><HoverFor seconds="{wait_s}"/><Repeat num_cycles="{laps}"><Land/>'
+    text = mission(f"{body}</Repeat></Sequence>")
+    options = FlightOptions(params=file, variables={"wait_s": 3, "laps": 4})
+    tree = load_mission(text, options)
+    assert [tree.find(name).port_value(port) for name, port in PORTS] == [1.1, 3.0, 4]
+    file.unlink()  # the options hold what it said
+    assert replace(options, seed=1).parameters == options.parameters
+
+
+@pytest.mark.parametrize(
+    ("variables", "message"),
+    [
+        ({"laps": None}, r"variables\['laps'\]: expected a text, a number, True or False"),
+        ({3: 1}, "variables: expected values by variable, such as {'laps': 3}, got 3"),
+        ("laps=3", "variables: expected values by variable"),
+    ],
+)
+def test_wrong_variables_are_refused(variables: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        FlightOptions(variables=variables)  # type: ignore[arg-type]
+
+
+def test_a_loaded_tree_takes_ports_and_no_variables() -> None:
+    tree = parse_tree(mission('<HoverFor seconds="1"/>'))
+    assert load_mission(tree, FlightOptions(ports={"HoverFor.seconds": "2"})) is tree
+    assert tree.find("HoverFor").port_value("seconds") == 2.0
+    with pytest.raises(InputError, match=r"write tree.variables\['t'\] = 2"):
+        load_mission(tree, FlightOptions(variables={"t": 2}))
+
+
 # --- leaves of a Python file ----------------------------------------------------------------------
 
 WAIT = """
@@ -112,7 +152,8 @@ def test_a_tree_uses_the_leaves_of_a_python_file(tmp_path: Path) -> None:
         ("leaves.txt", WAIT, "whose name ends in .py"),
         ("wrong.py", "class Wait(:\n", r"wrong.py:1: is not valid Python"),
         ("raises.py", "\n1 / 0\n", r"cannot be run: .*raises.py:2: ZeroDivisionError"),
-        ("empty.py", "x = 1\n", "defines no leaf"),
+        ("empty.py", "x = 1\n", "defines no leaf, policy or drone"),
+        ("policy.py", "class corridor:\n    def decide(self, view): ...\n", "'corridor' is taken"),
         ("taken.py", WAIT.replace("Wait", "Land"), "'Land' is registered twice"),
     ],
 )
@@ -123,3 +164,40 @@ def test_a_file_without_usable_leaves_is_refused(
         (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=message):
         load_mission(mission("<Land/>"), FlightOptions(leaves=[tmp_path / name]))
+
+
+PARTS = """
+from dataclasses import dataclass
+from sim_bridge.plain import PlainConfig
+from uav_bt.answers import Rotate
+
+class Spin:
+    def __init__(self, by=1.0):
+        self.by = by
+    @classmethod
+    def from_text(cls, text):
+        return cls(float(text))
+    def decide(self, view):
+        return Rotate(yaw_rad=self.by)
+
+@dataclass(frozen=True, kw_only=True)
+class Slow(PlainConfig):
+    pass
+"""
+
+
+def test_policies_and_drones_of_a_python_file(tmp_path: Path) -> None:
+    file = tmp_path / "my_parts.py"
+    file.write_text(PARTS)
+    options = FlightOptions(leaves=[file], drone="Slow", scene="val-a")
+    text = mission('<Sequence><Explore policy="Spin:0.5"/><Land/></Sequence>')
+    flight = assemble(text, options)
+    assert flight.scene_name == "val-a"
+    made = [flight.context.policy(name) for name in ("Spin:0.5", "Spin")]
+    assert [vars(policy) for policy in made] == [{"by": 0.5}, {"by": 1.0}]
+    with pytest.raises(InputError, match="unknown policy 'Spn'; did you mean 'Spin'"):
+        load_mission(text.replace("Spin", "Spn"), options)
+    with pytest.raises(InputError, match="unknown drone 'Slow'"):
+        assemble("land_only", drone="Slow")
+    registry = with_leaves(NodeRegistry.installed(), [file])
+    assert check_text(text, registry, path=Path("m.xml")) == ()

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile
+from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile, PlannedTree
 from uav_bt.errors import InputError
 
 FLY = "tests.uav_bt.campaign.campaign_world:fly"
@@ -28,7 +28,7 @@ def plan(
     shared = {name: how.pop(name) for name in SHARED if name in how}
     return CampaignPlan(
         **{
-            "trees": tuple(PlannedFile(name=name, path=name, sha256="0" * 64) for name in trees),
+            "trees": tuple(PlannedTree(name=name, path=name, sha256="0" * 64) for name in trees),
             "scenes": tuple(PlannedFile(name=name, path=name, sha256="1" * 64) for name in scenes),
             "flights": 2,
             "timeout_s": 60.0,

@@ -10,7 +10,7 @@ import pytest
 
 from tests.uav_bt.campaign.campaign_world import plan
 from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.plan import SHARED, CampaignPlan, FlightTask, PlannedFile
+from uav_bt.campaign.plan import SHARED, CampaignPlan, FlightTask, PlannedFile, PlannedTree
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.tree.loading.folders import TreeFolders
 
@@ -36,11 +36,11 @@ def test_plans_and_tasks_survive_being_written() -> None:
     ("change", "told"),
     [
         (
-            {"trees": (PlannedFile(name="one.xml", path="one.xml", sha256="9" * 64),)},
+            {"trees": (PlannedTree(name="one.xml", path="one.xml", sha256="9" * 64),)},
             "'one.xml' has changed",
         ),
         (
-            {"trees": (PlannedFile(name="two.xml", path="two.xml", sha256="0" * 64),)},
+            {"trees": (PlannedTree(name="two.xml", path="two.xml", sha256="0" * 64),)},
             "'two.xml' is new",
         ),
         (

@@ -57,6 +57,14 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
     assert f"uav-bt fly land_only --scene {plain}/scene.yaml --seed 3" in done.output
 
 
+def test_a_flight_of_a_variant_keeps_its_values() -> None:
+    flown = flight(ports={"TakeOff.height_m": "1.2"}, variables={"laps": 3})
+    options = FlightOptions(drone="plain", ports={"TakeOff.height_m": 1.0})
+    failed = FailedFlight.of(flown, "land_only", "val-a", options)
+    assert failed.options.ports == {"TakeOff.height_m": "1.2"}
+    assert failed.options.variables == {"laps": 3}
+
+
 def test_a_flight_that_succeeded_or_no_longer_fails_is_refused(tmp_path: Path) -> None:
     options = FlightOptions(drone="plain")
     with pytest.raises(InputError, match="this flight succeeded"):

@@ -374,3 +374,22 @@ def test_a_palette_brings_its_nodes(tmp_path: Path) -> None:
     ends = "</BehaviorTree></root>"
     assert typed(editor, tmp_path, f"<GoTo/>{ends}").found == []
     assert editor.close() == 0
+
+
+def test_leaves_and_policies_of_a_python_file_are_known(tmp_path: Path) -> None:
+    file = tmp_path / "my_leaves.py"
+    file.write_text(
+        "from uav_bt.tree import Leaf\n"
+        "class Wait(Leaf):\n    def update(self): ...\n"
+        "class Spin:\n    @classmethod\n    def from_text(cls, text): ...\n"
+        "    def decide(self, view): ...\n"
+    )
+    palette = tmp_path / "palette.xml"
+    palette.write_text('<root BTCPP_format="4"><TreeNodesModel/></root>')
+    running = Editor("--leaves", str(file), "--palette", str(palette))
+    body = '<Sequence>\n<Wait/>\n<Explore policy="Spin:1"/>\n</Sequence>'
+    text = f'<root BTCPP_format="4">\n<BehaviorTree ID="M">{body}</BehaviorTree>\n</root>\n'
+    document = Document(running, tmp_path, text)
+    assert document.found == []
+    assert "Spin" in document.complete('policy="')
+    assert running.close() == 0

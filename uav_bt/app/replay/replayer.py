@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 from uav_bt.app.assembly import Flight
 from uav_bt.app.flight_record import RecordedOptions, recorded_options
 from uav_bt.app.loading import Mission, is_text, read_mission
-from uav_bt.app.option_values import check_policies
+from uav_bt.app.option_values import check_policies, files
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
@@ -48,6 +48,7 @@ class ReplayOptions:
         masks: whose class maps the tree gets: network or recorded; None: a network's, unless the
             flight flew on exact masks.
         registry: the nodes that may occur; None: all installed.
+        leaves: Python files with leaves and policies that the trees may use.
 
     Raises:
         InputError: a value cannot be used.
@@ -58,9 +59,11 @@ class ReplayOptions:
     policies: Mapping[str, str | LeafPolicy] = field(default_factory=dict)
     masks: Masks | None = None
     registry: NodeRegistry | None = None
+    leaves: Sequence[str | Path] = ()
 
     def __post_init__(self) -> None:
         check_policies(self.policies)
+        files(self.leaves)
 
 
 def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayReport:
@@ -163,9 +166,10 @@ def assemble_recorded(
         limits=recorded.limits,
         runner=recorded.runner,
         policies=changes.policies,
+        leaves=changes.leaves,
     )
     if changes.tree is not None:
-        # Attributes of nodes that the recorded mission had may name none of this one.
+        # Attributes and variables that the recorded mission had may name none of this one.
         options = replace(options, tree_folders=changes.tree_folders)
         mission = read_mission(changes.tree, options, changes.registry)
     else:
@@ -220,8 +224,8 @@ def _recorded_mission(
                 f"installed one with --policy '{name}=NAME'",
             )
     with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
-        files = recorded_files(reader, Path(folder))
-        if files.tree is None:
+        attached = recorded_files(reader, Path(folder))
+        if attached.tree is None:
             tree = reader.metadata.get("tree", "")
             raise FileError(
                 reader.path,
@@ -229,7 +233,12 @@ def _recorded_mission(
                 "--tree, or with ReplayOptions(tree=...)",
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        return read_mission(files.tree, options, registry, replaced=replaced, lookup=files.lookup)
+        mission = read_mission(
+            attached.tree, options, registry, replaced=replaced, lookup=attached.lookup
+        )
+    for name, value in recorded.variables.items():
+        mission.variables[name] = value
+    return mission
 
 
 # --- the runner -----------------------------------------------------------------------------------

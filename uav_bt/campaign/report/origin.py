@@ -15,7 +15,9 @@ def origin_table(source: Provenance) -> Table:
     if plan is not None:
         width, height = plan.options.image_size_px
         last = plan.seed_from + plan.flights - 1
-        rows += [(f"tree {file.name}", f"SHA-256 {file.sha256}") for file in plan.trees]
+        for tree in plan.trees:
+            values = "".join(f", {name}={text}" for name, text in tree.values.items())
+            rows.append((f"tree {tree.name}", f"SHA-256 {tree.sha256}{values}"))
         rows += [(f"scene {file.name}", f"SHA-256 {file.sha256}") for file in plan.scenes]
         rows += [(f"weights {name}", f"SHA-256 {digest}") for name, digest in plan.weights.items()]
         rows += [
@@ -30,6 +32,7 @@ def origin_table(source: Provenance) -> Table:
             ("masks", "exact, from the referee" if plan.options.exact_masks else "the network's"),
             *(("policy", f"{node}={name}") for node, name in plan.options.policy_names.items()),
             *(("port", f"{name}={value}") for name, value in plan.options.ports.items()),
+            *(("variable", f"{name}={value}") for name, value in plan.options.variables.items()),
             ("time limit", f"{plan.options.judge.time_limit_s:g} s"),
             ("versions", ", ".join(f"{name} {version}" for name, version in plan.versions.items())),
         ]

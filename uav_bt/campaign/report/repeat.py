@@ -34,6 +34,8 @@ def repeat_command(one: FlightSet, flight: Mapping[str, Any]) -> str:
         words += _folder_words(plan.options.tree_folders)
         for node, policy in plan.options.policy_names.items():
             words += ["--policy", f"{node}={policy}"]
+        for leaves in plan.options.leaves:
+            words += ["--leaves", str(leaves)]
     return shlex.join(words)
 
 
@@ -53,6 +55,8 @@ def _changes(flight: Mapping[str, Any]) -> Iterator[str]:
         yield from ("--out", PurePosixPath(flight["folder"]).name)
     for port, value in (flight.get("ports") or {}).items():
         yield from ("--set", f"{port}={value}")
+    for variable, value in (flight.get("variables") or {}).items():
+        yield from ("--var", f"{variable}={value}")
 
 
 def _folder_words(folders: TreeFolders) -> list[str]:

@@ -31,13 +31,11 @@ from uav_bt.tree import Leaf, MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.dry_run.stand_ins import with_stand_ins, without_stand_in
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
 from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.parameters import Parameters, Plain
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.scripted import ALL_LEAVES, AnswerScript, Mock, ScriptedLeaf
 from uav_bt.yaml_file import read_yaml
-
-Plain = bool | int | float | str
-"""Values of a variable or a board key in a script file."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +124,7 @@ def scripted_tree(
     *,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
+    parameters: Parameters | None = None,
 ) -> MissionTree:
     """Load a tree file with scripted leaves; the format's own leaves run unless they have a script.
 
@@ -135,6 +134,7 @@ def scripted_tree(
         registry: the nodes that may occur; default: all installed.
         tree_id: which of the file's trees; see `load_tree`.
         lookup: where to look for trees and included files; see `load_tree`.
+        parameters: values from outside; they take precedence over the script's variables.
 
     Raises:
         TreeError: the tree was refused, a leaf has no script, or a script does not fit.
@@ -147,7 +147,12 @@ def scripted_tree(
             registry = with_stand_ins(registry, {node_id: entry})
         except ValueRangeError as error:
             raise FileError(script.path, f"nodes: {error}", script.lines[node_id]) from error
-    tree = load_tree(path, registry, tree_id=tree_id, lookup=lookup, mocks=script.mocks)
+    tree = load_tree(
+        path, registry, tree_id=tree_id, lookup=lookup, mocks=script.mocks, parameters=parameters
+    )
+    for name, value in script.variables.items():
+        if name not in tree.variables:
+            tree.variables[name] = value
     unscripted = [
         leaf
         for leaf in tree.leaves()

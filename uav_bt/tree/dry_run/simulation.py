@@ -21,6 +21,7 @@ from uav_bt.errors import BoardAccessError, FileError, NodeFailedError, ValueRan
 from uav_bt.tree import MissionTree, Node, NodeRegistry, Status
 from uav_bt.tree.dry_run.script_file import SimulationScript, scripted_tree
 from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.observer import NodeEvent, observe
 from uav_bt.tree.status import RUNNING
@@ -78,6 +79,7 @@ class Simulation:
         tick_s: time between two ticks.
         tree_id: which of the file's trees; see `load_tree`.
         lookup: where to look for trees and included files; see `load_tree`.
+        parameters: values from outside; they take precedence over the script's variables.
 
     Raises:
         TreeError: the tree was refused, or a leaf has no script.
@@ -94,10 +96,13 @@ class Simulation:
         tick_s: float = 0.1,
         tree_id: str | None = None,
         lookup: Lookup | None = None,
+        parameters: Parameters | None = None,
     ) -> None:
         if not tick_s > 0.0:
             raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
-        self.tree: Final = scripted_tree(tree, script, registry, tree_id=tree_id, lookup=lookup)
+        self.tree: Final = scripted_tree(
+            tree, script, registry, tree_id=tree_id, lookup=lookup, parameters=parameters
+        )
         self._script = script
         self._tick_s = tick_s
         self._clock = ManualClock()
@@ -109,8 +114,6 @@ class Simulation:
         self._halted: list[str] = []
         self._given: dict[str, Any] = {}  # values that the script wrote to the board
         self.tree.setup(MissionContext(board=self._board, clock=self._clock))
-        for name, value in script.variables.items():
-            self.tree.variables[name] = value
         self._write_board()
         observe(self.tree.leaves(), self._note)
 

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, Final
 
 from uav_bt.board import Key
-from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, did_you_mean, hint_for
+from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, hint_for
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.elements import (
     expanded_class,
@@ -19,7 +16,8 @@ from uav_bt.tree.loading.elements import (
     node_id_of,
     tree_within,
 )
-from uav_bt.tree.loading.findings import Finding, Findings, Position, Rule, errors_of
+from uav_bt.tree.loading.findings import Finding, Findings, Position, Rule
+from uav_bt.tree.loading.overrides import Overrides
 from uav_bt.tree.loading.plans import GivenValue, Plan, name_of
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.mission_tree import Place
@@ -30,7 +28,6 @@ from uav_bt.tree.port import Port
 from uav_bt.tree.scripted import ALL_LEAVES, Mock, mock_class
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
-_FIXED: Final = frozenset({"ID", "_autoremap", "name"})  # these say which nodes there are
 
 
 class _TooLargeError(Exception):
@@ -64,6 +61,8 @@ class Builder:
     ) -> Node:
         """Return the root node.
 
+        The document's parameters are applied, too.
+
         Args:
             overrides: attribute values by node, which is named by its name or its path.
             by_key: attribute values by board key, for the leaves that write it and have the port.
@@ -82,11 +81,14 @@ class Builder:
             finding = Finding(str(main.path), main.position, str(error), main.label)
             raise TreeError(self._document.path, [finding]) from error
         plans = list(plan.walk())
-        self._apply_by_key(by_key, plans)
-        self._apply(overrides, plans)
+        given = Overrides(self._document, self._findings, plans)
+        given.take_by_key(by_key)
+        given.take(overrides)
+        given.take_ports(self._document.parameters)
+        self.replaced = given.replaced
         self._mock(mocks, plan, plans)
         self._findings.raise_any(self._document.path)
-        self.given = list(plan.given())
+        self.given = list(plan.given(self._document.parameters))
         self._check_policies()
         self._findings.raise_any(self._document.path)
         return self._make(plan)
@@ -113,63 +115,6 @@ class Builder:
             made = self._plan(child, child_name, child_path, nearest, depth=depth + 1)
             plan.children.append(made)
         return plan
-
-    def _apply_by_key(
-        self, by_key: Mapping[Key[Any], Mapping[str, str]], plans: list[Plan]
-    ) -> None:
-        for plan in plans if by_key else ():
-            taken = plan.node.values_taken(by_key) if issubclass(plan.node, Leaf) else {}
-            if taken:
-                self._replace(plan, taken)
-                self._check_override(plan.node.node_id, taken, plan)
-
-    def _apply(self, overrides: Mapping[str, Mapping[str, str]], plans: list[Plan]) -> None:
-        for target, attributes in overrides.items():
-            hits = [plan for plan in plans if target in (plan.name, plan.path)]
-            if not hits:
-                hint = did_you_mean(target, {plan.name for plan in plans})
-                self._findings.add(
-                    self._document.path,
-                    Position(1, 1),
-                    f"override of '{target}': the tree has no node of that name or path{hint}",
-                )
-            for plan in hits:
-                self._replace(plan, attributes)
-                self._check_override(target, attributes, plan)
-
-    def _replace(self, plan: Plan, attributes: Mapping[str, str]) -> None:
-        plan.attributes.update(attributes)
-        self.replaced.setdefault(plan.path, {}).update(attributes)
-
-    def _check_override(self, target: str, attributes: Mapping[str, str], plan: Plan) -> None:
-        element, lead = plan.element, f"override of '{target}': "
-        node = plan.node
-        choosing = {name for name, _ in node.variants} if issubclass(node, ExpandedNode) else set()
-        for name in (_FIXED | choosing).intersection(attributes):
-            self._findings.note(element, f"{lead}'{name}' cannot be replaced")
-        if node is SubTree:
-            self._check_entries(lead, attributes, plan)
-        for name in attributes:
-            if name.startswith("_") and name not in CONDITION_ATTRIBUTES | _FIXED:
-                hint = did_you_mean(name, CONDITION_ATTRIBUTES)
-                self._findings.note(element, f"{lead}unknown attribute '{name}'{hint}")
-        # The file itself is good by now, so whatever is found comes from the override.
-        found = Findings()
-        replaced = {**element.attributes, **attributes}
-        Checker(self._document, found).check_element(replace(element, attributes=replaced))
-        for finding in errors_of(found):
-            self._findings.add(
-                finding.path, finding.position, f"{lead}{finding.message}", finding.node
-            )
-
-    def _check_entries(self, lead: str, attributes: Mapping[str, str], plan: Plan) -> None:
-        """Refuse entries that neither the subtree's description nor the file knows."""
-        described = self._document.subtree_ports.get(plan.element.attributes.get("ID", "")) or {}
-        known = {*described, *plan.element.attributes}
-        for name in attributes:
-            if not name.startswith("_") and name not in known:
-                message = f"{lead}the tree has no port '{name}'{did_you_mean(name, known)}"
-                self._findings.note(plan.element, message)
 
     def _mock(self, mocks: Mapping[str, str | Mock], root: Plan, plans: list[Plan]) -> None:
         given = {name: Mock(one) if isinstance(one, str) else one for name, one in mocks.items()}
@@ -218,7 +163,7 @@ class Builder:
         return f"the tree has no leaf of that path, name or node id{hint}"
 
     def _check_policies(self) -> None:
-        """Refuse names of policies that are not registered; one in a variable shows in flight."""
+        """Refuse names of policies that are not registered; the flight shows those it makes up."""
         known = self._registry.policies
         if known is None:
             return

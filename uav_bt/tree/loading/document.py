@@ -20,6 +20,7 @@ from uav_bt.tree.loading.elements import (
 from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
 from uav_bt.tree.loading.models import read_enumerations, read_models
+from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -53,6 +54,7 @@ class Document:
     # None where a SubTree has to give an entry.
     subtree_ports: dict[str, dict[str, str | None]] = field(default_factory=dict)
     enum_members: dict[str, int] = field(default_factory=dict)  # of enumerations, for scripts
+    parameters: Parameters = field(default_factory=Parameters)  # from outside, of the main tree
 
     @property
     def unused(self) -> tuple[str, ...]:

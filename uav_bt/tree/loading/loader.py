@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from uav_bt import plugins
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
 from uav_bt.tree.loading.before_flight import faults_of
-from uav_bt.tree.loading.builder import POLICY_PORT, Builder
+from uav_bt.tree.loading.builder import Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
@@ -25,13 +23,14 @@ from uav_bt.tree.loading.findings import (
     Rule,
     errors_of,
 )
+from uav_bt.tree.loading.given_variables import check_given_variables
 from uav_bt.tree.loading.lookup import Lookup
-from uav_bt.tree.loading.plans import GivenValue
+from uav_bt.tree.loading.parameters import Parameters
+from uav_bt.tree.loading.remarks import remarks_on
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.variable_uses import unset_slots
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
-from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import Mock
 
@@ -46,6 +45,7 @@ class TreeOptions(TypedDict, total=False):
     by_key: Mapping[Key[Any], Mapping[str, str]] | None
     mocks: Mapping[str, str | Mock] | None
     lookup: Lookup | None
+    parameters: Parameters | None
 
 
 def load_tree(
@@ -56,7 +56,8 @@ def load_tree(
     Args:
         path: the file.
         registry: the nodes that may occur; default: all installed.
-        options: `tree_id`, `overrides`, `by_key`, `mocks` and `lookup`; see `parse_tree`.
+        options: `tree_id`, `overrides`, `by_key`, `mocks`, `lookup` and `parameters`; see
+            `parse_tree`.
 
     Raises:
         TreeError: the file was refused. The error lists all findings with their places.
@@ -74,6 +75,7 @@ def parse_tree(
     by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
     mocks: Mapping[str, str | Mock] | None = None,
     lookup: Lookup | None = None,
+    parameters: Parameters | None = None,
 ) -> MissionTree:
     """Load a tree from a tree file's text. Warnings are logged.
 
@@ -91,6 +93,8 @@ def parse_tree(
             this order counts. `*` stands for all leaves without other answers, except those of the
             format. Name, path, kind, ports and conditions stay those of the file.
         lookup: where to look for trees and included files; default: the file's folder.
+        parameters: values of ports, each of one node, and of the main tree's variables. They are
+            checked like those of the file.
 
     Raises:
         TreeError: the text was refused. The error lists all findings with their places.
@@ -99,8 +103,10 @@ def parse_tree(
     registry = NodeRegistry.installed() if registry is None else registry
     findings = Findings()
     read = _Read(data, Path(path), registry, findings, lookup)
+    read.document.parameters = parameters or Parameters()
     find_main(read.document, read.root, findings, tree_id)
     Checker(read.document, findings).check(read.roots)
+    check_given_variables(read.document, findings)
     findings.raise_any(path)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
@@ -161,7 +167,7 @@ class _Read:
         builder = Builder(document, self._findings)
         root = builder.build(overrides, by_key=by_key, mocks=mocks)
         self._given = builder.given
-        return MissionTree(
+        tree = MissionTree(
             root,
             name=document.main,
             sources={document.path.resolve(): self._data, **document.included},
@@ -175,6 +181,9 @@ class _Read:
                 if any(read.asks for read in slot.reads)
             ],
         )
+        for name, value in document.parameters.variables.items():
+            tree.variables[name] = value
+        return tree
 
     def remarks(self) -> Iterator[Finding]:
         """Build the main tree; yield findings for names not installed, and for values of caution.
@@ -184,7 +193,7 @@ class _Read:
         """
         tree = self.build({}, by_key={}, mocks={})
         for port, value in self._given:
-            yield from _remarks(port, value)
+            yield from remarks_on(port, value, self.document.registry)
         if self.document.is_mission and not self.document.registry.foreign_board:
             yield from faults_of(tree)
             yield from self._unset_variables()
@@ -212,6 +221,7 @@ def check_file(
     *,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
+    parameters: Parameters | None = None,
 ) -> tuple[Finding, ...]:
     """Return all findings of a tree file; none for a good one. See `check_text`.
 
@@ -220,12 +230,15 @@ def check_file(
         registry: the nodes that may occur; default: all installed.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
+        parameters: values from outside; see `parse_tree`.
     """
     try:
         source = read_source(path)
     except InputError as error:
         return findings_of(error, path)
-    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup)
+    return check_text(
+        source, registry, path=path, tree_id=tree_id, lookup=lookup, parameters=parameters
+    )
 
 
 def check_text(
@@ -235,6 +248,7 @@ def check_text(
     path: Path,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
+    parameters: Parameters | None = None,
 ) -> tuple[Finding, ...]:
     """Return all findings of a tree file's text; none for a good one.
 
@@ -246,6 +260,7 @@ def check_text(
         path: the file.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
+        parameters: values from outside, for the one tree that is flown; see `parse_tree`.
     """
     data = source.encode() if isinstance(source, str) else source
     registry = registry or NodeRegistry.installed()
@@ -253,9 +268,14 @@ def check_text(
     remarks: list[Finding] = []
     try:
         read = _Read(data, path, registry, findings, lookup)
-        _find_main_to_check(read, findings, tree_id)
+        if parameters is None:
+            _find_main_to_check(read, findings, tree_id)
+        else:
+            read.document.parameters = parameters
+            find_main(read.document, read.root, findings, tree_id)
         roots = read.roots
         Checker(read.document, findings).check(roots)
+        check_given_variables(read.document, findings)
         if not errors_of(findings):
             for read.document.main in roots:
                 remarks += read.remarks()
@@ -270,26 +290,6 @@ def _find_main_to_check(read: _Read, findings: Findings, tree_id: str | None) ->
         find_main(read.document, read.root, findings, tree_id)
     elif not read.document.trees and not is_palette:
         find_main(read.document, read.root, findings, None)
-
-
-def _remarks(port: Port[Any], value: GivenValue) -> Iterator[Finding]:
-    """Yield findings for names that are not installed, and for values that need caution."""
-    element, lead = value.element, f"attribute '{value.attribute}': "
-    where = element.at(value.attribute)
-    finding = partial(Finding, str(element.path), where, node=value.path)
-    look_up = plugins.look_up_policy if port.name == POLICY_PORT else port.look_up
-    try:
-        typed = port.convert(value.text)
-    except ValueError:  # the first value of a variable that another one replaces
-        return
-    if look_up is not None:
-        try:
-            look_up(typed)
-        except InputError as error:
-            yield finding(message=f"{lead}{error}", rule=Rule.NOT_INSTALLED)
-    odd = None if port.caution is None else port.caution(typed)
-    if odd is not None:
-        yield finding(message=f"{lead}{odd}", severity=WARNING, rule=Rule.LIMIT)
 
 
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:

@@ -193,6 +193,7 @@ def with_palette(registry: NodeRegistry, palette: Palette) -> NodeRegistry:
         chosen[node_id] = known if ours or other is None else other
     both = NodeRegistry([*chosen.values(), *described.values()], policies=registry.policies)
     both.faults = registry.faults
+    both.factories = dict(registry.factories)
     both.foreign_board = True
     both.enum_members = {**registry.enum_members, **palette.enum_members}
     return both

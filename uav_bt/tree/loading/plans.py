@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from uav_bt.tree.expanded import ExpandedNode
@@ -11,6 +11,7 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.document import autoremaps
 from uav_bt.tree.loading.elements import node_id_of
 from uav_bt.tree.loading.palette import PalettePort
+from uav_bt.tree.loading.parameters import VAR, Parameters
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SubTree
@@ -48,11 +49,15 @@ class Plan:
         """Names by which a caller may choose the node: its path, its name and its node's id."""
         return self.path, self.name, self.node.node_id
 
-    def given(self) -> Iterator[tuple[Port[Any], GivenValue]]:
+    def given(self, parameters: Parameters) -> Iterator[tuple[Port[Any], GivenValue]]:
         """Yield the input ports of the leaves here and below that have a text, with the text.
 
-        The text may be the entry of a subtree that the leaf stands in. Leaves that are replaced by
-        a script, ports of a palette, and texts with placeholders are left out.
+        The text may be the entry of a subtree that the leaf stands in, or the value of a variable
+        that comes from outside. Leaves that are replaced by a script, ports of a palette, and texts
+        with placeholders are left out.
+
+        Args:
+            parameters: values from outside.
         """
         for plan in self.walk():
             if not issubclass(plan.node, Leaf) or plan.mock is not None:
@@ -61,35 +66,53 @@ class Plan:
                 if isinstance(port, PalettePort) or port.check is parse_text:
                     continue
                 if port.direction == "input":
-                    value = plan._value(port.name, port_text(port.default))  # noqa: SLF001
+                    value = plan._value(port.name, port_text(port.default), parameters)  # noqa: SLF001
                     if value is not None:
                         yield port, value
 
-    def _value(self, name: str, default: str) -> GivenValue | None:
-        """Return what gives an attribute its text; None where a variable or the board does."""
+    def _value(self, name: str, default: str, outside: Parameters) -> GivenValue | None:
+        """Return what gives an attribute its text; None where only the flight does."""
         text = self.attributes.get(name, default)
         reference = parse_reference(text, name)
         if reference is None:
             return GivenValue(self.element, name, self.path, text)
         door, key = self.door, reference.key
-        if reference.on_board or door is None:
+        if reference.on_board:
             return None
+        if door is None:
+            return self._from_outside(key, outside)
         if issubclass(door.node, ExpandedNode):
             port = next((port for port in door.node.ports if port.name == key), None)
-            return None if port is None else door._value(key, port_text(port.default))  # noqa: SLF001
+            return None if port is None else door._value(key, port_text(port.default), outside)  # noqa: SLF001
         if key in door.attributes or autoremaps(door.element):
-            return door._value(key, f"{{{key}}}")  # noqa: SLF001
+            return door._value(key, f"{{{key}}}", outside)  # noqa: SLF001
         return None
+
+    def _from_outside(self, variable: str, outside: Parameters) -> GivenValue | None:
+        value = outside.variables.get(variable)
+        if value is None:
+            return None
+        place = outside.places.get((VAR, variable))
+        element = self.element
+        if place is not None:
+            element = replace(element, path=place.path, position=place.position, locate=dict)
+        return GivenValue(element, variable, self.path, port_text(value), what="variable")
 
 
 @dataclass(frozen=True)
 class GivenValue:
-    """A text that a file gives to a port, directly or as the entry of a subtree."""
+    """A text that is given to a port, directly, as the entry of a subtree or by a variable."""
 
     element: Element  # that has the text
     attribute: str
     path: str  # of the node that has it
     text: str
+    what: str = "attribute"  # or variable: its value comes from outside
+
+    @property
+    def lead(self) -> str:
+        """How a message about it begins."""
+        return f"{self.what} '{self.attribute}': "
 
 
 def name_of(element: Element) -> str:

@@ -75,11 +75,12 @@ class Slot:
     reads: list[Read] = field(default_factory=list)
     ports: list[tuple[Use, Port[Any]]] = field(default_factory=list)  # as they are made
     obscure: bool = False  # something writes it that the file does not show
+    given: bool = False  # its first value comes from outside the file
 
     @property
     def created(self) -> bool:
-        """True when something in the file gives it its first value, or may."""
-        return self.obscure or any(write.creates for write in self.writes)
+        """True when something gives it its first value, or may."""
+        return self.obscure or self.given or any(write.creates for write in self.writes)
 
     def sources(self) -> list[Write] | None:
         """Return what gives it its values, copies followed back; None when that is not known.
@@ -95,7 +96,7 @@ class Slot:
             if id(slot) in seen:
                 continue
             seen.add(id(slot))
-            if not slot.created or slot.obscure:
+            if not slot.created or slot.obscure or slot.given:
                 return None
             changed = any(not write.creates for write in slot.writes)
             for write in slot.writes:
@@ -161,6 +162,10 @@ class Scope:
             if self._autoremap and not name.startswith("_") and name not in self._constants:
                 return self.parent.place(name)
         return self._slots.setdefault(name, Slot(name))
+
+    def give(self, name: str) -> None:
+        """Note that a variable gets its first value from outside the file."""
+        self._slots.setdefault(name, Slot(name)).given = True
 
     def obscure(self) -> None:
         """Note that anything may be written from here."""

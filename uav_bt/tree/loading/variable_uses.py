@@ -58,7 +58,10 @@ class VariableUses:
         """
         for tree_id in roots:
             if tree_id in self._document.trees:
-                self._enter(Scope(tree_id), (tree_id,))
+                scope = Scope(tree_id)
+                for name in self._document.parameters.variables:
+                    scope.give(name)
+                self._enter(scope, (tree_id,))
         for scope in self._obscured:
             scope.obscure()
         yield from self._scopes

@@ -372,3 +372,22 @@ def test_a_leaf_that_writes_files_answers_as_in_the_flight(
     kinds = [event.kind for event in report.events]
     assert (EventKind.PHOTO if keeps else EventKind.NO_PHOTO) in kinds
     assert replay(record).same
+
+
+def test_a_replay_has_the_variables_and_ports_that_the_flight_was_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body = (
+        '<Sequence><TakeOff height_m="1.5"/><Repeat num_cycles="{laps}">'
+        '<Turn degrees="{turn_deg}"/></Repeat><Land/></Sequence>'
+    )
+    params = tmp_path / "params.yaml"
+    params.write_text("{set: {TakeOff.height_m: 1.2}, var: {laps: 2, turn_deg: 30}}")
+    options = app.FlightOptions(params=params, variables={"turn_deg": 45})
+    record, report = fly_noisy(tmp_path, monkeypatch, body=body, options=options)
+    assert report.ports == {"TakeOff.height_m": "1.2"}
+    assert report.variables == {"laps": 2, "turn_deg": 45}
+    assert replay(record).same
+    flight, _ = assemble_recorded(RecordReader(record), ReplayOptions())
+    assert flight.mission.variables.snapshot() == {"laps": 2, "turn_deg": 45}
+    assert flight.mission.find("TakeOff").port_value("height_m") == 1.2

@@ -17,12 +17,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan
-from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile
+from uav_bt.campaign.plan import SHARED, CampaignPlan, PlannedFile, PlannedTree
 from uav_bt.campaign.report.campaign_report import WrittenReport, write_campaign_report
 from uav_bt.campaign.report.figures import densities
 from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.origin import origin_table
-from uav_bt.campaign.report.sources import Provenance, read_sources
+from uav_bt.campaign.report.repeat import repeat_command
+from uav_bt.campaign.report.sources import FlightSet, Provenance, read_sources
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.errors import FileError
@@ -72,7 +73,7 @@ def jsonl(path: Path, *flights: dict[str, Any]) -> Path:
 def campaign(folder: Path, *flights: dict[str, Any], **how: Any) -> Path:
     shared = {name: how.pop(name) for name in SHARED if name in how}
     plan = CampaignPlan(
-        trees=(PlannedFile(name="one.xml", path="/missions/one.xml", sha256="0" * 64),),
+        trees=(PlannedTree(name="one.xml", path="/missions/one.xml", sha256="0" * 64),),
         scenes=(PlannedFile(name="lab", path="/labs/my lab.yaml", sha256="1" * 64),),
         flights=how.pop("planned", len(flights)),
         options=FlightOptions(**shared),
@@ -547,10 +548,23 @@ def test_pictures_differ_with_what_they_show(tmp_path: Path) -> None:
 
 
 def test_the_origin_of_a_campaign_names_what_was_changed_for_it(tmp_path: Path) -> None:
+    params = tmp_path / "params.yaml"
+    params.write_text("variants: {slow: {set: {HelipadCenter.climb_m: 0.4}}}")
     options = FlightOptions(
-        ports={"TakeOff.height_m": 1.2}, judge=JudgeConfig(time_limit_s=60.0), exact_masks=True
+        ports={"TakeOff.height_m": "1.2"},
+        params=params,
+        judge=JudgeConfig(time_limit_s=60.0),
+        exact_masks=True,
     )
     plan = make_plan(["land_only"], options, scenes=["val-a"], flights=1)
-    rows = origin_table(Provenance(path=tmp_path, plan=plan, runs=())).rows
+    source = Provenance(path=tmp_path, plan=plan, runs=())
+    rows = origin_table(source).rows
     assert ("port", "TakeOff.height_m=1.2") in rows
+    (tree,) = [text for name, text in rows if name == "tree land_only[slow].xml"]
+    assert str(tree).endswith(", HelipadCenter.climb_m=0.4")
+    flown = flight(0, tree="land_only[slow].xml", ports={"A.b": "1"}, variables={"laps": 3})
+    one = FlightSet(label="slow", tree="land_only[slow].xml", flights=(flown,), source=source)
+    words = repeat_command(one, flown)
+    assert words.startswith("uav-bt fly land_only --scene")
+    assert "--set A.b=1 --var laps=3" in words
     assert ("time limit", "60 s") in rows

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from uav_bt.app.options import FlightOptions
-from uav_bt.campaign.plan import CampaignPlan, PlannedFile
+from uav_bt.campaign.plan import CampaignPlan, PlannedFile, PlannedTree
 from uav_bt.campaign.report.paired import losses_of, paired_table, pairs_of
 from uav_bt.campaign.report.sources import FlightSet, Provenance, read_sources
 from uav_bt.campaign.report.statistics import mcnemar, median_interval
@@ -89,7 +89,7 @@ def test_the_first_tree_is_compared_with_each_other_one(tmp_path: Path) -> None:
 def test_scenes_of_equal_name_and_different_text_are_not_paired() -> None:
     def planned(scene_sha256: str) -> FlightSet:
         plan = CampaignPlan(
-            trees=(PlannedFile(name="a.xml", path="a", sha256="0" * 64),),
+            trees=(PlannedTree(name="a.xml", path="a", sha256="0" * 64),),
             scenes=(PlannedFile(name="val-a", path="val-a", sha256=scene_sha256),),
             flights=1,
             options=FlightOptions(),

@@ -1,0 +1,221 @@
+"""Values of ports and variables from outside: read from files, and checked like the tree file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.errors import FileError, TreeError
+from uav_bt.testing import load_tree as load_bench
+from uav_bt.tree import MissionTree, Parameters, Status, parse_tree
+from uav_bt.tree.loading.loader import check_text
+from uav_bt.tree.loading.parameter_file import read_parameters
+from uav_bt.tree.loading.parameters import Plain
+
+PATROL = """<root BTCPP_format="4" main_tree_to_execute="Main">
+  <BehaviorTree ID="Main">
+    <Sequence>
+      <TakeOff height_m="{height}"/>
+      <Repeat num_cycles="{laps}"><HoverFor seconds="1"/></Repeat>
+      <SubTree ID="Side" wait="{wait_s}" rule="{rule}"/>
+      <HoverFor name="last" seconds="2"/>
+      <ScriptCondition code="laps &gt; 1"/>
+      <Land/>
+    </Sequence>
+  </BehaviorTree>
+  <BehaviorTree ID="Side">
+    <Sequence>
+      <HoverFor seconds="{wait}"/>
+      <Explore policy="{rule}"/>
+    </Sequence>
+  </BehaviorTree>
+</root>"""
+GIVEN: dict[str, Plain] = {"height": 1.2, "laps": 2, "wait_s": "1.5", "rule": "corridor"}
+
+
+def patrol(ports: dict[str, str] | None = None, **variables: Plain) -> MissionTree:
+    given = Parameters(ports=ports or {}, variables={**GIVEN, **variables})
+    return parse_tree(PATROL, parameters=given)
+
+
+def findings(given: Parameters | None) -> list[str]:
+    return [str(one) for one in check_text(PATROL, path=Path("patrol.xml"), parameters=given)]
+
+
+def test_variables_reach_the_ports_that_read_them_and_the_scripts() -> None:
+    tree = patrol()
+    at = {leaf.path: leaf for leaf in tree.leaves()}
+    assert at["Main/Sequence/TakeOff"].port_value("height_m") == 1.2
+    assert at["Main/Sequence/Side/Sequence/HoverFor"].port_value("seconds") == 1.5
+    assert at["Main/Sequence/Side/Sequence/Explore"].port_value("policy") == "corridor"
+    assert tree.variables["laps"] == 2
+    assert tree.unset == ()
+
+
+def test_check_takes_variables_from_outside_for_set() -> None:
+    assert len(findings(None)) >= 4  # nothing sets them
+    assert findings(Parameters(variables=GIVEN)) == []
+
+
+@pytest.mark.parametrize(
+    ("variables", "message"),
+    [
+        ({"lap": 2}, "no node uses a variable 'lap' of tree 'Main'; did you mean 'laps'?"),
+        ({"wait": 2}, "no node uses a variable 'wait' of tree 'Main'; did you mean 'wait_s'?"),
+        ({"laps": "many"}, "variable 'laps': expected an integer, got 'many'; Repeat, attribute"),
+        ({"laps": 2.5}, "variable 'laps': expected an integer"),
+        ({"height": 30}, "variable 'height': expected 0.3 to 20, got 30.0; TakeOff, attribute"),
+        ({"wait_s": "long"}, "variable 'wait_s': expected a number, got 'long'; HoverFor"),
+        ({"rule": "coridor"}, "unknown policy 'coridor'; did you mean 'corridor'"),
+    ],
+)
+def test_a_variable_is_checked_like_the_file(variables: dict[str, Plain], message: str) -> None:
+    with pytest.raises(TreeError) as refused:
+        patrol(**variables)
+    assert message in str(refused.value)
+    assert message in "\n".join(findings(Parameters(variables={**GIVEN, **variables})))
+
+
+def test_a_value_that_needs_caution_is_a_warning_as_in_the_file() -> None:
+    (warning,) = findings(Parameters(variables={**GIVEN, "height": 9}))
+    assert "warning: Main/Sequence/TakeOff: variable 'height': 9 m lies above the ceil" in warning
+    (warning,) = findings(Parameters(variables=GIVEN, ports={"TakeOff.height_m": "9"}))
+    assert "warning: Main/Sequence/TakeOff: attribute 'height_m': 9 m lies above" in warning
+
+
+def test_a_variable_that_the_file_sets_too_is_a_warning() -> None:
+    text = PATROL.replace("<Sequence>", '<Sequence><Script code="laps := 3"/>', 1)
+    given = Parameters(variables=GIVEN)
+    (warning,) = check_text(text, path=Path("patrol.xml"), parameters=given)
+    assert "variable 'laps': Script, attribute 'code', at patrol.xml:3:23 sets it, too" in str(
+        warning
+    )
+    assert warning.severity == "warning"
+
+
+@pytest.mark.parametrize(
+    ("ports", "message"),
+    [
+        ({"last.second": "1"}, "override of 'last.second': unknown attribute 'second'; did you"),
+        ({"lst.seconds": "1"}, "no node of that name or path; did you mean 'last'?"),
+        (
+            {"HoverFor.seconds": "1"},
+            "such as 'Main/Sequence/Repeat/HoverFor.seconds', 'Main/Sequence/Side/Sequence/Hover",
+        ),
+        (
+            {"last.seconds": "1", "Main/Sequence/last.seconds": "2"},
+            "port 'Main/Sequence/last.seconds' is given two values",
+        ),
+        ({"Side.wat": "1"}, "the tree has no port 'wat'; did you mean 'wait'?"),
+        ({"last.name": "x"}, "'name' cannot be replaced"),
+    ],
+)
+def test_a_wrong_port_is_refused(ports: dict[str, str], message: str) -> None:
+    with pytest.raises(TreeError) as refused:
+        patrol(ports)
+    assert message in str(refused.value)
+
+
+def test_an_entry_of_a_subtree_is_a_port() -> None:
+    tree = patrol({"Side.wait": "4"}, wait_s=1)
+    assert tree.find("Main/Sequence/Side/Sequence/HoverFor").port_value("seconds") == 4.0
+    assert tree.replaced == {"Main/Sequence/Side": {"wait": "4"}}
+
+
+def test_values_belong_to_one_main_tree() -> None:
+    text = PATROL.replace(' main_tree_to_execute="Main"', "").replace('ID="Side" wait', 'ID="S" w')
+    found = check_text(text, path=Path("m.xml"), parameters=Parameters(variables={"laps": 2}))
+    assert any("main_tree_to_execute" in str(one) for one in found)
+
+
+# --- parameter files ------------------------------------------------------------------------------
+
+FILE = """
+set: {last.seconds: 0.5}
+var:
+  height: 1.2
+  laps: 2
+  wait_s: 1
+  rule: corridor
+"""
+VARIANTS = """
+variants:
+  slow: {}
+  fast:
+    set: {last.seconds: 0.1}
+    var: {laps: 5}
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "params.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_variant_has_the_values_of_the_file_beneath_its_own(tmp_path: Path) -> None:
+    file = read_parameters(written(tmp_path, FILE + VARIANTS))
+    assert file.variants["slow"] == file.common
+    fast = file.variants["fast"]
+    assert fast.ports == {"last.seconds": "0.1"}
+    assert fast.variables == {**file.common.variables, "laps": 5}
+    assert fast.places["var", "laps"].position.line == 13
+    assert fast.places["var", "height"].position.line == 4
+
+
+def test_what_counts_before_a_file_has_no_place_in_it(tmp_path: Path) -> None:
+    file = read_parameters(written(tmp_path, FILE))
+    both = Parameters(variables={"laps": 9}).over(file.common)
+    assert both.variables["laps"] == 9
+    assert ("var", "laps") not in both.places
+    assert ("var", "height") in both.places
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("laps: 2", "laps: x", 5, "variable 'laps': expected an integer, got 'x'; Repeat"),
+        ("laps: 2", "laps: 2\n  lap: 2", 6, "no node uses a variable 'lap'"),
+        ("last.seconds: 0.5", "last.seconds: no", 2, "HoverFor 'last': override of 'last.seconds'"),
+        ("last.seconds", "lst.seconds", 2, "override of 'lst.seconds': the tree has no node"),
+        ("last.seconds", "HoverFor.seconds", 2, "'HoverFor.seconds' fits 2 nodes"),
+    ],
+)
+def test_a_fault_is_told_with_its_line_in_the_parameter_file(
+    tmp_path: Path, old: str, new: str, line: int, message: str
+) -> None:
+    path = written(tmp_path, FILE.replace(old, new))
+    given = read_parameters(path).common
+    found = findings(given)
+    assert found
+    assert found[0].startswith(f"{path}:{line}:1: ")
+    assert message in found[0]
+    with pytest.raises(TreeError, match=r"params\.yaml"):
+        parse_tree(PATROL, parameters=given)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("set: {TakeOff: 1}", ":1: set.TakeOff: expected NODE.PORT, such as TakeOff.height_m"),
+        ("set: {A.b: [1]}", ":1: set.A.b: expected true or false or a whole number or a number"),
+        ("var:\n  x: {y: 1}", ":2: var.x: expected true or false or"),
+        ("vars: {x: 1}", ":1: vars: unknown key; did you mean 'var'? (known: set, var, variants)"),
+        ("variants:\n  a b: {}", ":2: variants.a b: expected a variant's name of letters, digits"),
+        ("variants: {a: {sets: {}}}", ":1: variants.a.sets: unknown key; did you mean 'set'?"),
+    ],
+)
+def test_a_wrong_parameter_file_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(FileError) as refused:
+        read_parameters(written(tmp_path, text))
+    assert message in str(refused.value)
+
+
+def test_the_test_kit_takes_parameters(tmp_path: Path) -> None:
+    tree = tmp_path / "patrol.xml"
+    tree.write_text(PATROL)
+    bench = load_bench(
+        tree, mocks={"*": "S"}, parameters=Parameters(variables={**GIVEN, "laps": 1})
+    )
+    bench.tick_until(Status.FAILURE, max_ticks=9)  # of `laps > 1`

@@ -1,0 +1,44 @@
+"""Limits and landing mark of a flight, from its options, its site and its scene."""
+
+from __future__ import annotations
+
+from uav_bt.app.options import FlightOptions
+from uav_bt.app.site import Site
+from uav_bt.errors import InputError
+from uav_bt.mission.limits import Limits
+from uav_bt.protocols import Drone
+from uav_bt.types import LandingMark
+
+
+def site_of(options: FlightOptions) -> Site | None:
+    """Return the site that was read from the options' site file."""
+    return options.site if isinstance(options.site, Site) else None
+
+
+def limits_of(options: FlightOptions) -> Limits:
+    """Return the limits of all commands. A site's limits replace the options'."""
+    site = site_of(options)
+    return options.limits if site is None else site.limits
+
+
+def mark_of(options: FlightOptions, drone: Drone) -> LandingMark:
+    """Return the size of the landing mark, from the site or the scene of a simulated drone.
+
+    Args:
+        options: options of the flight.
+        drone: drone that flies.
+
+    Raises:
+        InputError: site and scene state different sizes.
+    """
+    site = site_of(options)
+    stated = None if site is None else site.mark
+    if drone.scene is None:
+        return stated or LandingMark()
+    mark: LandingMark = drone.scene.mark
+    if stated not in {None, mark}:
+        raise InputError(
+            f"the site's mark ({stated}) is not that of scene '{drone.scene.name}' ({mark}): "
+            "remove 'mark' from the site file, or change 'helipad.size_m' of the scene"
+        )
+    return mark
