@@ -63,6 +63,17 @@ class Proposals:
             )
         self._gimbal = (owner, gimbal)
 
+    def withdraw(self, owner: str) -> None:
+        """Take back what a leaf proposed in this tick.
+
+        Args:
+            owner: the leaf's path.
+        """
+        if self._movement is not None and self._movement[0] == owner:
+            self._movement = None
+        if self._gimbal is not None and self._gimbal[0] == owner:
+            self._gimbal = None
+
     @property
     def movement(self) -> Movement | None:
         """The proposed movement of this tick."""

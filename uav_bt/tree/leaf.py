@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self, TypeVar
 from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import PHASE
-from uav_bt.errors import MissionError, NodeFailedError
+from uav_bt.errors import MissionError, NodeFailedError, UnknownValueError
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent, Observer
 from uav_bt.tree.port import check_declared
@@ -217,6 +217,14 @@ class Leaf(Node):
             if self.observer is not None:
                 self.observer(self, NodeEvent.STATUS)
         return status
+
+    def _fail(self, unknown: UnknownValueError) -> Status:
+        """End the activation, if one began, and take back what was proposed in this tick."""
+        self._tell(unknown)
+        self.mission.proposals.withdraw(self.path)
+        if self.node_status is RUNNING:
+            self._end(FAILURE)
+        return FAILURE
 
     def _wrong_answer(self, status: object) -> str:
         allowed = "SUCCESS or FAILURE" if self.condition else "SUCCESS, FAILURE or RUNNING"

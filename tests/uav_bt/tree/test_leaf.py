@@ -254,7 +254,6 @@ def test_declared_access_works(world: World) -> None:
         ("write", "'Mission/s' writes board key 'height_above_carpet_m' without declaring"),
         ("type", "'Mission/s': board key 'speed_mps' holds float, got str"),
         ("port", "declares no port 'sped'"),
-        ("stale", "port 'speed': {@speed_mps} was never written; Radar writes it"),
     ],
 )
 def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> None:
@@ -265,12 +264,17 @@ def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> 
     assert message in str(error.value)
 
 
-def test_a_value_that_is_too_old_is_named_with_its_age(world: World) -> None:
-    tree = ready(world, Sensor("s", mode="stale"))
+def test_a_leaf_whose_port_reads_an_unknown_key_fails(world: World) -> None:
+    """The feedback names the key; a mission goes on."""
+    sensor = Sensor("s", mode="stale")
+    tree = ready(world, sensor)
+    assert tree.tick() is Status.FAILURE
+    assert "port 'speed': {@speed_mps} was never written; Radar writes" in sensor.feedback_message
     world.board.write(SPEED, 2.0)
+    assert tree.tick() is Status.SUCCESS
     world.clock.advance(3.0)
-    with pytest.raises(NodeFailedError, match=r"holds nothing fresh \(age 3\.00 s\)"):
-        tree.tick()
+    assert tree.tick() is Status.FAILURE
+    assert "{@speed_mps} holds nothing fresh (age 3.00 s)" in sensor.feedback_message
 
 
 def test_a_port_reading_tells_the_age(world: World) -> None:

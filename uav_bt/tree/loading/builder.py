@@ -23,9 +23,10 @@ from uav_bt.tree.loading.findings import Finding, Findings, Position, Rule, erro
 from uav_bt.tree.loading.plans import GivenValue, Plan, name_of
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.mission_tree import Place
-from uav_bt.tree.node import Node, child_paths
+from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
+from uav_bt.tree.placing import child_paths
 from uav_bt.tree.port import Port
 from uav_bt.tree.scripted import ALL_LEAVES, Mock, mock_class
 

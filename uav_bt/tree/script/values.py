@@ -10,7 +10,7 @@ import math
 from typing import Any, Final
 
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.errors import did_you_mean
+from uav_bt.errors import UnknownValueError, did_you_mean
 from uav_bt.tree.variables import Variables
 
 Value = int | float | str
@@ -132,13 +132,16 @@ class Environment:
         """Return the value of a name.
 
         Raises:
-            ScriptError: the value is missing, stale, or of a type that scripts cannot use.
+            ScriptError: the variable has no value, or the value has a type that scripts cannot use.
+            UnknownValueError: the board key has no fresh value.
         """
         members = self.members
         if name in members:  # an enumeration comes before a variable, as in the engine
             return float(members[name])
         key = self._board_key(name)
         value = self._variables.get(name) if key is None else self._read_board(key)
+        if value is None and key is not None and not self._may_write(key):
+            raise UnknownValueError(f"board key '{key}' has no {self._lack(key)}")
         if value is None:
             hint = did_you_mean(name, [*self._variables, *members])
             raise ScriptError(f"'{name}' has no value{hint}")
@@ -146,6 +149,12 @@ class Environment:
             kind = type(value).__name__
             raise ScriptError(f"'{name}' is a {kind}; scripts know numbers and texts")
         return value
+
+    def known(self, name: str) -> bool:
+        """Return whether a variable has a value, or a board key a fresh one."""
+        key = self._board_key(name)
+        value = self._variables.get(name) if key is None else self._read_board(key)
+        return value is not None
 
     def number(self, value: Value) -> float:
         """Return a value as a real; a text may be the name of an enumeration's member.
@@ -159,7 +168,7 @@ class Environment:
     def holds(self, name: str) -> bool:
         """Return whether a variable exists, or a board key that scripts may write has a value."""
         key = self._board_key(name)
-        if key is not None and self._board is not None and self._board.scripts_may_write(key):
+        if key is not None and self._may_write(key):
             return self._read_board(key) is not None
         return name in self._variables or key is not None
 
@@ -194,6 +203,14 @@ class Environment:
 
     def _board_key(self, name: str) -> str | None:
         return name[1:] if name.startswith("@") else self._variables.board_key(name)
+
+    def _may_write(self, key: str) -> bool:
+        return self._board is not None and self._board.scripts_may_write(key)
+
+    def _lack(self, key: str) -> str:
+        """Return which value is missing: one at all, or a fresh one."""
+        age_s = math.inf if self._board is None else self._board.read(self._board.key(key)).age_s
+        return "value yet" if math.isinf(age_s) else f"fresh value (age {age_s:.2f} s)"
 
     def _write_board(self, board: Blackboard, key: str, value: Value) -> Value:
         try:
