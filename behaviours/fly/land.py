@@ -41,6 +41,8 @@ class EmergencyLandConfig:
 class LandingLeaf(MovingLeaf):
     """Base of the leaves that land; a landing that has begun needs no telemetry."""
 
+    lands = True
+
     def initialise(self) -> None:
         """Note that the descent has not begun."""
         self._descends = False
@@ -69,6 +71,7 @@ class Land(LandingLeaf):
     left the drone, whatever the surface. A pilot who wants another place must not hand back.
     """
 
+    answers = (Status.SUCCESS, Status.RUNNING)
     reads = (STATE, CAMERA)
     writes = (PHASE,)
 
@@ -103,6 +106,8 @@ class EmergencyLand(LandingLeaf):
     After a take-over it looks for a place again.
     """
 
+    points = True
+    answers = (Status.FAILURE, Status.RUNNING)
     config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
     ports = (
         Port(

@@ -52,6 +52,7 @@ class SearchByMap(CourseLeaf):
     below the view. FAILURE without a map, or if the map has no path.
     """
 
+    points = True
     ports = (
         GIMBAL,
         Port("to_mark", bool, default=True, doc="whether the place of the mark is flown to first"),
@@ -128,6 +129,8 @@ class SearchUnderPolicy(SteeringLeaf):
     A mark nearer than about a metre is below the forward view.
     """
 
+    points = True
+    answers = (Status.FAILURE, Status.RUNNING)
     ports = (
         *(POLICY, FLOWING, GIMBAL),
         Port(
@@ -176,6 +179,8 @@ class ScanConfig:
 class ScanBelow(CourseLeaf):
     """Make one full turn with the camera down; FAILURE at its end."""
 
+    points = True
+    answers = (Status.FAILURE, Status.RUNNING)
     config: ClassVar[ScanConfig] = ScanConfig()
     ports = (
         Port("gimbal_deg", float, default=-65.0, least=-90, most=90, doc="camera pitch, degrees"),

@@ -36,6 +36,7 @@ class Segment(Leaf):
     The age of the class map on the board shows staleness.
     """
 
+    answers = (Status.SUCCESS,)
     ports = (
         Port(
             "model",
@@ -91,6 +92,7 @@ class Segment(Leaf):
 class FindHelipad(Leaf):
     """Find the helipad in each new class map and track it through misses; SUCCESS always."""
 
+    answers = (Status.SUCCESS,)
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
     writes = (HELIPAD,)
 

@@ -38,6 +38,7 @@ class EstimateDepth(Leaf):
     of a box gives its range even after the base has left the view.
     """
 
+    answers = (Status.SUCCESS,)
     ports = (
         Port(
             "model",
@@ -132,6 +133,7 @@ class EstimateDepth(Leaf):
 class BuildCorridor(Leaf):
     """Find the obstacles in the safety corridor of each new metric depth; SUCCESS always."""
 
+    answers = (Status.SUCCESS,)
     ports = (
         Port(
             "side_m",

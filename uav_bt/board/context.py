@@ -85,6 +85,11 @@ class Proposals:
         return self._movement[0] if self._movement else None
 
     @property
+    def gimbal_owner(self) -> str | None:
+        """The leaf that proposed the camera direction."""
+        return self._gimbal[0] if self._gimbal else None
+
+    @property
     def gimbal(self) -> GimbalTo | None:
         """The proposed camera direction of this tick."""
         return self._gimbal[1] if self._gimbal else None

@@ -29,6 +29,7 @@ class Probe(Leaf):
     A second paragraph that no list shows.
     """
 
+    answers = (Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.SKIPPED)
     ports = (Port("answers", str, default="R", doc="one letter a tick"),)
     letters: ClassVar = {
         "S": Status.SUCCESS,
@@ -324,3 +325,31 @@ def test_active_path_follows_the_running_branch(world: World) -> None:
     assert tree.active_path() == ("root", "explore", "Explore")
     tree.halt()
     assert tree.active_path() == ()
+
+
+class Narrow(Probe):
+    """Declares that it never fails."""
+
+    answers = (Status.SUCCESS, Status.RUNNING)
+
+
+def test_an_answer_that_is_not_declared_is_refused(world: World) -> None:
+    assert ready(world, Narrow("n", answers="S")).tick() is Status.SUCCESS
+    with pytest.raises(NodeFailedError) as error:
+        ready(world, Narrow("n", answers="F")).tick()
+    assert "update() of Narrow must return SUCCESS or RUNNING" in str(error.value)
+    assert "name it in `answers`" in str(error.value)
+
+
+def test_a_condition_never_runs() -> None:
+    class Ask(Leaf):
+        """Asks."""
+
+        condition = True
+
+    assert Ask.answers == (Status.SUCCESS, Status.FAILURE)
+
+
+def test_answers_are_statuses() -> None:
+    with pytest.raises(TypeError, match="answers must be a tuple of Status objects"):
+        type("Odd", (Leaf,), {"answers": ("SUCCESS",)})

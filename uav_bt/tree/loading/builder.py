@@ -28,7 +28,7 @@ from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
 from uav_bt.tree.placing import child_paths
 from uav_bt.tree.port import Port
-from uav_bt.tree.scripted import ALL_LEAVES, Mock, mock_class
+from uav_bt.tree.scripted import ALL_LEAVES, Mock, mock_class, undeclared_answers
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
 _FIXED: Final = frozenset({"ID", "_autoremap", "name"})  # these say which nodes there are
@@ -195,11 +195,16 @@ class Builder:
             plan.mock = others if plan.mock is None else plan.mock.over(others)
         if plan.mock is None or plan.mockable is None:
             return
+        target = next((name for name in plan.names if name in given), ALL_LEAVES)
+        message = None
         try:
             mock_class(plan.mockable).check(plan.mock)
+            if is_ours and issubclass(plan.node, Leaf) and target != ALL_LEAVES:
+                message = undeclared_answers(plan.node, plan.mock)
         except ValueRangeError as error:
-            target = next((name for name in plan.names if name in given), ALL_LEAVES)
-            self._refuse_mock(target, plan.mock, str(error), plan.element)
+            message = str(error)
+        if message is not None:
+            self._refuse_mock(target, plan.mock, message, plan.element)
 
     def _refuse_mock(
         self, target: str, mock: Mock, message: str, element: Element | None = None
