@@ -54,8 +54,14 @@ class SearchByMap(CourseLeaf):
 
     points = True
     ports = (
-        GIMBAL,
-        Port("to_mark", bool, default=True, doc="whether the place of the mark is flown to first"),
+        replace(GIMBAL, at_setup=True),
+        Port(
+            "to_mark",
+            bool,
+            default=True,
+            doc="whether the place of the mark is flown to first",
+            at_setup=True,
+        ),
     )
     reads = (*CourseLeaf.reads, *TRACK_KEYS, CAMERA, CORRIDOR)
     writes = (*CourseLeaf.writes, MARK_GONE)

@@ -44,6 +44,7 @@ class Segment(Leaf):
             default="unet",
             doc="'unet', 'unet-fp32', 'teacher', or an ONNX file",
             look_up=segmentation_file,
+            at_setup=True,
         ),
         Port(
             "classes",
@@ -51,6 +52,7 @@ class Segment(Leaf):
             default="",
             doc="class-mapping file of a foreign ONNX network",
             look_up=_mapping_file,
+            at_setup=True,
         ),
     )
     reads = (FRAME,)

@@ -9,7 +9,10 @@ import pytest
 from behaviours.fly.explore import Explore
 from behaviours.fly.moving_leaf import MovingLeaf
 from behaviours.nodes import NODES
-from uav_bt.tree import Leaf, Status
+from uav_bt.errors import NodeFailedError
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.tree.loading.builder import POLICY_PORT
 
 LEAVES = [node for node in NODES if issubclass(node, Leaf)]
 WORDS = {"SUCCESS": Status.SUCCESS, "FAILURE": Status.FAILURE}
@@ -49,3 +52,21 @@ def test_explore_points_the_camera_where_it_looks_down() -> None:
     assert not Explore(None, policy="segmentation").may_point()
     assert Explore(None, policy="segmentation", looks_down="true").may_point()
     assert Explore(None, policy="segmentation", looks_down="{far}").may_point()
+
+
+@pytest.mark.parametrize(
+    ("leaf", "port"),
+    [(leaf, port) for leaf in LEAVES for port in leaf.ports if port.direction == "input"],
+    ids=lambda value: value.name if isinstance(value, Port) else value.__name__,
+)
+def test_ports_that_are_read_at_the_setup_are_declared(
+    leaf: type[Leaf], port: Port[object]
+) -> None:
+    """Without a value of their variable the setup raises."""
+    given = {"degrees": 90.0} if any(one.name == "degrees" for one in leaf.ports) else {}
+    bench = LeafBench(leaf, **{**given, port.name: "{nothing}"})
+    if port.at_setup or port.name == POLICY_PORT:
+        with pytest.raises(NodeFailedError, match=r"\{nothing\} holds nothing"):
+            bench.setup()
+    else:
+        bench.setup()

@@ -21,7 +21,7 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.script import SCRIPTS, parse_question, parse_script
-from uav_bt.tree.script.expressions import Name
+from uav_bt.tree.script.expressions import Known, Name
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
@@ -132,14 +132,14 @@ class Checker:
                 message = f"attribute '{attribute}': '@{name}' is a board key; {ONLY_LEAVES_WRITE}"
                 self._note(element, message, attribute, Rule.BOARD_KEY)
         for part in script.walk():
-            if not isinstance(part, Name) or not part.name.startswith("@"):
+            if not isinstance(part, (Name, Known)) or not part.name.startswith("@"):
                 continue
             key = self._board_keys.get(part.name[1:])
             if key is None and self._registry.foreign_board:
                 continue
             if key is None:
                 message = self._no_key(part.name[1:])
-            elif not issubclass(key.type, (int, float, str)):
+            elif isinstance(part, Name) and not issubclass(key.type, (int, float, str)):
                 message = f"board key '{key.name}' holds {key.type.__name__}, no number and no text"
             else:
                 continue
@@ -156,7 +156,7 @@ class Checker:
         elif not key_fits(port, key):
             self._note(
                 element,
-                f"attribute '{port.name}' takes {port.type.__name__}, "
+                f"attribute '{port.name}' takes {port.words}, "
                 f"but board key '{at.key}' holds {key.type.__name__}",
                 port.name,
                 Rule.BOARD_KEY,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -16,7 +16,6 @@ from uav_bt.tree.loading.builder import POLICY_PORT, Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
-    ERROR,
     WARNING,
     WHOLE_FILE,
     Finding,
@@ -172,12 +171,15 @@ class _Read:
             unset=[
                 slot.name
                 for slot in unset_slots(document, [document.main])
-                if any(read.asks for read in slot.reads)
+                if any(read.asks or read.named for read in slot.reads)
             ],
         )
 
-    def remarks(self) -> Iterator[Finding]:
+    def remarks(self, given: Collection[str]) -> Iterator[Finding]:
         """Build the main tree; yield findings for names not installed, and for values of caution.
+
+        Args:
+            given: variables of the main tree that get a value from outside.
 
         Raises:
             TreeError: it grows too large.
@@ -186,22 +188,20 @@ class _Read:
         for port, value in self._given:
             yield from _remarks(port, value)
         if self.document.is_mission and not self.document.registry.foreign_board:
-            yield from faults_of(tree)
-            yield from self._unset_variables()
+            yield from faults_of(tree, given)
+            yield from self._unset_variables(given)
 
-    def _unset_variables(self) -> Iterator[Finding]:
+    def _unset_variables(self, given: Collection[str]) -> Iterator[Finding]:
         """Yield the reads of variables of the main tree that nothing gives a value."""
         for slot in unset_slots(self.document, [self.document.main]):
-            needed = [read.use for read in slot.reads if read.asks]
-            named = [read.use for read in slot.reads if read.named]
-            for use in (needed or named)[:1]:
+            uses = [read.use for read in slot.reads if read.asks or read.named]
+            for use in uses[:1] if slot.name not in given else ():
                 yield Finding(
                     str(use.element.path),
                     use.element.at(use.attribute),
                     f"attribute '{use.attribute}': nothing sets variable '{slot.name}' of the main "
                     "tree, and no SubTree can: give it a value in a Script before",
                     use.element.label,
-                    ERROR if needed else WARNING,
                     rule=Rule.VARIABLE,
                 )
 
@@ -212,6 +212,7 @@ def check_file(
     *,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
+    given: Collection[str] = (),
 ) -> tuple[Finding, ...]:
     """Return all findings of a tree file; none for a good one. See `check_text`.
 
@@ -220,12 +221,13 @@ def check_file(
         registry: the nodes that may occur; default: all installed.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
+        given: variables of the main tree that get a value from outside before the flight.
     """
     try:
         source = read_source(path)
     except InputError as error:
         return findings_of(error, path)
-    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup)
+    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup, given=given)
 
 
 def check_text(
@@ -235,6 +237,7 @@ def check_text(
     path: Path,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
+    given: Collection[str] = (),
 ) -> tuple[Finding, ...]:
     """Return all findings of a tree file's text; none for a good one.
 
@@ -246,6 +249,7 @@ def check_text(
         path: the file.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
+        given: variables of the main tree that get a value from outside before the flight.
     """
     data = source.encode() if isinstance(source, str) else source
     registry = registry or NodeRegistry.installed()
@@ -258,7 +262,7 @@ def check_text(
         Checker(read.document, findings).check(roots)
         if not errors_of(findings):
             for read.document.main in roots:
-                remarks += read.remarks()
+                remarks += read.remarks(given)
     except InputError as error:
         return findings_of(error, path)
     return (*findings, *remarks)

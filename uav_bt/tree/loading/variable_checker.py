@@ -126,7 +126,7 @@ class _VariableChecker:
         elif port is not None and not key_fits(port, key):
             self._note(
                 used.use,
-                f" takes {port.type.__name__}, but {what}, which holds {key.type.__name__}",
+                f" takes {port.words}, but {what}, which holds {key.type.__name__}",
             )
 
 
@@ -159,6 +159,8 @@ def key_fits(port: Port[Any], key: Key[Any]) -> bool:
         port: of a node.
         key: of the mission board.
     """
+    if port.takes is not None:
+        return issubclass(key.type, port.takes)
     if port.direction == "input":
         return issubclass(key.type, port.type) or (port.type is float and key.type is int)
     return issubclass(port.type, key.type) or (key.type is float and port.type is int)

@@ -210,7 +210,11 @@ class VariableUses:
                 continue  # on another engine's board; the checker refuses all others
             if isinstance(part, Assignment):
                 self._assignment(part, scope, use)
-            elif isinstance(part, Name) and self._is_variable(part):
+            elif (
+                isinstance(part, Name)
+                and self._is_variable(part)
+                and part.name not in script.asked_known
+            ):
                 self._name(part, scope, use, needed=id(part) in script.certain)
         self._changed(script, scope, use)
 
