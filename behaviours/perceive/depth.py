@@ -53,6 +53,7 @@ class EstimateDepth(Leaf):
             str,
             default="fused",
             doc="'network', or 'fused': by ground contact where it is known",
+            choices=("fused", "network", "contact"),
             at_setup=True,
         ),
         Port(

@@ -252,5 +252,6 @@ class Leaf(Node):
 
     def _halt(self) -> None:
         if self.node_status is RUNNING:
+            self.mission.proposals.withdraw(self.path)  # the next leaf may move in this tick
             self._end(IDLE)
         self.set_status(IDLE)

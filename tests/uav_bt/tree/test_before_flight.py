@@ -177,8 +177,8 @@ def test_a_read_after_the_write_is_good(body: str) -> None:
         ("v := 'fast'", READ, "takes float, but variable 'v' may hold 'fast' (from 'Script')"),
         ("v := 1", "<Script code=\"v := 'a'\"/>", "keeps the type of its first value"),
         ("v := 'a'", '<Script code="v := 1"/>', "keeps the type of its first value"),
-        ("v := 'a'", '<ScriptCondition code="v &gt; 1"/>', "needs a number, but variable 'v'"),
-        ("v := 'a'", '<Script code="w := 2 * v"/>', "needs a number, but variable 'v'"),
+        ("v := 'a'", '<ScriptCondition code="v &gt; 1"/>', "needs a number, but 'v'"),
+        ("v := 'a'", '<Script code="w := 2 * v"/>', "needs a number, but 'v'"),
         ("v := 5", '<LoopInt queue="{v}"><AlwaysSuccess/></LoopInt>', "variable 'v' may hold 5"),
         (
             "v := '1;x'",
@@ -248,6 +248,7 @@ def test_a_script_that_asks_whether_a_key_is_known_may_read_it() -> None:
         ('<LoopDouble queue="{@odometry}"><AlwaysSuccess/></LoopDouble>', "holds MotionEstimate"),
         ('<LoopDouble queue="{@elapsed_s}"><AlwaysSuccess/></LoopDouble>', "holds float"),
         ('<LoopInt queue="{@phase}"><AlwaysSuccess/></LoopInt>', "may be no queue of int"),
+        ('<ScriptCondition code="@phase == 1"/>', "needs a number, but '@phase' may hold str"),
         ('<AlwaysSuccess _skipIf="@odometry == 1"/>', "holds MotionEstimate, no number and no"),
     ],
 )
@@ -261,12 +262,15 @@ def test_a_loop_over_a_text_of_the_board_is_good() -> None:
     assert findings(f"<Sequence><Fly/>{loop}</Sequence>") == []
 
 
+ASK = "<ScriptCondition code=\"@phase == 'x'\"/>"
+
+
 def test_keys_of_the_runner_and_of_leaves_may_be_read() -> None:
     code = "@elapsed_s &gt; 1 &amp;&amp; @height_above_carpet_m &gt; 1"
     assert findings(f'<Sequence><ScriptCondition code="{code}"/></Sequence>') == []
-    (message,) = findings('<Sequence><ScriptCondition code="@phase == 1"/></Sequence>')
+    (message,) = findings(f"<Sequence>{ASK}</Sequence>")
     assert "board key 'phase'" in message
-    assert findings('<Sequence><Fly/><ScriptCondition code="@phase == 1"/></Sequence>') == []
+    assert findings(f"<Sequence><Fly/>{ASK}</Sequence>") == []
 
 
 # --- movers ---------------------------------------------------------------------------------------

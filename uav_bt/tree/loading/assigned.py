@@ -43,7 +43,7 @@ class EarlyRead:
 def early_reads(tree: MissionTree, given: Iterable[str] = ()) -> Iterator[EarlyRead]:
     """Yield the reads of variables that may have no value yet.
 
-    Variables that no node writes are left out.
+    Variables of the main tree that no node writes are left out: `MissionTree.unset` has them.
 
     Args:
         tree: loaded from a file.
@@ -55,7 +55,8 @@ def early_reads(tree: MissionTree, given: Iterable[str] = ()) -> Iterator[EarlyR
     flow.follow(tree.root, frozenset(first))
     seen: set[tuple[str, Variable]] = set()
     for node, attribute, variable in flow.early:
-        if variable in flow.written and (node.path, variable) not in seen:
+        ours = variable in flow.written or variable[0] is not tree.variables
+        if ours and (node.path, variable) not in seen:
             seen.add((node.path, variable))
             yield EarlyRead(node, attribute, variable[1])
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from uav_bt.board import MISSION_KEYS
 from uav_bt.tree.loading.after_children import Variable
 from uav_bt.tree.loading.assigned import named_scripts, variable_at
 from uav_bt.tree.loading.variable_checker import may_convert
@@ -19,8 +20,8 @@ from uav_bt.tree.script.expressions import (
     Binary,
     Comparison,
     Expression,
-    Literal,
     Name,
+    constant_value,
     kind_of,
 )
 from uav_bt.tree.script.values import ScriptError, number
@@ -82,6 +83,9 @@ class _Values:
 
     def __init__(self, tree: MissionTree) -> None:
         self._values: dict[Variable, list[_Value]] = {}
+        self._words = {key.name for key in MISSION_KEYS if key.type is str}  # keys with texts
+        for leaf in tree.leaves():
+            self._words |= {key.name for key in leaf.writes if key.type is str}
         for node in tree.nodes():
             for port in node.ports:
                 at = node.reference(port)
@@ -106,8 +110,8 @@ class _Values:
     def _assign(self, node: Node, attribute: str, part: Assignment) -> None:
         variable, kind = variable_at(node, part.name), kind_of(part.value)
         if variable is not None and kind is not None:
-            value = part.value.value if isinstance(part.value, Literal) else None
-            self._of(variable).append(_Value(kind, value, node, attribute, keeps_type=True))
+            written = _Value(kind, constant_value(part.value), node, attribute, keeps_type=True)
+            self._of(variable).append(written)
 
     def _set(self, node: Node) -> None:
         name = node.literals.get(SetBlackboard.OUTPUT_KEY.name)
@@ -143,11 +147,17 @@ class _Values:
             for operand in operands:
                 words = [value for value in self._named(node, operand) if value.is_word]
                 if numeric and words:
-                    yield f"needs a number, but variable '{_name(operand)}' may hold {words[0]}"
+                    yield f"needs a number, but '{_name(operand)}' may hold {words[0]}"
                     return
 
     def _named(self, node: Node, part: Expression) -> list[_Value]:
-        variable = variable_at(node, part.name) if isinstance(part, Name) else None
+        if not isinstance(part, Name):
+            return []
+        name = part.name
+        key = name[1:] if name.startswith("@") else node.variables.board_key(name)
+        if key is not None:
+            return [_Value(str)] if key in self._words else []
+        variable = variable_at(node, name)
         return [] if variable is None else self._of(variable)
 
     def mixed(self) -> Iterator[Misfit]:

@@ -17,7 +17,7 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parse_script
-from uav_bt.tree.script.expressions import Assignment, Literal, Name, kind_of
+from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ class VariableUses:
             Write(
                 use,
                 kind,
-                value=part.value.value if isinstance(part.value, Literal) else None,
+                value=constant_value(part.value),
                 copied=source,
                 creates=part.sign == ":=",
             )

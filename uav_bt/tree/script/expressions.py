@@ -17,6 +17,7 @@ from uav_bt.tree.script.values import (
     compare_equal,
     truth,
 )
+from uav_bt.tree.variables import Variables
 
 
 class Expression(ABC):
@@ -296,6 +297,16 @@ def certain_parts(expression: Expression) -> Iterator[Expression]:
         parts = (expression.first, expression.rest[0][1])  # a false link ends the chain
     for part in parts:
         yield from certain_parts(part)
+
+
+def constant_value(expression: Expression) -> Value | None:
+    """Return the value of an expression that reads no variable; None for another one."""
+    if not is_constant(expression):
+        return None
+    try:
+        return expression.evaluate(Environment(Variables()))
+    except (ScriptError, OverflowError):
+        return None
 
 
 def is_constant(expression: Expression) -> bool:
