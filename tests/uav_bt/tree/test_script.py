@@ -116,7 +116,8 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
         ("'open", "column 1: unexpected '''"),
         ("3x", "'3x' is not a number"),
         ("a.b", r"column 2: unexpected '\.'"),
-        ("@state.battery", r"column 7: unexpected '\.'; a script reads whole values, no members"),
+        ("state.battery", r"column 6: unexpected '\.'; a script reads whole values, no members"),
+        ("@state.battery", r"column 7: unexpected '\.': board values have no members, so '@state'"),
         ("x := [1]", r"unexpected '\['"),
         ("(" * 50 + "1" + ")" * 50, "nested deeper than 40"),
         ("-" * 50 + "1", "nested deeper than 40"),
@@ -219,6 +220,13 @@ def test_an_unknown_key_counts_where_it_decides(code: str) -> None:
     board = Blackboard(ManualClock(), (Key("share", float, "of red"),))
     with pytest.raises(UnknownValueError, match="board key 'share' has no value yet"):
         parse_script(code).run(Environment(Variables(), board))
+
+
+def test_a_key_that_no_leaf_declares_is_not_known() -> None:
+    environment = Environment(Variables(), Blackboard(ManualClock(), (HEIGHT,)))
+    assert parse_script("known(@share) && @share > 1").run(environment) == 0.0
+    with pytest.raises(UnknownValueError, match="unknown board key 'share'"):
+        parse_script("@share").run(environment)
 
 
 @pytest.mark.parametrize("code", ["known()", "known(1)", "known(a + b)", "known(a"])

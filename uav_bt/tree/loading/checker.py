@@ -180,9 +180,9 @@ class Checker:
                 SubTree.AUTOREMAP.convert(element.attributes["_autoremap"])
             except ValueError as error:
                 self._note(element, f"attribute '_autoremap': {error}", "_autoremap")
-        described = self._document.subtree_ports.get(tree_id)
         for name, text in node_attributes(element).items():
-            self._check_entry(element, name, text, described)
+            self._check_entry(element, name, text)
+        described = self._document.subtree_ports.get(tree_id)
         if described is not None and not autoremaps(element):
             self._check_missing_entries(element, described)
 
@@ -213,18 +213,12 @@ class Checker:
                     f"entry '{name}' is missing: the tree is described with it, without a default",
                 )
 
-    def _check_entry(
-        self, element: Element, name: str, text: str, described: dict[str, str | None] | None
-    ) -> None:
+    def _check_entry(self, element: Element, name: str, text: str) -> None:
         if name in CONDITION_ATTRIBUTES:
             self._check_condition(element, name, text)
             return
         if not _VARIABLE.fullmatch(name):
             self._note(element, f"'{name}' cannot be a variable's name", name)
-        elif described is not None and name not in described:
-            hint = did_you_mean(name, described)
-            message = f"the tree is described without a port '{name}'{hint}"
-            self._findings.warn(element, message, name, rule=Rule.NODE_MODEL)
         try:
             reference = parse_reference(text, name)
         except ValueError as error:

@@ -307,6 +307,18 @@ class Token:
     column: int  # in the script, from 1
 
 
+def _no_members(tokens: list[Token]) -> str:
+    """Return what to write instead of `.member` after the last token."""
+    name = tokens[-1].text if tokens and tokens[-1].kind == "name" else ""
+    if not name.startswith("@"):
+        return "; a script reads whole values, no members"
+    return (
+        f": board values have no members, so '{name}' is read as a whole, and only where it is a "
+        "number or a text. For a part of it, write a condition leaf that reads the key, or a leaf "
+        "that writes the part to a key of its own"
+    )
+
+
 def tokenize(source: str) -> list[Token]:
     """Return the words of a script; the last one is of kind `end`.
 
@@ -320,8 +332,8 @@ def tokenize(source: str) -> list[Token]:
     while at < len(source):
         match = _TOKEN.match(source, at)
         if match is None or match.lastgroup is None:
-            members = "; a script reads whole values, no members" if source[at] == "." else ""
-            raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'{members}")
+            hint = _no_members(tokens) if source[at] == "." else ""
+            raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'{hint}")
         if match.lastgroup != "space":
             glued = tokens and tokens[-1].column - 1 + len(tokens[-1].text) == at
             if glued and match.lastgroup == "name" and tokens[-1].kind in NUMBERS:

@@ -10,7 +10,7 @@ import math
 from typing import Any, Final
 
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.errors import UnknownValueError, did_you_mean
+from uav_bt.errors import BoardAccessError, UnknownValueError, did_you_mean
 from uav_bt.tree.variables import Variables
 
 Value = int | float | str
@@ -153,7 +153,10 @@ class Environment:
     def known(self, name: str) -> bool:
         """Return whether a variable has a value, or a board key a fresh one."""
         key = self._board_key(name)
-        value = self._variables.get(name) if key is None else self._read_board(key)
+        try:
+            value = self._variables.get(name) if key is None else self._read_board(key)
+        except UnknownValueError:
+            return False
         return value is not None
 
     def number(self, value: Value) -> float:
@@ -223,4 +226,8 @@ class Environment:
     def _read_board(self, key: str) -> Any:
         if self._board is None:
             raise ScriptError(f"'@{key}': there is no mission board here")
-        return self._board.read(self._board.key(key)).value
+        try:
+            declared = self._board.key(key)
+        except BoardAccessError as error:  # no leaf of the tree declares it
+            raise UnknownValueError(str(error)) from error
+        return self._board.read(declared).value
