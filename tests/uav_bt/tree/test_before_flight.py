@@ -326,3 +326,15 @@ def test_a_policy_that_a_variable_names_is_refused() -> None:
     assert "its value is needed before the take-off, when {rule} has none" in message
     inner = '<Steer policy="{policy}"/>'
     assert findings(body.format('<SubTree ID="Inner" policy="a"/>'), inner) == []
+
+
+# --- parts of missions ----------------------------------------------------------------------------
+
+
+def test_a_part_is_refused_for_what_fails_in_every_mission() -> None:
+    """What a part reads may come from the mission that uses it."""
+    reads = '<ScriptCondition code="v &gt; 1 &amp;&amp; @red_share &gt; 1"/>'
+    body = f"<Sequence>{reads}<Parallel><Fly/><Fly/></Parallel></Sequence>"
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="Part">{body}</BehaviorTree></root>'
+    (found,) = check_text(text, REGISTRY, path=Path("part.xml"))
+    assert "may ask for a movement in the same tick" in found.message

@@ -36,11 +36,9 @@ def faults_of(tree: MissionTree, given: Iterable[str] = ()) -> Iterator[Finding]
         tree: loaded from a file.
         given: variables of the tree that get a value from outside before the flight.
     """
+    yield from faults_of_part(tree)
     yield from _unwritten_keys(tree)
-    yield from _loops_over_words(tree)
-    yield from _two_movers(tree)
     yield from _late_values(tree)
-    yield from _skipped_conditions(tree)
     for early in early_reads(tree, given):
         message = (
             f"attribute '{early.attribute}': variable '{early.name}' may have no value here: what "
@@ -50,6 +48,17 @@ def faults_of(tree: MissionTree, given: Iterable[str] = ()) -> Iterator[Finding]
     for odd in misfits(tree):
         message = f"attribute '{odd.attribute}' {odd.message}"
         yield _finding(tree, odd.node, message, Rule.VARIABLE)
+
+
+def faults_of_part(tree: MissionTree) -> Iterator[Finding]:
+    """Yield the faults that a tree has in every mission that uses it.
+
+    Args:
+        tree: loaded from a file.
+    """
+    yield from _loops_over_words(tree)
+    yield from _two_movers(tree)
+    yield from _skipped_conditions(tree)
 
 
 def _finding(tree: MissionTree, node: Node, message: str, rule: Rule) -> Finding:

@@ -11,7 +11,7 @@ from typing import Any, TypedDict, Unpack
 from uav_bt import plugins
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
-from uav_bt.tree.loading.before_flight import faults_of
+from uav_bt.tree.loading.before_flight import faults_of, faults_of_part
 from uav_bt.tree.loading.builder import POLICY_PORT, Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import find_main, outline
@@ -187,9 +187,13 @@ class _Read:
         tree = self.build({}, by_key={}, mocks={})
         for port, value in self._given:
             yield from _remarks(port, value)
-        if self.document.is_mission and not self.document.registry.foreign_board:
+        if self.document.registry.foreign_board:
+            return
+        if self.document.is_mission:
             yield from faults_of(tree, given)
             yield from self._unset_variables(given)
+        else:
+            yield from faults_of_part(tree)
 
     def _unset_variables(self, given: Collection[str]) -> Iterator[Finding]:
         """Yield the reads of variables of the main tree that nothing gives a value."""
