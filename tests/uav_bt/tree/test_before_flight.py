@@ -179,6 +179,10 @@ def test_a_read_after_the_write_is_good(body: str) -> None:
         ("v := 'a'", '<Script code="v := 1"/>', "keeps the type of its first value"),
         ("v := 'a'", '<ScriptCondition code="v &gt; 1"/>', "needs a number, but 'v'"),
         ("v := 'a'", '<Script code="w := 2 * v"/>', "needs a number, but 'v'"),
+        ("v := '7'", '<Script code="w := 2 * v"/>', "needs a number, but 'v'"),
+        ("v := '7'", '<Script code="w := 2 + v"/>', "needs a number, but 'v'"),
+        ("v := '7'", '<Script code="w := -v"/>', "needs a number, but 'v'"),
+        ("v := '7'", '<Script code="v *= 2"/>', "needs a number, but 'v'"),
         ("v := 5", '<LoopInt queue="{v}"><AlwaysSuccess/></LoopInt>', "variable 'v' may hold 5"),
         (
             "v := '1;x'",
@@ -202,6 +206,8 @@ def test_a_value_that_the_reader_cannot_use_is_refused(
         '<Sequence><Script code="v := \'1.5\'"/><Fly speed_mps="{v}"/></Sequence>',
         "<Sequence><Script code=\"v := 'a'\"/><ScriptCondition code=\"v == 'b'\"/></Sequence>",
         '<Sequence><Script code="v := \'1;2\'"/><LoopInt queue="{v}"><Fly/></LoopInt></Sequence>',
+        '<Sequence><Script code="v := \'7\'"/><ScriptCondition code="v == 7"/></Sequence>',
+        "<Sequence><Script code=\"v := 'a'\"/><Script code=\"v += 'b'\"/></Sequence>",
         '<Sequence><Script code="v := 2; v := v / 2; v += 1"/><Fly speed_mps="{v}"/></Sequence>',
     ],
 )

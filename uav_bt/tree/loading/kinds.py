@@ -21,6 +21,7 @@ from uav_bt.tree.script.expressions import (
     Comparison,
     Expression,
     Name,
+    Unary,
     constant_value,
     kind_of,
 )
@@ -139,15 +140,10 @@ class _Values:
                 if value.kind is not object and not issubclass(value.kind, _IN_SCRIPTS):
                     yield f"variable '{part.name}' may hold {value}, no number and no text"
                     return
-        elif isinstance(part, (Comparison, Binary)):
-            if isinstance(part, Binary) and part.sign not in _ARITHMETIC:
-                return
-            operands = part.parts()
-            numeric = isinstance(part, Binary) or any(kind_of(one) in _NUMBERS for one in operands)
-            for operand in operands:
-                words = [value for value in self._named(node, operand) if value.is_word]
-                if numeric and words:
-                    yield f"needs a number, but '{_name(operand)}' may hold {words[0]}"
+        for operand in _numbers_in(part):
+            for value in self._named(node, operand):
+                if value.is_word or (value.kind is str and not isinstance(part, Comparison)):
+                    yield f"needs a number, but '{_name(operand)}' may hold {value}"
                     return
 
     def _named(self, node: Node, part: Expression) -> list[_Value]:
@@ -172,6 +168,21 @@ class _Values:
                     )
                     yield Misfit(value.node, value.attribute, message)
                     break
+
+
+def _numbers_in(part: Expression) -> tuple[Expression, ...]:
+    """Return the operands that must be numbers; of a comparison, also texts that are numbers."""
+    if isinstance(part, Assignment) and part.sign not in {":=", "="}:
+        part = Binary(part.sign[0], Name(part.name), part.value)
+    if isinstance(part, Unary):
+        return part.parts() if part.sign != "!" else ()
+    if not isinstance(part, (Comparison, Binary)):
+        return ()
+    mixes = any(kind_of(operand) in _NUMBERS for operand in part.parts())
+    if isinstance(part, Binary) and part.sign in _ARITHMETIC:
+        return part.parts()
+    compares = isinstance(part, Comparison) or part.sign == "+"
+    return part.parts() if compares and mixes else ()
 
 
 def _name(part: Expression) -> str:

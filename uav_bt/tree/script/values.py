@@ -141,7 +141,7 @@ class Environment:
         key = self._board_key(name)
         value = self._variables.get(name) if key is None else self._read_board(key)
         if value is None and key is not None and not self._may_write(key):
-            raise UnknownValueError(f"board key '{key}' has no {self._lack(key)}")
+            raise UnknownValueError(self._lack(key))
         if value is None:
             hint = did_you_mean(name, [*self._variables, *members])
             raise ScriptError(f"'{name}' has no value{hint}")
@@ -211,9 +211,11 @@ class Environment:
         return self._board is not None and self._board.scripts_may_write(key)
 
     def _lack(self, key: str) -> str:
-        """Return which value is missing: one at all, or a fresh one."""
+        """Return which value of a board key is missing: one at all, or a fresh one."""
         age_s = math.inf if self._board is None else self._board.read(self._board.key(key)).age_s
-        return "value yet" if math.isinf(age_s) else f"fresh value (age {age_s:.2f} s)"
+        if math.isinf(age_s):
+            return f"board key '{key}' has no value yet"
+        return f"board key '{key}' has no fresh value (age {age_s:.2f} s)"
 
     def _write_board(self, board: Blackboard, key: str, value: Value) -> Value:
         try:
