@@ -1,4 +1,4 @@
-"""A tree whose leaves answer at random as they declare: what raises here may raise in flight."""
+"""Ticks of a tree whose leaves answer at random, within their declarations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FORGETS: Final = 0.3  # share of activations in which a leaf does not write a k
 
 
 class RandomLeaf(Leaf):
-    """Reads its ports, answers at random, and asks for what its class may ask for."""
+    """Reads its ports, answers at random, and proposes as its class declares."""
 
     acts_for: ClassVar[type[Leaf]]  # the class whose declarations it has
     draw: ClassVar[random.Random]

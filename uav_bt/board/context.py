@@ -64,7 +64,7 @@ class Proposals:
         self._gimbal = (owner, gimbal)
 
     def withdraw(self, owner: str) -> None:
-        """Take back what a leaf proposed in this tick.
+        """Take back the proposals of a leaf in this tick.
 
         Args:
             owner: the leaf's path.

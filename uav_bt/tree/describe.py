@@ -52,7 +52,7 @@ class NodeInfo:
 
 
 ABILITIES: Final = {"moves": "moves", "points": "points the camera", "lands": "lands"}
-"""What a leaf may do to the drone: class attributes, and what they mean in words."""
+"""Class attributes of leaves that say how a leaf acts on the drone, each with its words."""
 
 
 def summary(node: type[Node]) -> str:

@@ -229,7 +229,7 @@ class Leaf(Node):
         return status
 
     def _fail(self, unknown: UnknownValueError) -> Status:
-        """End the activation, if one began, and take back what was proposed in this tick."""
+        """End the activation, if one began, and take back this tick's proposals."""
         self._tell(unknown)
         self.mission.proposals.withdraw(self.path)
         if self.node_status is RUNNING:

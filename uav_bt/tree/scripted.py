@@ -158,7 +158,7 @@ class ScriptedLeaf(Leaf):
 
 
 def undeclared_answers(node: type[Leaf], mock: Mock) -> str | None:
-    """Return the error of a mock that answers what the leaf never does; None for a good one.
+    """Return the error of a mock with answers that the leaf never gives; None for a good one.
 
     A mock may always answer SKIPPED, for a condition that skips the leaf.
 

@@ -16,8 +16,8 @@ from uav_bt.errors import (
     NodeFailedError,
     ProposalConflictError,
 )
-from uav_bt.tree import Leaf, MissionTree, NodeKind, Port, Status
-from uav_bt.tree.nodes import Parallel, ReactiveFallback, Sequence
+from uav_bt.tree import Leaf, MissionTree, Node, NodeKind, Port, Status
+from uav_bt.tree.nodes import Fallback, Parallel, ReactiveFallback, Sequence
 from uav_bt.types import Hover, Land
 
 SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", writer="Radar", max_age_s=1.0)
@@ -67,7 +67,7 @@ class BoolProbe(Probe):
     condition = True
 
 
-def ready(world: World, root: Leaf | Sequence | Parallel | ReactiveFallback) -> MissionTree:
+def ready(world: World, root: Node) -> MissionTree:
     tree = MissionTree(root, name="Mission")
     tree.setup(world.context)
     return tree
@@ -353,3 +353,21 @@ def test_a_condition_never_runs() -> None:
 def test_answers_are_statuses() -> None:
     with pytest.raises(TypeError, match="answers must be a tuple of Status objects"):
         type("Odd", (Leaf,), {"answers": ("SUCCESS",)})
+
+
+class Mover(Leaf):
+    """Moves until it is halted."""
+
+    moves = True
+
+    def update(self) -> Status:
+        self.propose(Hover())
+        return Status.RUNNING
+
+
+def test_a_leaf_that_is_halted_loses_its_proposal(world: World) -> None:
+    """Another leaf may move in the same tick."""
+    both = Parallel("both", [Mover("first"), Probe("fails", answers="F")])
+    tree = ready(world, Fallback("either", [both, Mover("second")]))
+    assert tree.tick() is Status.RUNNING
+    assert world.proposals.movement_owner == "Mission/either/second"

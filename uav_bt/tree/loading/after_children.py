@@ -1,4 +1,4 @@
-"""What has a value after a node with children, from what has one after each child."""
+"""Variables that have a value after a node with children, from those after each child."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class After:
 
 
 def both(one: Out, other: Out) -> Out:
-    """Return what has a value after either of two answers."""
+    """Return the variables with a value after either of two answers."""
     if one is None or other is None:
         return one if other is None else other
     return one & other
@@ -101,7 +101,7 @@ def _switch(follow: _Follow, node: Node, known: Known) -> After:
 
 
 def _any_child(follow: _Follow, node: Node, known: Known) -> After:
-    """Assume nothing about a node that is not of the format."""
+    """Follow a node of another package, about which nothing is assumed."""
     for child in node.children:
         follow(child, known)
     return After(known, known, known)
@@ -182,12 +182,12 @@ def _once(follow: _Follow, node: Node, known: Known) -> After:
 
 
 def after_children(follow: _Follow, node: Node, known: Known) -> After:
-    """Return what has a value after a node with children.
+    """Return the variables with a value after a node with children.
 
     Args:
-        follow: returns what has a value after a child, given what has one before it.
-        node: the node; nothing is assumed about one that is not of the format.
-        known: what has a value when it ticks its first child.
+        follow: returns the variables with a value after a child, given those before it.
+        node: of the format, or another one, about which nothing is assumed.
+        known: the variables with a value when it ticks its first child.
     """
     rule = _RULES.get(node.node_id)
     if rule is None:

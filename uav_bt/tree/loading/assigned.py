@@ -95,7 +95,7 @@ class _Flow:
     # --- one node ---------------------------------------------------------------------------------
 
     def follow(self, node: Node, known: Known) -> After:
-        """Return what has a value after a node; note its early reads.
+        """Return the variables with a value after a node; note its early reads.
 
         Args:
             node: is about to be ticked.
@@ -124,7 +124,7 @@ class _Flow:
         )
 
     def _end(self, node: Node, known: Out, attribute: str) -> Out:
-        """Return what has a value after the scripts of an end."""
+        """Return the variables with a value after the scripts of an end."""
         scripts = node.condition_scripts
         for name in (attribute, "_post"):
             if name in scripts and known is not None:
@@ -156,7 +156,7 @@ class _Flow:
         self._need(node, port.name, node.variables.location(at.key), known)
 
     def _run(self, node: Node, attribute: str, text: str, known: Known) -> Known:
-        """Note the early reads of a script; return what has a value after it."""
+        """Note a script's early reads; return the variables with a value after it."""
         script = parse_script(text)
         for statement in script.statements:
             parts = list(certain_parts(statement))
