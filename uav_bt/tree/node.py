@@ -295,10 +295,7 @@ class Node(NodePorts, Behaviour):
         """Halt when running, then stand idle."""
         if self.node_status is RUNNING:
             self.halt()
-        if self.node_status is not IDLE:
-            self.node_status = IDLE
-            if self.observer is not None:
-                self.observer(self, NodeEvent.STATUS)
+        self.set_status(IDLE)
 
     def _tick(self) -> Status:
         return self.update()
