@@ -27,15 +27,15 @@ def bench(**answers: str) -> TreeBench:
 
 
 def test_it_lands_at_the_second_attempt() -> None:
-    careful = bench(ReturnToBase="RFRS", Land="RS", EmergencyLand="S")
+    careful = bench(ReturnToBase="RFRS", Land="RS", EmergencyLand="F")
     assert careful.tick_until(Status.SUCCESS, max_ticks=10)
     careful.log.assert_order("ReturnToBase failed", "ReturnToBase succeeded", "Land started")
     careful.log.assert_not_started("EmergencyLand")
 
 
 def test_it_comes_down_when_the_way_home_is_not_found() -> None:
-    careful = bench(ReturnToBase="F", Land="S", EmergencyLand="RS")
-    assert careful.tick_until(Status.SUCCESS, max_ticks=10)
+    careful = bench(ReturnToBase="F", Land="S", EmergencyLand="RF")  # it ends in FAILURE
+    assert careful.tick_until(Status.FAILURE, max_ticks=10)
     careful.log.assert_started("ReturnToBase", times=2)
     careful.log.assert_not_started("Land")
-    careful.log.assert_succeeded("EmergencyLand")
+    careful.log.assert_failed("EmergencyLand")

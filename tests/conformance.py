@@ -37,6 +37,7 @@ _NAMES = {SUCCESS: "SUCCESS", FAILURE: "FAILURE", RUNNING: "RUNNING", SKIPPED: "
 class Scripted(Leaf):
     """Returns one letter of its script per tick, and repeats the last one."""
 
+    answers = (SUCCESS, FAILURE, RUNNING, SKIPPED)
     ports = (Port("script", str, doc="S success, F failure, R running, K skipped"),)
     events: list[list[str]] = []  # noqa: RUF012  # shared on purpose: the order over all leaves
 

@@ -140,6 +140,10 @@ class BoardAccessError(MissionError):
     """Undeclared or mistyped access to the board."""
 
 
+class UnknownValueError(BoardAccessError):
+    """A script or port reads a board key that has no fresh value; the node that reads it fails."""
+
+
 class PolicyFailedError(MissionError):
     """A leaf policy raised; the message has file and line of its code.
 

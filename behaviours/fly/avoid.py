@@ -14,6 +14,7 @@ class Avoid(SteeringLeaf):
     Also SUCCESS when the policy answers `Done`.
     """
 
+    answers = (Status.SUCCESS, Status.RUNNING)
     ports = (*SteeringLeaf.ports, GIVES_WAY)
 
     def initialise(self) -> None:

@@ -39,6 +39,7 @@ class Face(PlaceLeaf):
         str,
         doc="place, or heading in degrees, clockwise from the take-off heading",
         check=_facing,
+        sample="mark",
     )
     ports = (
         place_port,

@@ -15,6 +15,8 @@ class GiveWay(CourseLeaf):
     As the first child of a `ReactiveFallback` it interrupts the others.
     """
 
+    points = True
+    answers = (Status.FAILURE, Status.RUNNING)
     ports = (
         Port(
             "gives_way", bool, default=True, doc="whether it gives way; where not, it always fails"

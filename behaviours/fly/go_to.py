@@ -27,7 +27,9 @@ class GoTo(PlaceLeaf):
     An override or a pilot interrupts the flight, and it goes on afterwards.
     """
 
-    place_port = Port("to", str, doc="place, such as start:2,0 or mark", check=Place.parse)
+    place_port = Port(
+        "to", str, doc="place, such as start:2,0 or mark", check=Place.parse, sample="start:2,0"
+    )
     ports = (
         place_port,
         Port(

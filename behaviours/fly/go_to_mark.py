@@ -42,6 +42,7 @@ ARRIVE = Port(
 class MarkLeaf(CourseLeaf):
     """Base of the leaves whose camera follows the landing mark down."""
 
+    points = True
     reads = (*CourseLeaf.reads, *TRACK_KEYS)
     ports: ClassVar[tuple[Port[Any], ...]] = (GIMBAL,)
 
@@ -235,6 +236,8 @@ class Detour(SteeringLeaf):
     It ends in FAILURE, so that the next leaf faces the mark again.
     """
 
+    points = True
+    answers = (Status.FAILURE, Status.RUNNING)
     ports = (
         *(POLICY, FLOWING, GIMBAL),
         Port("steps", int, default=2, least=1, most=100, doc="steps that are taken"),

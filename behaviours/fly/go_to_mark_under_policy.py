@@ -68,6 +68,7 @@ class GoToMarkUnderPolicy(SteeringLeaf):
     further on, the policy may prefer the other side, and the drone would fly to and fro.
     """
 
+    points = True
     config: ClassVar[UnderPolicyConfig] = UnderPolicyConfig()
     ports = (POLICY, GIMBAL)
     reads = (*SteeringLeaf.reads, *TRACK_KEYS)

@@ -35,6 +35,7 @@ class CenterConfig:
 class HelipadCenter(MovingLeaf):
     """Tilt the gimbal down, climb and centre the camera above the pad; FAILURE when it is lost."""
 
+    points = True
     config: ClassVar[CenterConfig] = CenterConfig()
     ports = (
         Port(

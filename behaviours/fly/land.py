@@ -42,6 +42,8 @@ class EmergencyLandConfig:
 class LandingLeaf(MovingLeaf):
     """Base of the leaves that land; a landing that has begun needs no telemetry."""
 
+    lands = True
+
     def initialise(self) -> None:
         """Note that the descent has not begun."""
         self.descends = False
@@ -70,6 +72,7 @@ class Land(LandingLeaf):
     left the drone, whatever the surface. A pilot who wants another place must not hand back.
     """
 
+    answers = (Status.SUCCESS, Status.RUNNING)
     reads = (STATE, CAMERA)
     writes = (PHASE,)
 
@@ -111,6 +114,8 @@ class SpotLandingLeaf(LandingLeaf):
     After a take-over a leaf looks for a place again.
     """
 
+    points = True
+    answers = (Status.FAILURE, Status.RUNNING)
     config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (PHASE,)

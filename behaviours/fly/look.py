@@ -16,6 +16,7 @@ from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
 class HoverFor(Leaf):
     """Hover for a time; time under manual control does not count."""
 
+    answers = (Status.SUCCESS, Status.RUNNING)
     moves = True
     ports = (Port("seconds", float, default=3.0, least=0, most=3600, doc="how long, s"),)
     writes = (PHASE,)
@@ -46,6 +47,7 @@ class HoverFor(Leaf):
 class PointCamera(Leaf):
     """Tilt the camera and wait until a frame was captured at that pitch."""
 
+    answers = (Status.SUCCESS, Status.RUNNING)
     points = True
     ports = (
         Port(

@@ -53,9 +53,16 @@ class SearchByMap(CourseLeaf):
     FAILURE when all ground was seen: no more ground can show a way to the mark.
     """
 
+    points = True
     ports = (
-        GIMBAL,
-        Port("to_mark", bool, default=True, doc="whether the place of the mark is flown to first"),
+        replace(GIMBAL, at_setup=True),
+        Port(
+            "to_mark",
+            bool,
+            default=True,
+            doc="whether the place of the mark is flown to first",
+            at_setup=True,
+        ),
     )
     reads = (*CourseLeaf.reads, *TRACK_KEYS, CAMERA, CORRIDOR)
     writes = (*CourseLeaf.writes, MARK_GONE)
@@ -129,6 +136,8 @@ class SearchUnderPolicy(SteeringLeaf):
     A mark nearer than about a metre is below the forward view.
     """
 
+    points = True
+    answers = (Status.FAILURE, Status.RUNNING)
     ports = (
         *(POLICY, FLOWING, GIMBAL),
         Port(
@@ -177,6 +186,8 @@ class ScanConfig:
 class ScanBelow(CourseLeaf):
     """Make one full turn with the camera down; FAILURE at its end."""
 
+    points = True
+    answers = (Status.FAILURE, Status.RUNNING)
     config: ClassVar[ScanConfig] = ScanConfig()
     ports = (
         Port("gimbal_deg", float, default=-65.0, least=-90, most=90, doc="camera pitch, degrees"),

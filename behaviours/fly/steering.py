@@ -58,9 +58,14 @@ class SteeringConfig:
 class SteeringLeaf(CourseLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
+    points = True
     steering: ClassVar[SteeringConfig] = SteeringConfig()
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, LOOKS_DOWN)
     reads: ClassVar[tuple[Key[Any], ...]] = (*CourseLeaf.reads, FLIGHT_PITCH, *VIEW_KEYS)
+
+    def may_point(self) -> bool:
+        """Return False for a leaf whose port `looks_down` is false."""
+        return LOOKS_DOWN not in self.ports or self.initial_value(LOOKS_DOWN) is not False
 
     def on_setup(self, mission: MissionContext) -> None:
         """Find the policy.

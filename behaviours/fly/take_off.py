@@ -36,6 +36,7 @@ def above_ceiling(height_m: float) -> str | None:
 class TakeOff(MovingLeaf):
     """Take off, climb to the flight height and point the camera; FAILURE when it takes too long."""
 
+    points = True
     config: ClassVar[TakeOffConfig] = TakeOffConfig()
     ports = (
         Port(

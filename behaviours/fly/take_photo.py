@@ -118,7 +118,7 @@ class TakePhoto(Leaf):
         """Store the photograph when the frame fits. None: not yet."""
         folder = self.mission.outputs
         if folder is None:
-            return self._fail(_NO_FOLDER)
+            return self._gives_up(_NO_FOLDER)
         if state is None or frame is None:
             self._last_s = None
             return None
@@ -137,7 +137,7 @@ class TakePhoto(Leaf):
         limit_s = self.port_value("timeout_s")
         # Ticks are a tenth of a second, and floats add up.
         if self._waited_s >= limit_s - 1e-6:
-            return self._fail(f"no image within {limit_s:g} s: {missing}")
+            return self._gives_up(f"no image within {limit_s:g} s: {missing}")
         return None
 
     def _missing(self, frame: Frame, class_map: ClassMap | None) -> str | None:
@@ -171,7 +171,7 @@ class TakePhoto(Leaf):
         try:
             self._write_files(folder, name, photo, image, ids)
         except InputError as error:
-            return self._fail(str(error))
+            return self._gives_up(str(error))
         notes.photos.append(photo)
         self.feedback_message = name
         self.mission.add_event(EventKind.PHOTO, name, self.path)
@@ -182,7 +182,7 @@ class TakePhoto(Leaf):
         site_map = self.read(SITE_MAP).value
         return None if site_map is None else reported_pose(site_map.pose, site_map.start)
 
-    def _fail(self, reason: str) -> Status:
+    def _gives_up(self, reason: str) -> Status:
         self.feedback_message = reason
         label = self.port_value("label")
         text = f"'{label}': {reason}" if label else reason

@@ -24,6 +24,7 @@ class Advise(Leaf):
     Place it after the perception leaves, including `RememberViews`. No leaf follows the advice.
     """
 
+    answers = (Status.SUCCESS,)
     ports = (Port("policy", str, default="corridor", doc="leaf policy that is asked"),)
     reads = VIEW_KEYS
     writes = (ADVICE,)

@@ -36,6 +36,7 @@ class Segment(Leaf):
     The age of the class map on the board shows staleness.
     """
 
+    answers = (Status.SUCCESS,)
     ports = (
         Port(
             "model",
@@ -43,6 +44,7 @@ class Segment(Leaf):
             default="unet",
             doc="'unet', 'unet-fp32', 'teacher', or an ONNX file",
             look_up=segmentation_file,
+            at_setup=True,
         ),
         Port(
             "classes",
@@ -50,6 +52,7 @@ class Segment(Leaf):
             default="",
             doc="class-mapping file of a foreign ONNX network",
             look_up=_mapping_file,
+            at_setup=True,
         ),
     )
     reads = (FRAME,)
@@ -91,6 +94,7 @@ class Segment(Leaf):
 class FindHelipad(Leaf):
     """Find the helipad in each new class map and track it through misses; SUCCESS always."""
 
+    answers = (Status.SUCCESS,)
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
     writes = (HELIPAD,)
 

@@ -38,6 +38,7 @@ class EstimateDepth(Leaf):
     of a box gives its range even after the base has left the view.
     """
 
+    answers = (Status.SUCCESS,)
     ports = (
         Port(
             "model",
@@ -45,12 +46,15 @@ class EstimateDepth(Leaf):
             default="depth",
             doc="'depth', 'depth-fp32', an ONNX file (and its mapping), or 'contact' (no network)",
             look_up=depth_file,
+            at_setup=True,
         ),
         Port(
             "source",
             str,
             default="fused",
             doc="'network', or 'fused': by ground contact where it is known",
+            choices=("fused", "network", "contact"),
+            at_setup=True,
         ),
         Port(
             "network_ahead_m",
@@ -60,6 +64,7 @@ class EstimateDepth(Leaf):
             most=20.0,
             doc="fused: run the network if an obstacle that ground contact does not measure may be "
             "nearer than this, m; 20: always",
+            at_setup=True,
         ),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP, ODOMETRY)
@@ -132,6 +137,7 @@ class EstimateDepth(Leaf):
 class BuildCorridor(Leaf):
     """Find the obstacles in the safety corridor of each new metric depth; SUCCESS always."""
 
+    answers = (Status.SUCCESS,)
     ports = (
         Port(
             "side_m",
@@ -140,6 +146,7 @@ class BuildCorridor(Leaf):
             least=0.05,
             most=20,
             doc="left and right wall from the drone's centre, m",
+            at_setup=True,
         ),
         Port(
             "front_m",
@@ -148,6 +155,7 @@ class BuildCorridor(Leaf):
             least=0.05,
             most=50,
             doc="front plane from the drone's centre, m",
+            at_setup=True,
         ),
         Port(
             "up_down_m",
@@ -156,9 +164,16 @@ class BuildCorridor(Leaf):
             least=0.05,
             most=20,
             doc="upper and lower wall from its centre, m",
+            at_setup=True,
         ),
         Port(
-            "focal_factor", float, default=1.0, least=0.5, most=2, doc="the paper's f, 0.8 to 1.2"
+            "focal_factor",
+            float,
+            default=1.0,
+            least=0.5,
+            most=2,
+            doc="the paper's f, 0.8 to 1.2",
+            at_setup=True,
         ),
         Port("background", bool, default=False, doc="count the background, too"),
     )

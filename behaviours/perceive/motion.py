@@ -18,6 +18,7 @@ class TrackMotion(Leaf):
     position hold) read it. Place this leaf after `Segment` and before `MapSite`.
     """
 
+    answers = (Status.SUCCESS,)
     formerly = ("RememberObstacles",)
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (ODOMETRY,)

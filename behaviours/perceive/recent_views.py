@@ -16,6 +16,7 @@ from uav_bt.types.dead_reckoning import Odometry
 class RememberViews(Leaf):
     """Keep the frames of the last seconds and where they were captured; SUCCESS always."""
 
+    answers = (Status.SUCCESS,)
     # Enough for three views 2 s apart; the rest covers the interval between frames.
     ports = (
         Port("keep_s", float, default=4.2, least=0, most=30, doc="how long frames are kept, s"),

@@ -30,6 +30,7 @@ class MapSite(Leaf):
     capture. A `FindHelipad` before it puts the landing mark on the map.
     """
 
+    answers = (Status.SUCCESS,)
     mapping: ClassVar[SiteMapperConfig | None] = None  # None: the defaults
     formerly = ("RememberObstacles",)
     reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, HELIPAD)

@@ -66,6 +66,17 @@ class Proposals:
             )
         self._gimbal = (owner, gimbal)
 
+    def withdraw(self, owner: str) -> None:
+        """Take back the proposals of a leaf in this tick.
+
+        Args:
+            owner: the leaf's path.
+        """
+        if self._movement is not None and self._movement[0] == owner:
+            self._movement = None
+        if self._gimbal is not None and self._gimbal[0] == owner:
+            self._gimbal = None
+
     @property
     def movement(self) -> Movement | None:
         """The proposed movement of this tick."""
@@ -75,6 +86,11 @@ class Proposals:
     def movement_owner(self) -> str | None:
         """The leaf that proposed the movement."""
         return self._movement[0] if self._movement else None
+
+    @property
+    def gimbal_owner(self) -> str | None:
+        """The leaf that proposed the camera direction."""
+        return self._gimbal[0] if self._gimbal else None
 
     @property
     def gimbal(self) -> GimbalTo | None:

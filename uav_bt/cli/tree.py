@@ -14,7 +14,7 @@ from uav_bt.cli.parameter_options import parameter_options, single
 from uav_bt.cli.registry_options import leaves_option, registry_options
 from uav_bt.files import writing
 from uav_bt.tree import NodeRegistry, load_tree
-from uav_bt.tree.describe import NodeInfo, PortInfo, describe, describe_all, palette_xml
+from uav_bt.tree.describe import ABILITIES, NodeInfo, PortInfo, describe, describe_all, palette_xml
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.loading.schema import schema_xml
@@ -67,6 +67,9 @@ def _described(info: NodeInfo) -> str:
     if info.doc:
         lines.append(f"    {info.doc}")
     lines += [f"    {_attribute(port)}" for port in info.ports]
+    if info.answers:
+        lines.append(f"    answers {', '.join(info.answers)}")
+    lines += [f"    {ABILITIES[name]}" for name in info.abilities]
     if info.reads:
         lines.append(f"    reads {', '.join(info.reads)}")
     if info.writes:

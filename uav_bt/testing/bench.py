@@ -15,6 +15,7 @@ from uav_bt.protocols import LeafPolicy, Segmenter, Sight
 from uav_bt.testing.board import BenchBoard, StrictBlackboard
 from uav_bt.testing.drone import blank_frame, pinhole
 from uav_bt.tree import Leaf, MissionTree, Status, Variables
+from uav_bt.tree.describe import ABILITIES
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
@@ -181,6 +182,21 @@ class BenchWorld:
             self.setup()
         self.proposals.clear()
 
+    def _check_proposals(self) -> None:
+        """Refuse proposals of leaves that do not declare them.
+
+        Raises:
+            MissionError: a leaf proposed what its class attributes exclude.
+        """
+        asked = (("moves", self.proposals.movement_owner), ("points", self.proposals.gimbal_owner))
+        for attribute, owner in asked:
+            leaf = next((leaf for leaf in self.tree.leaves() if leaf.path == owner), None)
+            if leaf is not None and not getattr(leaf, attribute):
+                raise MissionError(
+                    f"leaf '{owner}' {ABILITIES[attribute]} in this tick without declaring it: "
+                    f"write `{attribute} = True` in the class {type(leaf).__qualname__}"
+                )
+
     def halt(self) -> None:
         """Halt the running nodes, as a parent or the operator does."""
         self.tree.halt()
@@ -227,7 +243,9 @@ class LeafBench(BenchWorld):
         """
         self.clock.advance(advance_s)
         self._prepare()
-        return self.tree.tick()
+        status = self.tree.tick()
+        self._check_proposals()
+        return status
 
     @property
     def feedback(self) -> str:

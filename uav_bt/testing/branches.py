@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from uav_bt.tree import NodeKind, NodeRegistry
+from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Status
 from uav_bt.tree.loading.document import Document, outline
 from uav_bt.tree.loading.elements import node_id_of, tree_within
 from uav_bt.tree.loading.findings import Findings, Position
@@ -44,20 +44,16 @@ _K: Final = frozenset({Outcome.SKIPPED})
 _H: Final = frozenset({Outcome.HALTED})
 _NONE: Final[frozenset[Outcome]] = frozenset()
 
+# What a leaf's answers lead to: one that runs can be halted.
+_OUTCOMES: Final = {
+    Status.SUCCESS: Outcome.SUCCESS,
+    Status.FAILURE: Outcome.FAILURE,
+    Status.SKIPPED: Outcome.SKIPPED,
+    Status.RUNNING: Outcome.HALTED,
+}
+
 _Outcomes = frozenset[Outcome]
 _Rule = Callable[[Element, list[_Outcomes]], _Outcomes]
-
-# Leaves of the format with other outcomes than SUCCESS, FAILURE and HALTED.
-_LEAVES: Final[dict[str, _Outcomes]] = {
-    "AlwaysSuccess": _S,
-    "AlwaysFailure": _F,
-    "Script": _S,
-    "SetBlackboard": _S,
-    "UnsetBlackboard": _S,
-    "Sleep": _S | _H,
-    "ScriptCondition": _S | _F,
-    "WasEntryUpdated": _S | _F,
-}
 
 
 def _any(children: list[_Outcomes]) -> _Outcomes:
@@ -178,7 +174,7 @@ class _Analysis:
             return self._subtree(tree_id)
         node_id = node_id_of(element)
         if not element.children:
-            return _LEAVES.get(node_id) or self._leaf(element, node_id)
+            return self._leaf(element, node_id)
         # The halt of a node that has children is the halt of the leaf that runs below it.
         children = [self.outcomes(child) - _H for child in element.children]
         rule = _RULES.get(node_id)
@@ -187,6 +183,9 @@ class _Analysis:
     def _leaf(self, element: Element, node_id: str) -> _Outcomes:
         written = NodeKind.CONDITION if element.tag == NodeKind.CONDITION.value else NodeKind.ACTION
         kind = self._kinds.get(node_id, written)
+        node = self._document.registry.get(node_id)
+        if node is not None and issubclass(node, Leaf) and node.kind is kind:
+            return frozenset(_OUTCOMES[answer] for answer in node.answers)
         return _S | _F if kind is NodeKind.CONDITION else _S | _F | _H
 
     def _subtree(self, tree_id: str) -> _Outcomes:

@@ -92,6 +92,7 @@ class TreeBench(BenchWorld):
         if self.before_tick is not None:
             self.before_tick(self)
         status = self.tree.tick()
+        self._check_proposals()
         self.outcomes.append(
             TickOutcome(
                 tick=self.log.tick,

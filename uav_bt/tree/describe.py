@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 from uav_bt.board.blackboard import Key
@@ -33,6 +33,7 @@ class PortInfo:
     most: float | None = None
     range: str = ""  # both in words
     required: bool = False  # a tree file must give it
+    sample: str = ""  # a value for examples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +46,14 @@ class NodeInfo:
     ports: tuple[PortInfo, ...]
     reads: tuple[str, ...]  # board keys
     writes: tuple[str, ...]
+    answers: tuple[str, ...]  # of a leaf: the statuses that it gives
+    abilities: tuple[str, ...]  # of a leaf, or of leaves inside: moves, points, lands
     builtin: bool  # one of the format's own
     origin: str  # module and class
+
+
+ABILITIES: Final = {"moves": "moves", "points": "points the camera", "lands": "lands"}
+"""Class attributes of leaves that say how a leaf acts on the drone, each with its words."""
 
 
 def summary(node: type[Node]) -> str:
@@ -67,6 +74,7 @@ def _describe_port(port: Port[Any]) -> PortInfo:
         most=port.most,
         range=port.range,
         required=port.required,
+        sample=port.sample,
     )
 
 
@@ -85,6 +93,7 @@ def describe(node: type[Node], registry: NodeRegistry | None = None) -> NodeInfo
     leaves = [node] if issubclass(node, Leaf) else []
     if registry is not None and issubclass(node, ExpandedNode):
         leaves = list(_leaves_of(node, registry))
+    does = [name for name in ABILITIES if any(getattr(leaf, name) for leaf in leaves)]
     return NodeInfo(
         node_id=node.node_id,
         kind=node.kind.value,
@@ -92,6 +101,8 @@ def describe(node: type[Node], registry: NodeRegistry | None = None) -> NodeInfo
         ports=tuple(_describe_port(port) for port in node.ports),
         reads=_names(key for leaf in leaves for key in leaf.reads),
         writes=_names(key for leaf in leaves for key in leaf.writes),
+        answers=tuple(answer.name for answer in node.answers) if issubclass(node, Leaf) else (),
+        abilities=tuple(does),
         builtin=node in BUILTIN_NODES,
         origin=f"{node.__module__}.{node.__qualname__}",
     )

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from uav_bt.errors import InputError
-from uav_bt.tree.node import Node, place_tree
+from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import SubTree
+from uav_bt.tree.placing import place_tree
 from uav_bt.tree.port import port_text
 from uav_bt.tree.variables import Variables
 

@@ -17,7 +17,7 @@ from uav_bt.errors import InputError, MissionError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.port import Port, Reference, parse_reference
-from uav_bt.tree.status import RUNNING, SKIPPED, Status
+from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
 _log: Final = logging.getLogger(__name__)
 
@@ -53,6 +53,7 @@ class ForeignLeaf(Leaf):
     cannot pass INVALID on, that answer raises, too.
     """
 
+    answers = (SUCCESS, FAILURE, RUNNING, SKIPPED)
     behaviour_class: ClassVar[type[Behaviour]]
     enums: ClassVar[dict[str, type[enum.Enum]]]  # enumerations of the constructor, by argument
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self, TypeVar
 from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import PHASE
-from uav_bt.errors import MissionError, NodeFailedError
+from uav_bt.errors import MissionError, NodeFailedError, UnknownValueError
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent, Observer
 from uav_bt.tree.port import check_declared
@@ -33,8 +33,11 @@ class Leaf(Node):
 
     reads: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf reads
     writes: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf writes
-    moves: ClassVar[bool] = False  # True: it proposes a movement in every tick until it ends
+    # What `update` may return. SKIPPED is among them only where a leaf names it.
+    answers: ClassVar[tuple[Status, ...]] = (SUCCESS, FAILURE, RUNNING)
+    moves: ClassVar[bool] = False  # True: it may propose a movement while it is RUNNING
     points: ClassVar[bool] = False  # True: likewise a camera direction
+    lands: ClassVar[bool] = False  # True: it ends with the drone on the ground
     condition: ClassVar[bool] = False  # True: answers at once, never RUNNING
     # Wall time that one tick of this leaf may take. Several ticks long, as a machine may be busy.
     budget_s: ClassVar[float] = 0.5
@@ -44,6 +47,9 @@ class Leaf(Node):
         super().__init_subclass__(**kwargs)
         for name in ("reads", "writes"):
             check_declared(cls, name, Key)
+        check_declared(cls, "answers", Status)
+        if cls.condition:
+            cls.answers = tuple(answer for answer in cls.answers if answer is not RUNNING)
         cls.kind = NodeKind.CONDITION if cls.condition else NodeKind.ACTION
 
     def __init__(self, name: str | None = None, /, **given: object) -> None:
@@ -61,6 +67,10 @@ class Leaf(Node):
         ports = {port.name for port in cls.ports}
         given = (by_key.get(key, {}) for key in cls.writes)
         return {name: text for each in given for name, text in each.items() if name in ports}
+
+    def may_point(self) -> bool:
+        """Return whether the leaf may propose a camera direction with the values of its ports."""
+        return self.points
 
     # --- for authors to override ------------------------------------------------------------------
 
@@ -201,15 +211,15 @@ class Leaf(Node):
                 raise
         else:
             return standing  # finished and not reset: the engine does not tick it again
-        if status is RUNNING and not self.condition:
+        if status not in self.answers:
+            self.set_status(RUNNING)
+            raise MissionError(self._wrong_answer(status))
+        if status is RUNNING:
             return status
         if status is SKIPPED:
             if standing is not RUNNING:
                 self._end(IDLE)
             return status
-        if status is not SUCCESS and status is not FAILURE:
-            self.set_status(RUNNING)
-            raise MissionError(self._wrong_answer(status))
         try:  # as `_end`, without the cost of a call
             self.terminate(status)
         finally:
@@ -218,9 +228,21 @@ class Leaf(Node):
                 self.observer(self, NodeEvent.STATUS)
         return status
 
+    def _fail(self, unknown: UnknownValueError) -> Status:
+        """End the activation, if one began, and take back this tick's proposals."""
+        self._tell(unknown)
+        self.mission.proposals.withdraw(self.path)
+        if self.node_status is RUNNING:
+            self._end(FAILURE)
+        return FAILURE
+
     def _wrong_answer(self, status: object) -> str:
-        allowed = "SUCCESS or FAILURE" if self.condition else "SUCCESS, FAILURE or RUNNING"
-        return f"update() of {type(self).__qualname__} must return {allowed}, got {status!r}"
+        *most, last = (answer.name for answer in self.answers)
+        allowed = f"{', '.join(most)} or {last}" if most else last
+        return (
+            f"update() of {type(self).__qualname__} must return {allowed}, got {status!r}"
+            f"{': name it in `answers`' if isinstance(status, Status) else ''}"
+        )
 
     def _end(self, new_status: Status) -> None:
         try:
@@ -230,5 +252,6 @@ class Leaf(Node):
 
     def _halt(self) -> None:
         if self.node_status is RUNNING:
+            self.mission.proposals.withdraw(self.path)  # the next leaf may move in this tick
             self._end(IDLE)
         self.set_status(IDLE)

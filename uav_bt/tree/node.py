@@ -11,14 +11,14 @@ status; `node_status` is ours.
 from __future__ import annotations
 
 import enum
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+import logging
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from py_trees import common
 
 from uav_bt.board.context import NO_CONTEXT, MissionContext
-from uav_bt.errors import InputError, MissionError, NodeFailedError
+from uav_bt.errors import InputError, MissionError, NodeFailedError, UnknownValueError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
 from uav_bt.tree.node_ports import NodePorts
 from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
@@ -46,6 +46,8 @@ if TYPE_CHECKING:
         def iterate(self) -> Iterator[Node]: ...  # noqa: B027, D102
 else:
     from py_trees.behaviour import Behaviour
+
+_log: Final = logging.getLogger(__name__)
 
 _ANSWERED: Final = {
     RUNNING.value: NodeEvent.CONTINUES,
@@ -120,6 +122,7 @@ class Node(NodePorts, Behaviour):
         values = {key: value for key, value in given.items() if key not in scripts}
         self._bind(values, len(self.children), wrong)
         self._conditions = Conditions(scripts) if scripts else None
+        self._told_unknown = False  # the log has a failure for an unknown value
         self.visited: Status | None = None  # shown to a visitor of py_trees instead of the status
 
     # --- the tree ---------------------------------------------------------------------------------
@@ -165,6 +168,8 @@ class Node(NodePorts, Behaviour):
     def execute_tick(self) -> Status:
         """Tick once and answer SUCCESS, FAILURE, RUNNING or SKIPPED.
 
+        A node of which a script or a port reads a board key without a fresh value answers FAILURE.
+
         Raises:
             NodeFailedError: an exception came out of this node or of one below it.
         """
@@ -172,7 +177,10 @@ class Node(NodePorts, Behaviour):
             return self._tick_watched()
         # The same for a node that is not observed and has no conditions, which most are.
         try:
-            status = self._tick()
+            try:
+                status = self._tick()
+            except UnknownValueError as unknown:
+                status = self._fail(unknown)
         except NodeFailedError:
             raise
         except Exception as error:
@@ -188,7 +196,10 @@ class Node(NodePorts, Behaviour):
             if conditions is None:
                 if observer is not None:
                     self._notify_work(observer)
-                status = self._tick()
+                try:
+                    status = self._tick()
+                except UnknownValueError as unknown:
+                    status = self._fail(unknown)
             else:
                 status = self._guarded(conditions, observer)
         except Exception as error:
@@ -207,16 +218,37 @@ class Node(NodePorts, Behaviour):
         return status
 
     def _guarded(self, conditions: Conditions, observer: Observer | None) -> Status:
-        status = conditions.forestall(self.node_status, self.environment)
-        if status is None:
-            if observer is not None:
-                self._notify_work(observer)
-            status = self._tick()
-        elif status is SKIPPED and self.node_status is RUNNING:
-            self.halt()
+        try:
+            status = conditions.forestall(self.node_status, self.environment)
+            if status is None:
+                if observer is not None:
+                    self._notify_work(observer)
+                status = self._tick()
+            elif status is SKIPPED and self.node_status is RUNNING:
+                self.halt()
+        except UnknownValueError as unknown:
+            status = self._fail(unknown)
         if status is SUCCESS or status is FAILURE:
-            conditions.ended(status, self.environment)
+            try:
+                conditions.ended(status, self.environment)
+            except UnknownValueError as unknown:
+                self._tell(unknown)
+                status = FAILURE
         return status
+
+    def _fail(self, unknown: UnknownValueError) -> Status:
+        """End the node because it reads a value that is not known; halt what runs below it."""
+        self._tell(unknown)
+        for child in self.children:
+            child.reset()
+        return FAILURE
+
+    def _tell(self, unknown: UnknownValueError) -> None:
+        """Log the reason of a failure, once for a node."""
+        self.feedback_message = str(unknown)
+        if not self._told_unknown:
+            self._told_unknown = True
+            _log.warning("Warning: node '%s' fails: %s", self.path, unknown)
 
     def update(self) -> Status:
         """Do the work of one tick without blocking and return the status. Conditions come before.
@@ -249,6 +281,8 @@ class Node(NodePorts, Behaviour):
             self._halt()
             if self._conditions is not None:
                 self._conditions.halted(self.environment)
+        except UnknownValueError as unknown:
+            self._tell(unknown)
         except NodeFailedError:
             raise
         except Exception as error:
@@ -261,10 +295,7 @@ class Node(NodePorts, Behaviour):
         """Halt when running, then stand idle."""
         if self.node_status is RUNNING:
             self.halt()
-        if self.node_status is not IDLE:
-            self.node_status = IDLE
-            if self.observer is not None:
-                self.observer(self, NodeEvent.STATUS)
+        self.set_status(IDLE)
 
     def _tick(self) -> Status:
         return self.update()
@@ -317,34 +348,3 @@ class Node(NodePorts, Behaviour):
             self.reset()
         else:
             self.set_status(Status[new_status.name])
-
-
-def child_paths(parent: str, names: Sequence[str]) -> list[str]:
-    """Return the paths of a node's children; the second of one name gets `#2`.
-
-    Args:
-        parent: the parent's path.
-        names: of its children, in order.
-    """
-    seen: Counter[str] = Counter()
-    paths: list[str] = []
-    for name in names:
-        seen[name] += 1
-        number = f"#{seen[name]}" if seen[name] > 1 else ""
-        paths.append(f"{parent}/{name}{number}")
-    return paths
-
-
-def place_tree(root: Node, path: str, variables: Variables) -> None:
-    """Place a node and all nodes below it.
-
-    Args:
-        root: the uppermost node.
-        path: of the root.
-        variables: of the tree that the root stands in; every subtree below gets a scope in them.
-    """
-    root.place(path, variables)
-    inner = root.open_scope(variables)
-    paths = child_paths(path, [child.name for child in root.children])
-    for child, child_path in zip(root.children, paths, strict=True):
-        place_tree(child, child_path, inner)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator
 
-from uav_bt.tree.describe import NodeInfo, PortInfo, describe
+from uav_bt.tree.describe import ABILITIES, NodeInfo, PortInfo, describe
 from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES
@@ -46,15 +46,18 @@ def _section(node: type[Node], registry: NodeRegistry) -> Iterator[str]:
     kind = f"{info.kind}."
     if issubclass(node, ExpandedNode):
         kind = f"{info.kind} of trees/lib, which a tree of the same ID replaces."
+    answers = f" Answers {', '.join(info.answers)}." if info.answers else ""
+    abilities = [ABILITIES[name] for name in info.abilities]
+    does = f" It {' and '.join(abilities)}." if abilities else ""
     reads, writes = (
         f" {verb} {', '.join(f'`{key}`' for key in keys)}." if keys else ""
         for verb, keys in (("Reads", info.reads), ("Writes", info.writes))
     )
-    yield f"{kind}{reads}{writes} Source: `{info.origin}`."
+    yield f"{kind}{answers}{does}{reads}{writes} Source: `{info.origin}`."
 
 
 def _sample(port: PortInfo) -> str:
-    return port.choices[0] if port.choices else _SAMPLES.get(port.type, "name")
+    return port.sample or (*port.choices, _SAMPLES.get(port.type, "name"))[0]
 
 
 def _value(port: PortInfo) -> str:

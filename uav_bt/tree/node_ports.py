@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Final, TypeVar
 
 from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import BoardAccessError, InputError, MissionError
+from uav_bt.errors import BoardAccessError, InputError, MissionError, UnknownValueError
 from uav_bt.protocols import Clock
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.port import Port, Reference, bind_ports
@@ -162,7 +162,8 @@ class NodePorts:
         """Return a port's value: the literal, or the present value of its reference.
 
         Raises:
-            BoardAccessError: the reference holds nothing, nothing fresh, or another type.
+            BoardAccessError: the variable holds nothing, or the value has another type.
+            UnknownValueError: the board key has no fresh value.
         """
         value = self._literals.get(port.name, _NO_LITERAL)
         return self._resolve(port) if value is _NO_LITERAL else value
@@ -244,7 +245,8 @@ class NodePorts:
             entry = self._variables.entry(reference.key)
             value = None if entry is None else entry.value
         if value is None:
-            raise BoardAccessError(
+            error = UnknownValueError if reference.on_board else BoardAccessError
+            raise error(
                 f"node '{self.path}', port '{port.name}': {self._given[port.name]} "
                 f"{self._emptiness(port, reference)}"
             )

@@ -102,6 +102,10 @@ class Port(Generic[T]):
             expected value.
         look_up: raises such an error when the named file or network does not exist. `uav-bt check`
             calls it; dry runs and benches, which load nothing, do not.
+        takes: of a port of type `object`, the types of the values that it can use; None: all.
+        at_setup: whether the leaf reads the port in `on_setup`, so that its value is needed before
+            the take-off.
+        sample: a value for examples of a required port with a check.
         caution: returns a warning about a valid but unusual value, such as one beyond the usual
             limits, or None. `uav-bt check` prints the warning.
 
@@ -122,6 +126,9 @@ class Port(Generic[T]):
     check: Callable[[T], object] | None = None
     look_up: Callable[[T], object] | None = None
     caution: Callable[[T], str | None] | None = None
+    sample: str = ""
+    takes: tuple[Any, ...] | None = None
+    at_setup: bool = False
 
     def __post_init__(self) -> None:
         if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:
@@ -133,6 +140,12 @@ class Port(Generic[T]):
     def required(self) -> bool:
         """True when a tree file must give a value. Outputs may stay unconnected."""
         return self.default is Port.REQUIRED and self.direction != "output"
+
+    @property
+    def words(self) -> str:
+        """Names of the types that it takes."""
+        types: tuple[Any, ...] = self.takes or (self.type,)
+        return " or ".join(one.__name__ for one in types)
 
     @property
     def takes_all(self) -> bool:

@@ -14,7 +14,7 @@ from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.port import Port
-from uav_bt.tree.status import RUNNING, SUCCESS, Status
+from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
 _LETTERS: Final = {status.letter: status for status in Status if status is not Status.IDLE}
 _SCRIPT: Final = re.compile(r"(?P<once>[RSFK]*)(?:\((?P<again>[RSFK]+)\))?")
@@ -65,9 +65,9 @@ class AnswerScript:
         return self.again[(tick - len(self.once)) % len(self.again)]
 
     @property
-    def runs(self) -> bool:
-        """Whether it ever answers RUNNING."""
-        return RUNNING in self.once or RUNNING in self.again
+    def statuses(self) -> frozenset[Status]:
+        """The answers that it gives."""
+        return frozenset((*self.once, *self.again))
 
 
 ALL_LEAVES: Final = "*"
@@ -103,6 +103,7 @@ class ScriptedLeaf(Leaf):
             not fit.
     """
 
+    answers = (SUCCESS, FAILURE, RUNNING, SKIPPED)
     mocked: ClassVar[type[Leaf | ExpandedNode] | None] = None  # the class that it replaces
 
     def __init__(
@@ -124,7 +125,7 @@ class ScriptedLeaf(Leaf):
         if mock.answers is None:
             raise ValueRangeError(f"it has outputs, but {cls.node_id} has no answers")
         script = AnswerScript.parse(mock.answers)
-        if cls.condition and script.runs:
+        if cls.condition and RUNNING in script.statuses:
             raise ValueRangeError(
                 f"the condition {cls.node_id} answers at once, "
                 f"so its script cannot have an R; got '{mock.answers}'"
@@ -156,6 +157,23 @@ class ScriptedLeaf(Leaf):
         return status
 
 
+def undeclared_answers(node: type[Leaf], mock: Mock) -> str | None:
+    """Return the error of a mock with answers that the leaf never gives; None for a good one.
+
+    A mock may always answer SKIPPED, for a condition that skips the leaf.
+
+    Args:
+        node: the class of the mocked leaf.
+        mock: its answers are valid.
+    """
+    script = AnswerScript.parse(mock.answers or "")
+    if not (others := script.statuses - {SKIPPED, *node.answers}):
+        return None
+    never = " or ".join(sorted(status.name for status in others))
+    known = " or ".join(status.name for status in node.answers)
+    return f"{node.node_id} never answers {never}, only {known}; got '{mock.answers}'"
+
+
 @cache
 def mock_class(node: type[Leaf | ExpandedNode]) -> type[ScriptedLeaf]:
     """Return a class of scripted leaves that stand in for a class of nodes.
@@ -174,6 +192,9 @@ def mock_class(node: type[Leaf | ExpandedNode]) -> type[ScriptedLeaf]:
             "__doc__": node.__doc__,
             "node_id": node.node_id,
             "ports": node.ports,
+            "moves": leaf is not None and leaf.moves,
+            "points": leaf is not None and leaf.points,
+            "lands": leaf is not None and leaf.lands,
             "condition": leaf is not None and leaf.condition,
             "reads": leaf.reads if leaf else (),
             "writes": leaf.writes if leaf else (),

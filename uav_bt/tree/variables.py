@@ -54,6 +54,10 @@ class Variables:
         # Where names lead, found once: the walk through the doors is most of a read.
         self._places: dict[str, tuple[Variables, str]] = {}
 
+    def location(self, key: str) -> tuple[Variables, str]:
+        """Return the scope that holds a variable, and its name there."""
+        return self._place(key)
+
     def _place(self, key: str) -> tuple[Variables, str]:
         """Return the scope that holds a name, and its name there."""
         place = self._places.get(key)

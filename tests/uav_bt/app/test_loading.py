@@ -29,7 +29,7 @@ def mission(body: str) -> str:
         ('<ScriptCondition code="@flight_height_m &gt; 1"/>', "board key 'flight_height_m'"),
         ('<Parallel><HoverFor/><Turn degrees="90"/></Parallel>', "ask for a movement in the same"),
         ("<Parallel><PointCamera/><PointCamera/></Parallel>", "ask for a camera direction in the"),
-        ('<Explore policy="{rule}"/>', "the policy is made before the take-off"),
+        ('<Explore policy="{rule}"/>', "its value is needed before the take-off"),
     ],
 )
 def test_what_fails_in_the_air_is_refused_on_the_ground(body: str, message: str) -> None:

@@ -55,7 +55,7 @@ def test_a_tree_that_does_not_end_fails(hop: Path, tmp_path: Path) -> None:
 
 
 def test_json_has_all_ticks(hop: Path, tmp_path: Path) -> None:
-    script = script_file(tmp_path, "leaves: {TakeOff: RS, Land: F}")
+    script = script_file(tmp_path, "leaves: {TakeOff: RF, Land: S}")
     result = run("simulate", hop, "--script", script, "--format", "json")
     assert result.exit_code == 1
     report = json.loads(result.stdout)
@@ -69,7 +69,14 @@ def test_json_has_all_ticks(hop: Path, tmp_path: Path) -> None:
         "halted": [],
         "changed": {},
     }
-    assert [one["status"] for one in second["leaves"]] == ["SUCCESS", "FAILURE"]
+    assert [one["status"] for one in second["leaves"]] == ["FAILURE"]
+
+
+def test_a_leaf_does_not_answer_what_it_never_does(hop: Path, tmp_path: Path) -> None:
+    script = script_file(tmp_path, "leaves: {TakeOff: RS, Land: F}")
+    result = run("simulate", hop, "--script", script)
+    assert result.exit_code == 2
+    assert "Land never answers FAILURE, only SUCCESS or RUNNING; got 'F'" in result.stderr
 
 
 def test_a_shipped_mission_is_simulated_by_name(tmp_path: Path) -> None:

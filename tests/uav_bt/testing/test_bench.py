@@ -42,6 +42,7 @@ class AlwaysOn:
 class Step(Leaf):
     """Steps ahead once, looking down a little."""
 
+    moves = points = True
     ports = (
         Port("policy", str, default="always"),
         Port("step_m", float, default=0.3),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from uav_bt.errors import TreeError
 from uav_bt.testing import TreeBench, load_tree
 from uav_bt.tree import Status
 
@@ -41,7 +42,7 @@ def test_a_pad_that_is_lost_is_searched_for_again(centring: str, tries: int) -> 
     bench.log.assert_not_started("EmergencyLand")
 
 
-@pytest.mark.parametrize("mocks", [{"HelipadCenter": "F"}, {"TakeOff": "RF"}, {"Land": "RF"}])
+@pytest.mark.parametrize("mocks", [{"HelipadCenter": "F"}, {"TakeOff": "RF"}])
 def test_what_fails_for_good_ends_in_an_emergency_landing(mocks: dict[str, str]) -> None:
     """For any failing leaf the mission ends with FAILURE."""
     bench = land_only(**mocks)
@@ -49,11 +50,9 @@ def test_what_fails_for_good_ends_in_an_emergency_landing(mocks: dict[str, str])
     bench.log.assert_order("return_and_land failed", "EmergencyLand started", "mission failed")
 
 
-def test_blindness_stops_what_flies() -> None:
-    """A failing perception leaf halts the present movement."""
-    bench = land_only(Segment="SSF", TakeOff="R")
-    bench.tick_until(Status.FAILURE, max_ticks=3)
-    bench.log.assert_halted("TakeOff", times=1, tick=3)
+def test_a_leaf_is_not_mocked_with_what_it_never_answers() -> None:
+    with pytest.raises(TreeError, match="Segment never answers FAILURE, only SUCCESS; got 'SSF'"):
+        land_only(Segment="SSF")
 
 
 def test_hovering_looks_around_once() -> None:

@@ -17,6 +17,7 @@ from uav_bt.types import GimbalTo, Hover, MoveBy
 class Climb(Leaf):
     """Proposes a movement until it is high enough."""
 
+    moves = points = True
     ports = (Port("to_m", float, default=1.0, doc="height, m"),)
     reads = (HEIGHT, STATE)
 
@@ -134,6 +135,8 @@ def test_a_tree_composed_in_python() -> None:
 
     class Step(Leaf):
         """Proposes a step."""
+
+        moves = True
 
         def update(self) -> Status:
             self.propose(MoveBy(id=1, forward_m=0.3))

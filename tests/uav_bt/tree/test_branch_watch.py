@@ -78,8 +78,8 @@ def test_a_leaf_that_is_skipped_while_it_runs_did_not_fail() -> None:
 @pytest.mark.parametrize(("answer", "succeeded"), [("RS", True), ("RF", False)])
 def test_the_last_leaf_ends_the_tree(answer: str, *, succeeded: bool) -> None:
     bench = parse_tree(
-        ROOT.format('<Sequence name="s"><Turn degrees="9"/><HoverFor/></Sequence>'),
-        mocks={"Turn": "S", "HoverFor": answer},
+        ROOT.format('<Sequence name="s"><Turn degrees="9"/><HelipadCenter/></Sequence>'),
+        mocks={"Turn": "S", "HelipadCenter": answer},
     )
     watch = BranchWatch(bench.tree)
     bench.tick()
@@ -87,4 +87,4 @@ def test_the_last_leaf_ends_the_tree(answer: str, *, succeeded: bool) -> None:
     assert bench.tick() is (Status.SUCCESS if succeeded else Status.FAILURE)
     ends = watch.take()
     assert ends.ended is not None
-    assert (ends.ended.path, ends.succeeded, ends.failed) == ("M/s/HoverFor", succeeded, ())
+    assert (ends.ended.path, ends.succeeded, ends.failed) == ("M/s/HelipadCenter", succeeded, ())

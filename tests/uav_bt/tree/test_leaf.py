@@ -16,8 +16,8 @@ from uav_bt.errors import (
     NodeFailedError,
     ProposalConflictError,
 )
-from uav_bt.tree import Leaf, MissionTree, NodeKind, Port, Status
-from uav_bt.tree.nodes import Parallel, ReactiveFallback, Sequence
+from uav_bt.tree import Leaf, MissionTree, Node, NodeKind, Port, Status
+from uav_bt.tree.nodes import Fallback, Parallel, ReactiveFallback, Sequence
 from uav_bt.types import Hover, Land
 
 SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", writer="Radar", max_age_s=1.0)
@@ -29,6 +29,7 @@ class Probe(Leaf):
     A second paragraph that no list shows.
     """
 
+    answers = (Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.SKIPPED)
     ports = (Port("answers", str, default="R", doc="one letter a tick"),)
     letters: ClassVar = {
         "S": Status.SUCCESS,
@@ -66,7 +67,7 @@ class BoolProbe(Probe):
     condition = True
 
 
-def ready(world: World, root: Leaf | Sequence | Parallel | ReactiveFallback) -> MissionTree:
+def ready(world: World, root: Node) -> MissionTree:
     tree = MissionTree(root, name="Mission")
     tree.setup(world.context)
     return tree
@@ -254,7 +255,6 @@ def test_declared_access_works(world: World) -> None:
         ("write", "'Mission/s' writes board key 'height_above_carpet_m' without declaring"),
         ("type", "'Mission/s': board key 'speed_mps' holds float, got str"),
         ("port", "declares no port 'sped'"),
-        ("stale", "port 'speed': {@speed_mps} was never written; Radar writes it"),
     ],
 )
 def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> None:
@@ -265,12 +265,17 @@ def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> 
     assert message in str(error.value)
 
 
-def test_a_value_that_is_too_old_is_named_with_its_age(world: World) -> None:
-    tree = ready(world, Sensor("s", mode="stale"))
+def test_a_leaf_whose_port_reads_an_unknown_key_fails(world: World) -> None:
+    """The feedback names the key; a mission goes on."""
+    sensor = Sensor("s", mode="stale")
+    tree = ready(world, sensor)
+    assert tree.tick() is Status.FAILURE
+    assert "port 'speed': {@speed_mps} was never written; Radar writes" in sensor.feedback_message
     world.board.write(SPEED, 2.0)
+    assert tree.tick() is Status.SUCCESS
     world.clock.advance(3.0)
-    with pytest.raises(NodeFailedError, match=r"holds nothing fresh \(age 3\.00 s\)"):
-        tree.tick()
+    assert tree.tick() is Status.FAILURE
+    assert "{@speed_mps} holds nothing fresh (age 3.00 s)" in sensor.feedback_message
 
 
 def test_a_port_reading_tells_the_age(world: World) -> None:
@@ -320,3 +325,49 @@ def test_active_path_follows_the_running_branch(world: World) -> None:
     assert tree.active_path() == ("root", "explore", "Explore")
     tree.halt()
     assert tree.active_path() == ()
+
+
+class Narrow(Probe):
+    """Declares that it never fails."""
+
+    answers = (Status.SUCCESS, Status.RUNNING)
+
+
+def test_an_answer_that_is_not_declared_is_refused(world: World) -> None:
+    assert ready(world, Narrow("n", answers="S")).tick() is Status.SUCCESS
+    with pytest.raises(NodeFailedError) as error:
+        ready(world, Narrow("n", answers="F")).tick()
+    assert "update() of Narrow must return SUCCESS or RUNNING" in str(error.value)
+    assert "name it in `answers`" in str(error.value)
+
+
+def test_a_condition_never_runs() -> None:
+    class Ask(Leaf):
+        """Asks."""
+
+        condition = True
+
+    assert Ask.answers == (Status.SUCCESS, Status.FAILURE)
+
+
+def test_answers_are_statuses() -> None:
+    with pytest.raises(TypeError, match="answers must be a tuple of Status objects"):
+        type("Odd", (Leaf,), {"answers": ("SUCCESS",)})
+
+
+class Mover(Leaf):
+    """Moves until it is halted."""
+
+    moves = True
+
+    def update(self) -> Status:
+        self.propose(Hover())
+        return Status.RUNNING
+
+
+def test_a_leaf_that_is_halted_loses_its_proposal(world: World) -> None:
+    """Another leaf may move in the same tick."""
+    both = Parallel("both", [Mover("first"), Probe("fails", answers="F")])
+    tree = ready(world, Fallback("either", [both, Mover("second")]))
+    assert tree.tick() is Status.RUNNING
+    assert world.proposals.movement_owner == "Mission/either/second"

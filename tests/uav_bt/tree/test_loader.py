@@ -222,10 +222,13 @@ def test_a_described_subtree_knows_its_ports() -> None:
         '<TreeNodesModel><SubTree ID="Home"><input_port name="speed"/></SubTree></TreeNodesModel>',
     )
     found = findings(text)
-    assert len(found) == 1
+    assert len(found) == 2
     assert "entry 'speed' is missing: the tree is described with it, without a def" in found[0]
-    warned = warnings_of(text.replace('sped="1"', 'sped="1" speed="1"'))
-    assert "described without a port 'sped'; did you mean 'speed'" in warned[0]
+    (refused,) = findings(text.replace('sped="1"', 'sped="1" speed="1"'))
+    assert "without a port 'sped' and does not use it; did you mean 'speed'" in refused
+    used = text.replace('sped="1"', 'speed="1" x="2"').replace("<Safe/>", '<Script code="x += 1"/>')
+    (warned,) = warnings_of(used)
+    assert "the tree is described without a port 'x'" in warned
     for right in ('speed="1"', '_autoremap="true"'):
         parse_tree(text.replace('sped="1"', right), REGISTRY)
 

@@ -121,7 +121,7 @@ def test_a_parallel_is_refused_that_counts_more_children_than_it_has(
 
 def test_a_parallel_raises_when_a_variable_counts_more_children_than_it_has(world: World) -> None:
     tree = world.tree(
-        '<Sequence><Script code="n := 1 + 2"/><Parallel success_count="{n}">'
+        '<Sequence><Script code="n := 1; n := n + 2"/><Parallel success_count="{n}">'
         f"{leaf('a', 'R')}{leaf('b', 'R')}</Parallel></Sequence>"
     )
     with pytest.raises(NodeFailedError, match="must not exceed the 2 children") as error:

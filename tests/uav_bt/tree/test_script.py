@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uav_bt.board import ELAPSED, HEIGHT, HELIPAD
-from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
+from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script import Environment, ScriptError, parse_question, parse_script
 from uav_bt.tree.variables import Variables
 
@@ -115,7 +116,8 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
         ("'open", "column 1: unexpected '''"),
         ("3x", "'3x' is not a number"),
         ("a.b", r"column 2: unexpected '\.'"),
-        ("@state.battery", r"column 7: unexpected '\.'; a script reads whole values, no members"),
+        ("state.battery", r"column 6: unexpected '\.'; a script reads whole values, no members"),
+        ("@state.battery", r"column 7: unexpected '\.': board values have no members, so '@state'"),
         ("x := [1]", r"unexpected '\['"),
         ("(" * 50 + "1" + ")" * 50, "nested deeper than 40"),
         ("-" * 50 + "1", "nested deeper than 40"),
@@ -184,8 +186,53 @@ def test_the_board_is_read_with_an_at() -> None:
     board.write(ELAPSED, 91.0)
     environment = Environment(Variables(), board)
     assert parse_script("@elapsed_s > 90").run(environment) == 1.0
-    with pytest.raises(ScriptError, match="'@height_above_carpet_m' has no value"):
+    with pytest.raises(UnknownValueError, match="'height_above_carpet_m' has no value yet"):
         parse_script("@height_above_carpet_m").run(environment)
+
+
+@pytest.mark.parametrize(
+    ("code", "unknown", "known"),
+    [
+        ("known(@share)", 0.0, 1.0),
+        ("known(@share) && @share > 0.5", 0.0, 1.0),
+        ("@share > 0.5 && known(@share)", 0.0, 1.0),
+        ("!known(@share) || @share < 0.5", 1.0, 0.0),
+        ("known(@share) ? @share : 7", 7.0, 0.75),
+        ("known(v)", 0.0, 0.0),
+        ("v := 1; known(v)", 1.0, 1.0),
+        ("known := 2; known + 1", 3.0, 3.0),
+    ],
+)
+def test_known_asks_for_a_value(code: str, unknown: float, known: float) -> None:
+    share = Key("share", float, "of red", max_age_s=1.0)
+    clock = ManualClock()
+    board = Blackboard(clock, (share,))
+    script = parse_script(code)
+    assert script.run(Environment(Variables(), board)) == unknown
+    board.write(share, 0.75)
+    assert script.run(Environment(Variables(), board)) == known
+    clock.advance(2.0)  # a stale value is not known
+    assert script.run(Environment(Variables(), board)) == unknown
+
+
+@pytest.mark.parametrize("code", ["@share > 0.5 && true", "false || @share > 0.5", "-@share"])
+def test_an_unknown_key_counts_where_it_decides(code: str) -> None:
+    board = Blackboard(ManualClock(), (Key("share", float, "of red"),))
+    with pytest.raises(UnknownValueError, match="board key 'share' has no value yet"):
+        parse_script(code).run(Environment(Variables(), board))
+
+
+def test_a_key_that_no_leaf_declares_is_not_known() -> None:
+    environment = Environment(Variables(), Blackboard(ManualClock(), (HEIGHT,)))
+    assert parse_script("known(@share) && @share > 1").run(environment) == 0.0
+    with pytest.raises(UnknownValueError, match="unknown board key 'share'"):
+        parse_script("@share").run(environment)
+
+
+@pytest.mark.parametrize("code", ["known()", "known(1)", "known(a + b)", "known(a"])
+def test_known_takes_one_name(code: str) -> None:
+    with pytest.raises(ScriptError, match="expected"):
+        parse_script(code)
 
 
 @given(st.text(alphabet="ab1.5'\" +-*/()<>=!&|?:;@~^,{}\n\\x", max_size=40))

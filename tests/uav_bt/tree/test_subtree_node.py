@@ -48,7 +48,7 @@ class Steer(Leaf):
         return Status.SUCCESS
 
 
-class GoHome(SubtreeNode):
+class GoBack(SubtreeNode):
     """Goes home."""
 
     ports = (
@@ -58,21 +58,21 @@ class GoHome(SubtreeNode):
         Port("way_m", float, direction="output"),
         Port("by", str, default="map", choices=("map", "policy")),
     )
-    variants: ClassVar = {("by", "policy"): "GoHomeByPolicy"}
+    variants: ClassVar = {("by", "policy"): "GoBackByPolicy"}
 
 
 HOME = """
-  <BehaviorTree ID="GoHome">
+  <BehaviorTree ID="GoBack">
     <Sequence name="go">
       <Steer policy="{policy}" speed_mps="{speed_mps}" careful="{careful}" way_m="{way_m}"/>
       <ScriptCondition code="careful == 1 &amp;&amp; speed_mps &lt; 1"/>
     </Sequence>
   </BehaviorTree>
-  <BehaviorTree ID="GoHomeByPolicy">
+  <BehaviorTree ID="GoBackByPolicy">
     <Steer name="blind" policy="{policy}"/>
   </BehaviorTree>
 """
-REGISTRY = NodeRegistry([Steer, GoHome], policies=["left", "right"])
+REGISTRY = NodeRegistry([Steer, GoBack], policies=["left", "right"])
 
 
 def context_of() -> MissionContext:
@@ -104,25 +104,25 @@ def messages(source: str, lookup: Lookup | None = None) -> list[str]:
 
 
 def test_ports_with_their_defaults_are_the_entries_of_the_tree() -> None:
-    tree = parse_tree(text_of('<GoHome policy="right"/>'), REGISTRY)
+    tree = parse_tree(text_of('<GoBack policy="right"/>'), REGISTRY)
     assert flown(tree) == [("right", 0.5, True)]
     assert [node.path for node in tree.nodes()] == [
-        "Main/GoHome",
-        "Main/GoHome/go",
-        "Main/GoHome/go/Steer",
-        "Main/GoHome/go/ScriptCondition",
+        "Main/GoBack",
+        "Main/GoBack/go",
+        "Main/GoBack/go/Steer",
+        "Main/GoBack/go/ScriptCondition",
     ]
 
 
 def test_a_node_is_written_by_its_id_or_by_its_kind() -> None:
-    by_kind = parse_tree(text_of('<SubTree ID="GoHome" policy="right"/>'), REGISTRY)
+    by_kind = parse_tree(text_of('<SubTree ID="GoBack" policy="right"/>'), REGISTRY)
     assert flown(by_kind) == [("right", 0.5, True)]
 
 
 def test_variables_go_in_and_out() -> None:
     body = """<Sequence>
       <Script code="v := 0.25; c := true"/>
-      <GoHome speed_mps="{v}" careful="{c}" way_m="{far}"/>
+      <GoBack speed_mps="{v}" careful="{c}" way_m="{far}"/>
       <ScriptCondition code="far == 2.5"/>
     </Sequence>"""
     tree = parse_tree(text_of(body), REGISTRY)
@@ -133,12 +133,12 @@ def test_variables_go_in_and_out() -> None:
 
 
 def test_a_port_chooses_another_tree() -> None:
-    tree = parse_tree(text_of('<GoHome by="policy" name="home"/>'), REGISTRY)
+    tree = parse_tree(text_of('<GoBack by="policy" name="home"/>'), REGISTRY)
     assert [node.path for node in tree.nodes()] == ["Main/home", "Main/home/blind"]
 
 
 def test_conditions_stand_on_the_node() -> None:
-    body = '<Fallback><GoHome _skipIf="true"/><AlwaysSuccess/></Fallback>'
+    body = '<Fallback><GoBack _skipIf="true"/><AlwaysSuccess/></Fallback>'
     assert flown(parse_tree(text_of(body), REGISTRY))[0][0] == "left"
 
 
@@ -148,7 +148,7 @@ def test_conditions_stand_on_the_node() -> None:
 def library(folder: Path, name: str, steer: str) -> Library:
     folder.mkdir()
     file = folder / name
-    tree = f'<BehaviorTree ID="GoHome"><Steer name="{steer}"/></BehaviorTree>'
+    tree = f'<BehaviorTree ID="GoBack"><Steer name="{steer}"/></BehaviorTree>'
     file.write_text(f'<root BTCPP_format="4">{tree}</root>', encoding="utf-8")
     return Library([file])
 
@@ -158,8 +158,8 @@ def test_the_missions_own_tree_comes_before_a_folders_and_that_before_the_shippe
 ) -> None:
     lookup = Lookup(library(tmp_path / "user", "go_home.xml", "users"))
     vars(lookup)["shipped"] = library(tmp_path / "lib", "go_home.xml", "shipped")
-    alone = text_of("<GoHome/>", "")
-    own = text_of("<GoHome/>", '<BehaviorTree ID="GoHome"><Steer name="own"/></BehaviorTree>')
+    alone = text_of("<GoBack/>", "")
+    own = text_of("<GoBack/>", '<BehaviorTree ID="GoBack"><Steer name="own"/></BehaviorTree>')
 
     def leaf(source: str, lookup: Lookup) -> str:
         tree = parse_tree(source, REGISTRY, lookup=lookup)
@@ -175,8 +175,8 @@ def test_the_missions_own_tree_comes_before_a_folders_and_that_before_the_shippe
 
 
 def test_a_node_whose_tree_is_nowhere_is_refused() -> None:
-    assert messages(text_of("<GoHome/>", "")) == [
-        "m.xml:2:25: GoHome: the node is made of tree 'GoHome', and there is no such tree"
+    assert messages(text_of("<GoBack/>", "")) == [
+        "m.xml:2:25: GoBack: the node is made of tree 'GoBack', and there is no such tree"
     ]
 
 
@@ -187,9 +187,9 @@ def test_a_misspelt_tree_of_the_library_is_suggested() -> None:
 
 
 def test_a_tree_in_the_expansion_of_itself_is_refused() -> None:
-    itself = '<BehaviorTree ID="GoHome"><GoHome/></BehaviorTree>'
-    (message,) = messages(text_of("<GoHome/>", itself))
-    assert "the tree contains itself: GoHome > GoHome" in message
+    itself = '<BehaviorTree ID="GoBack"><GoBack/></BehaviorTree>'
+    (message,) = messages(text_of("<GoBack/>", itself))
+    assert "the tree contains itself: GoBack > GoBack" in message
 
 
 # --- refusals ------------------------------------------------------------------------------------
@@ -199,19 +199,19 @@ def test_a_tree_in_the_expansion_of_itself_is_refused() -> None:
     ("body", "expected"),
     [
         (
-            '<GoHome polcy="left"/>',
-            "2:33: GoHome: unknown attribute 'polcy'; did you mean 'policy'?",
+            '<GoBack polcy="left"/>',
+            "2:33: GoBack: unknown attribute 'polcy'; did you mean 'policy'?",
         ),
-        ('<GoHome speed_mps="-1"/>', "attribute 'speed_mps': expected 0 or more, got -1.0"),
-        ('<GoHome by="pol"/>', "attribute 'by': expected one of map, policy; got 'pol'"),
+        ('<GoBack speed_mps="-1"/>', "attribute 'speed_mps': expected 0 or more, got -1.0"),
+        ('<GoBack by="pol"/>', "attribute 'by': expected one of map, policy; got 'pol'"),
         (
-            '<GoHome by="{way}"/>',
+            '<GoBack by="{way}"/>',
             "attribute 'by' chooses the tree that the node is made of: expected a literal",
         ),
-        ('<GoHome policy="up"/>', "2:33: Main/GoHome: unknown policy 'up'"),
-        ('<GoHome policy="{@heigt}"/>', "the board has no key 'heigt'"),
-        ("<GoHome><AlwaysSuccess/></GoHome>", "needs no children, has 1"),
-        ('<SubTree ID="GoHome" _autoremap="true"/>', "leave _autoremap out"),
+        ('<GoBack policy="up"/>', "2:33: Main/GoBack: unknown policy 'up'"),
+        ('<GoBack policy="{@heigt}"/>', "the board has no key 'heigt'"),
+        ("<GoBack><AlwaysSuccess/></GoBack>", "needs no children, has 1"),
+        ('<SubTree ID="GoBack" _autoremap="true"/>', "leave _autoremap out"),
     ],
 )
 def test_what_is_wrong_is_said_at_the_node(body: str, expected: str) -> None:
@@ -220,8 +220,8 @@ def test_what_is_wrong_is_said_at_the_node(body: str, expected: str) -> None:
 
 
 def test_a_variable_that_no_port_gives_is_found_in_the_users_tree() -> None:
-    tree = '\n<BehaviorTree ID="GoHome"><ScriptCondition code="sped_mps &gt; 1"/></BehaviorTree>'
-    (message,) = messages(text_of("<GoHome/>", tree))
+    tree = '\n<BehaviorTree ID="GoBack"><ScriptCondition code="sped_mps &gt; 1"/></BehaviorTree>'
+    (message,) = messages(text_of("<GoBack/>", tree))
     assert message.startswith("m.xml:3:44: ScriptCondition: attribute 'code': nothing writes")
     assert "did you mean 'speed_mps'?" in message
 
@@ -252,15 +252,15 @@ def test_a_value_that_a_tree_of_another_file_cannot_read_is_found_where_it_is_gi
 # --- overrides and mocks --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("target", ["GoHome", "Main/GoHome"])
+@pytest.mark.parametrize("target", ["GoBack", "Main/GoBack"])
 def test_an_override_of_the_node_reaches_the_leaves_inside(target: str) -> None:
-    tree = parse_tree(text_of("<GoHome/>"), REGISTRY, overrides={target: {"policy": "right"}})
+    tree = parse_tree(text_of("<GoBack/>"), REGISTRY, overrides={target: {"policy": "right"}})
     assert flown(tree) == [("right", 0.5, True)]
 
 
 def test_an_override_reaches_a_tree_that_was_made_before() -> None:
-    tree = parse_tree(text_of("<GoHome/>"), REGISTRY)
-    tree.replace({"GoHome": {"policy": "right"}})
+    tree = parse_tree(text_of("<GoBack/>"), REGISTRY)
+    tree.replace({"GoBack": {"policy": "right"}})
     assert flown(tree) == [("right", 0.5, True)]
     inner = '<BehaviorTree ID="Inner"><Steer policy="{policy}"/></BehaviorTree>'
     tree = parse_tree(text_of('<SubTree ID="Inner" policy="left"/>', inner), REGISTRY)
@@ -270,17 +270,17 @@ def test_an_override_reaches_a_tree_that_was_made_before() -> None:
 
 def test_the_tree_inside_cannot_be_replaced_by_an_override() -> None:
     with pytest.raises(TreeError, match="'by' cannot be replaced"):
-        parse_tree(text_of("<GoHome/>"), REGISTRY, overrides={"GoHome": {"by": "policy"}})
-    with pytest.raises(InputError, match="is made of tree 'GoHome' already"):
-        parse_tree(text_of("<GoHome/>"), REGISTRY).replace({"GoHome": {"by": "policy"}})
+        parse_tree(text_of("<GoBack/>"), REGISTRY, overrides={"GoBack": {"by": "policy"}})
+    with pytest.raises(InputError, match="is made of tree 'GoBack' already"):
+        parse_tree(text_of("<GoBack/>"), REGISTRY).replace({"GoBack": {"by": "policy"}})
 
 
 def test_a_mock_stands_in_place_of_the_whole_tree_or_of_a_leaf_inside() -> None:
-    whole = parse_tree(text_of("<GoHome/>"), REGISTRY, mocks={"GoHome": "RS"})
-    assert [node.path for node in whole.nodes()] == ["Main/GoHome"]
+    whole = parse_tree(text_of("<GoBack/>"), REGISTRY, mocks={"GoBack": "RS"})
+    assert [node.path for node in whole.nodes()] == ["Main/GoBack"]
     whole.setup(context_of())
     assert [whole.tick(), whole.tick()] == [Status.RUNNING, Status.SUCCESS]
-    inside = parse_tree(text_of("<GoHome/>"), REGISTRY, mocks={"Steer": "F"})
+    inside = parse_tree(text_of("<GoBack/>"), REGISTRY, mocks={"Steer": "F"})
     inside.setup(context_of())
     assert inside.tick() is Status.FAILURE
 
@@ -289,17 +289,17 @@ def test_a_mock_stands_in_place_of_the_whole_tree_or_of_a_leaf_inside() -> None:
 
 
 def test_drawings_show_the_node_with_its_tree() -> None:
-    tree = parse_tree(text_of('<GoHome policy="right"/>'), REGISTRY)
+    tree = parse_tree(text_of('<GoBack policy="right"/>'), REGISTRY)
     lines = render(tree, "ascii").splitlines()
-    assert lines[1] == "`-- GoHome policy=right speed_mps=0.5 careful=true by=map"
+    assert lines[1] == "`-- GoBack policy=right speed_mps=0.5 careful=true by=map"
     assert lines[2] == "    `-- Sequence 'go'"
 
 
 def test_editors_are_offered_a_subtree_with_ports() -> None:
     model = palette_xml(REGISTRY)
-    assert '<SubTree ID="GoHome">' in model
+    assert '<SubTree ID="GoBack">' in model
     assert '<input_port name="speed_mps" type="double" default="0.5">' in model
-    source = text_of('<SubTree ID="GoHome"/>', HOME + model[model.index("  <TreeNodes") : -8])
+    source = text_of('<SubTree ID="GoBack"/>', HOME + model[model.index("  <TreeNodes") : -8])
     assert messages(source) == []
 
 
@@ -320,28 +320,31 @@ def test_the_node_has_the_keys_of_the_leaves_inside() -> None:
 
 
 def test_groot2_reads_the_tree_inside_as_a_subtree() -> None:
-    tree = parse_tree(text_of('<GoHome by="policy" policy="right"/>'), REGISTRY)
+    tree = parse_tree(text_of('<GoBack by="policy" policy="right"/>'), REGISTRY)
     root = ET.fromstring(tree_xml(TreeNumbering(tree)))  # noqa: S314  # our own text
     main, inner = root.findall("BehaviorTree")
     assert main[0].tag == "SubTree"
-    assert (main[0].get("ID"), main[0].get("policy")) == ("GoHomeByPolicy", "right")
-    assert (inner.get("ID"), inner.get("_fullpath")) == ("GoHomeByPolicy", main[0].get("_fullpath"))
+    assert (main[0].get("ID"), main[0].get("policy")) == ("GoBackByPolicy", "right")
+    assert (inner.get("ID"), inner.get("_fullpath")) == (
+        "GoBackByPolicy",
+        main[0].get("_fullpath"),
+    )
     assert [node.get("name") for node in inner] == ["blind"]
 
 
 @pytest.mark.parametrize(
     ("answers", "ticked"),
     [
-        ("leaves: {GoHome: RS}", {"Main/GoHome": "GoHome"}),
-        ("default: S", {"Main/GoHome/go/Steer": "Steer"}),
-        ("leaves: {Steer: RS}", {"Main/GoHome/go/Steer": "Steer"}),
+        ("leaves: {GoBack: RS}", {"Main/GoBack": "GoBack"}),
+        ("default: S", {"Main/GoBack/go/Steer": "Steer"}),
+        ("leaves: {Steer: RS}", {"Main/GoBack/go/Steer": "Steer"}),
     ],
 )
 def test_a_dry_run_has_answers_for_the_whole_node_or_for_leaves_inside(
     tmp_path: Path, answers: str, ticked: dict[str, str]
 ) -> None:
     mission, script = tmp_path / "m.xml", tmp_path / "s.yaml"
-    mission.write_text(text_of("<GoHome/>"), encoding="utf-8")
+    mission.write_text(text_of("<GoBack/>"), encoding="utf-8")
     script.write_text(answers, encoding="utf-8")
     tree = scripted_tree(mission, read_script(script), REGISTRY)
     scripted = [leaf for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
@@ -351,9 +354,9 @@ def test_a_dry_run_has_answers_for_the_whole_node_or_for_leaves_inside(
 # --- in Python ------------------------------------------------------------------------------------
 
 
-def home(**given: object) -> GoHome:
+def home(**given: object) -> GoBack:
     steer = Steer(policy="{policy}", speed_mps="{speed_mps}", careful="{careful}")
-    return GoHome("home", steer, **given)
+    return GoBack("home", steer, **given)
 
 
 def test_a_node_made_in_python_takes_typed_values() -> None:
@@ -392,8 +395,8 @@ def test_without_a_child_a_node_is_made_of_the_shipped_tree() -> None:
 
 
 def test_a_class_that_no_tree_file_has_is_refused_with_those_there_are() -> None:
-    with pytest.raises(InputError, match=r"unknown tree of trees/lib 'GoHome'.*ExploreFor"):
-        GoHome()
+    with pytest.raises(InputError, match=r"unknown tree of trees/lib 'GoBack'.*ExploreFor"):
+        GoBack()
 
 
 def test_a_variant_of_no_port_is_refused_at_once() -> None:

@@ -167,8 +167,8 @@ def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
             '<Use height_m="{x}"/>',
             "attribute 'code': variable 'y' holds HelipadFix, no number and no text",
         ),
-        ('<Script code="x := 1 + 2"/>', '<Use pad="{x}"/>', "holds float"),
-        ("<Script code=\"x := 'a' .. 1\"/>", '<Use pad="{x}"/>', "holds str"),
+        ('<Script code="x := 1 + 2"/>', '<Use pad="{x}"/>', "got float 3.0"),
+        ("<Script code=\"x := 'a' .. 1\"/>", '<Use pad="{x}"/>', "got 'a1'"),
         ("<Script code=\"x := 'a'\"/>", '<Use height_m="{x}"/>', "expected a number, got 'a'"),
         ("<Script code=\"x := y ? 'a' : 'b'\"/>", '<Use pad="{x}"/>', "holds str"),
         (

@@ -21,11 +21,12 @@ from uav_bt.tree.loading.overrides import Overrides
 from uav_bt.tree.loading.plans import GivenValue, Plan, name_of
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.mission_tree import Place
-from uav_bt.tree.node import Node, child_paths
+from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
+from uav_bt.tree.placing import child_paths
 from uav_bt.tree.port import Port
-from uav_bt.tree.scripted import ALL_LEAVES, Mock, mock_class
+from uav_bt.tree.scripted import ALL_LEAVES, Mock, mock_class, undeclared_answers
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
 
@@ -139,11 +140,16 @@ class Builder:
             plan.mock = others if plan.mock is None else plan.mock.over(others)
         if plan.mock is None or plan.mockable is None:
             return
+        target = next((name for name in plan.names if name in given), ALL_LEAVES)
+        message = None
         try:
             mock_class(plan.mockable).check(plan.mock)
+            if is_ours and issubclass(plan.node, Leaf) and target != ALL_LEAVES:
+                message = undeclared_answers(plan.node, plan.mock)
         except ValueRangeError as error:
-            target = next((name for name in plan.names if name in given), ALL_LEAVES)
-            self._refuse_mock(target, plan.mock, str(error), plan.element)
+            message = str(error)
+        if message is not None:
+            self._refuse_mock(target, plan.mock, message, plan.element)
 
     def _refuse_mock(
         self, target: str, mock: Mock, message: str, element: Element | None = None

@@ -21,7 +21,7 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.script import SCRIPTS, Script, parse_question, parse_script, parsed_by
-from uav_bt.tree.script.expressions import Name
+from uav_bt.tree.script.expressions import Known, Name
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
@@ -134,14 +134,14 @@ class Checker:
                 message = f"attribute '{attribute}': '@{name}' is a board key; {ONLY_LEAVES_WRITE}"
                 self._note(element, message, attribute, Rule.BOARD_KEY)
         for part in script.walk():
-            if not isinstance(part, Name) or not part.name.startswith("@"):
+            if not isinstance(part, (Name, Known)) or not part.name.startswith("@"):
                 continue
             key = self._board_keys.get(part.name[1:])
             if key is None and self._registry.foreign_board:
                 continue
             if key is None:
                 message = self._no_key(part.name[1:])
-            elif not issubclass(key.type, (int, float, str)):
+            elif isinstance(part, Name) and not issubclass(key.type, (int, float, str)):
                 message = f"board key '{key.name}' holds {key.type.__name__}, no number and no text"
             else:
                 continue
@@ -158,7 +158,7 @@ class Checker:
         elif not key_fits(port, key):
             self._note(
                 element,
-                f"attribute '{port.name}' takes {port.type.__name__}, "
+                f"attribute '{port.name}' takes {port.words}, "
                 f"but board key '{at.key}' holds {key.type.__name__}",
                 port.name,
                 Rule.BOARD_KEY,
@@ -182,9 +182,9 @@ class Checker:
                 SubTree.AUTOREMAP.convert(element.attributes["_autoremap"])
             except ValueError as error:
                 self._note(element, f"attribute '_autoremap': {error}", "_autoremap")
-        described = self._document.subtree_ports.get(tree_id)
         for name, text in node_attributes(element).items():
-            self._check_entry(element, name, text, described)
+            self._check_entry(element, name, text)
+        described = self._document.subtree_ports.get(tree_id)
         if described is not None and not autoremaps(element):
             self._check_missing_entries(element, described)
 
@@ -215,18 +215,12 @@ class Checker:
                     f"entry '{name}' is missing: the tree is described with it, without a default",
                 )
 
-    def _check_entry(
-        self, element: Element, name: str, text: str, described: dict[str, str | None] | None
-    ) -> None:
+    def _check_entry(self, element: Element, name: str, text: str) -> None:
         if name in CONDITION_ATTRIBUTES:
             self._check_condition(element, name, text)
             return
         if not _VARIABLE.fullmatch(name):
             self._note(element, f"'{name}' cannot be a variable's name", name)
-        elif described is not None and name not in described:
-            hint = did_you_mean(name, described)
-            message = f"the tree is described without a port '{name}'{hint}"
-            self._findings.warn(element, message, name, rule=Rule.NODE_MODEL)
         try:
             reference = parse_reference(text, name)
         except ValueError as error:

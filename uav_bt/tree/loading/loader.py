@@ -9,13 +9,11 @@ from typing import Any, TypedDict, Unpack
 
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
-from uav_bt.tree.loading.before_flight import faults_of
+from uav_bt.tree.loading.before_flight import faults_of, faults_of_part
 from uav_bt.tree.loading.builder import Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import (
-    ERROR,
-    WARNING,
     WHOLE_FILE,
     Finding,
     Findings,
@@ -178,7 +176,7 @@ class _Read:
             unset=[
                 slot.name
                 for slot in unset_slots(document, [document.main])
-                if any(read.asks for read in slot.reads)
+                if any(read.asks or read.named for read in slot.reads)
             ],
         )
         for name, value in document.parameters.variables.items():
@@ -194,23 +192,25 @@ class _Read:
         tree = self.build({}, by_key={}, mocks={})
         for port, value in self._given:
             yield from remarks_on(port, value, self.document.registry)
-        if self.document.is_mission and not self.document.registry.foreign_board:
+        if self.document.registry.foreign_board:
+            return
+        if self.document.is_mission:
             yield from faults_of(tree)
             yield from self._unset_variables()
+        else:
+            yield from faults_of_part(tree)
 
     def _unset_variables(self) -> Iterator[Finding]:
         """Yield the reads of variables of the main tree that nothing gives a value."""
         for slot in unset_slots(self.document, [self.document.main]):
-            needed = [read.use for read in slot.reads if read.asks]
-            named = [read.use for read in slot.reads if read.named]
-            for use in (needed or named)[:1]:
+            uses = [read.use for read in slot.reads if read.asks or read.named]
+            for use in uses[:1]:
                 yield Finding(
                     str(use.element.path),
                     use.element.at(use.attribute),
                     f"attribute '{use.attribute}': nothing sets variable '{slot.name}' of the main "
                     "tree, and no SubTree can: give it a value in a Script before",
                     use.element.label,
-                    ERROR if needed else WARNING,
                     rule=Rule.VARIABLE,
                 )
 

@@ -36,10 +36,12 @@ def check_variables(document: Document, findings: Findings, roots: Iterable[str]
 class _VariableChecker:
     def __init__(self, document: Document, findings: Findings) -> None:
         self._findings = findings
+        self._document = document
         self._uses = VariableUses(document)
 
     def check(self, roots: Iterable[str]) -> None:
         for scope in self._uses.find(roots):
+            self._check_entries(scope)
             for slot in scope.slots():
                 self._check_ports(slot)
                 sources = slot.sources()
@@ -112,6 +114,26 @@ class _VariableChecker:
                     rule=Rule.VARIABLE,
                 )
 
+    def _check_entries(self, scope: Scope) -> None:
+        """Report entries that a description does not name; refuse those that nothing uses.
+
+        Such an entry is probably a misspelt one, whose default would be flown.
+        """
+        door, described = scope.door, self._document.subtree_ports.get(scope.tree_id)
+        if door is None or described is None:
+            return
+        obscure = any(slot.obscure for slot in scope.slots())
+        for name in scope.entries:
+            if name in described or name not in door.attributes:
+                continue
+            message = f"the tree is described without a port '{name}'"
+            if obscure or name in scope.touched:
+                self._findings.warn(door, message, name, rule=Rule.NODE_MODEL)
+            else:
+                hint = did_you_mean(name, described)
+                message = f"{message} and does not use it{hint}"
+                self._findings.note(door, message, name, rule=Rule.NODE_MODEL)
+
     # --- board keys by another name ---------------------------------------------------------------
 
     def _check_board_use(self, used: BoardUse) -> None:
@@ -126,7 +148,7 @@ class _VariableChecker:
         elif port is not None and not key_fits(port, key):
             self._note(
                 used.use,
-                f" takes {port.type.__name__}, but {what}, which holds {key.type.__name__}",
+                f" takes {port.words}, but {what}, which holds {key.type.__name__}",
             )
 
 
@@ -159,6 +181,8 @@ def key_fits(port: Port[Any], key: Key[Any]) -> bool:
         port: of a node.
         key: of the mission board.
     """
+    if port.takes is not None:
+        return issubclass(key.type, port.takes)
     if port.direction == "input":
         return issubclass(key.type, port.type) or (port.type is float and key.type is int)
     return issubclass(port.type, key.type) or (key.type is float and port.type is int)

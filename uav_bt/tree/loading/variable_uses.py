@@ -17,7 +17,7 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parsed_by
-from uav_bt.tree.script.expressions import Assignment, Literal, Name, kind_of
+from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,11 @@ class VariableUses:
                 continue  # on another engine's board; the checker refuses all others
             if isinstance(part, Assignment):
                 self._assignment(part, scope, use)
-            elif isinstance(part, Name) and self._is_variable(part):
+            elif (
+                isinstance(part, Name)
+                and self._is_variable(part)
+                and part.name not in script.asked_known
+            ):
                 self._name(part, scope, use, needed=id(part) in script.certain)
         self._changed(script, scope, use)
 
@@ -250,7 +254,7 @@ class VariableUses:
             Write(
                 use,
                 kind,
-                value=part.value.value if isinstance(part.value, Literal) else None,
+                value=constant_value(part.value),
                 copied=source,
                 creates=part.sign == ":=",
             )

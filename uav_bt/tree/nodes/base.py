@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from typing import ClassVar, Final
 
 from uav_bt.errors import InputError
-from uav_bt.tree.node import Node, NodeKind, place_tree
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.placing import place_tree
 from uav_bt.tree.port import Port, parse_reference, port_text
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables

@@ -92,7 +92,9 @@ _SWITCH_DOC: Final = "Ticks the child whose case is the variable's value, or the
 class _Switch(ControlNode):
     """Ticks the child whose case is the variable's value, or the last child."""
 
-    VARIABLE: ClassVar = Port("variable", object, doc="value that is compared with the cases")
+    VARIABLE: ClassVar = Port(
+        "variable", object, doc="value that is compared with the cases", takes=(int, float, str)
+    )
     cases: ClassVar[tuple[Port[str], ...]] = ()
 
     _running: int | None = None

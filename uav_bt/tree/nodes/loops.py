@@ -27,7 +27,7 @@ def _queue(value: Port[Any]) -> Port[Any]:
             _split(value, queue)
 
     doc = "elements as 1;2;3, or {variable} with such a text, or with a list, which is used up"
-    return Port("queue", object, doc=doc, check=check)
+    return Port("queue", object, doc=doc, check=check, takes=(str, MutableSequence))
 
 
 class _Loop(DecoratorNode):

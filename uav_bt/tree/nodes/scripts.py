@@ -17,6 +17,8 @@ from uav_bt.tree.status import ANSWER_NAMES, FAILURE, SUCCESS, Status
 class AlwaysSuccess(Leaf):
     """Succeeds at once."""
 
+    answers = (SUCCESS,)
+
     def update(self) -> Status:
         """Succeed."""
         return SUCCESS
@@ -24,6 +26,8 @@ class AlwaysSuccess(Leaf):
 
 class AlwaysFailure(Leaf):
     """Fails at once."""
+
+    answers = (FAILURE,)
 
     def update(self) -> Status:
         """Fail."""
@@ -54,6 +58,7 @@ class _Code:
 class ScriptNode(Leaf):
     """Runs a script and succeeds."""
 
+    answers = (SUCCESS,)
     node_id = "Script"
     CODE = Port("code", str, doc="statements, separated by ';'", check=parse_script)
     ports = (CODE,)
@@ -120,6 +125,7 @@ class Precondition(DecoratorNode):
 class SetBlackboard(Leaf):
     """Writes a variable of the tree: a text, or a copy of another variable."""
 
+    answers = (SUCCESS,)
     VALUE = Port("value", object, doc="the value, or {variable} to copy it")
     OUTPUT_KEY = Port("output_key", str, doc="the variable's name", check=_check_variable)
     ports = (VALUE, OUTPUT_KEY)
@@ -137,6 +143,7 @@ class SetBlackboard(Leaf):
 class UnsetBlackboard(Leaf):
     """Removes a variable of the tree."""
 
+    answers = (SUCCESS,)
     KEY = Port("key", str, doc="the variable's name", check=_check_variable)
     ports = (KEY,)
 

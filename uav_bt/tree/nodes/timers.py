@@ -75,6 +75,7 @@ class Delay(DecoratorNode):
 class Sleep(Leaf):
     """Runs for the given time, then succeeds."""
 
+    answers = (SUCCESS, RUNNING)
     MSEC = Port("msec", int, doc="milliseconds", least=0)
     ports = (MSEC,)
 

@@ -50,6 +50,7 @@ class _Watch:
 class WasEntryUpdated(Leaf):
     """Succeeds when the variable was written since this node last looked."""
 
+    answers = (SUCCESS, FAILURE)
     ports = (ENTRY,)
 
     def __init__(self, name: str | None = None, /, **given: object) -> None:

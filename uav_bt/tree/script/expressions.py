@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script.values import (
     MAX_TEXT,
     Environment,
@@ -16,6 +17,7 @@ from uav_bt.tree.script.values import (
     compare_equal,
     truth,
 )
+from uav_bt.tree.variables import Variables
 
 
 class Expression(ABC):
@@ -61,6 +63,17 @@ class Name(Expression):
     def evaluate(self, environment: Environment) -> Value:
         """Return the value of the name."""
         return environment.read(self.name)
+
+
+@dataclass(frozen=True)
+class Known(Expression):
+    """`known(x)` or `known(@key)`: 1 when the variable has a value or the key a fresh one."""
+
+    name: str
+
+    def evaluate(self, environment: Environment) -> Value:
+        """Return 1 or 0."""
+        return float(environment.known(self.name))
 
 
 _UNARY: Final[dict[str, Callable[[float], float]]] = {
@@ -112,15 +125,10 @@ _BINARY: Final[dict[str, Callable[[float, float], float]]] = {
     "|": lambda left, right: float(_integer(left) | _integer(right)),
     "^": lambda left, right: float(_integer(left) ^ _integer(right)),
 }
-_LOGICAL: Final[dict[str, Callable[[bool, bool], bool]]] = {
-    "&&": operator.and_,
-    "||": operator.or_,
-}
+_DECIDING: Final = {"&&": False, "||": True}  # the operand that decides alone
 
 
 def _computed(sign: str, left: Value, right: Value) -> Value:
-    if sign in _LOGICAL:  # both sides are always evaluated, as in the engine
-        return float(_LOGICAL[sign](truth(left), truth(right)))
     texts = isinstance(left, str) + isinstance(right, str)
     if (sign == ".." and texts) or (sign == "+" and texts == 2):
         joined = f"{left}{right}"
@@ -147,8 +155,24 @@ class Binary(Expression):
 
     def evaluate(self, environment: Environment) -> Value:
         """Evaluate both, then join them."""
+        if self.sign in _DECIDING:
+            return self._decided(environment)
         left = self.left.evaluate(environment)
         return _computed(self.sign, left, self.right.evaluate(environment))
+
+    def _decided(self, environment: Environment) -> float:
+        """Evaluate both sides, as the engine does; an unknown board key counts where it decides."""
+        deciding = _DECIDING[self.sign]
+        found: list[bool] = []
+        unknown: UnknownValueError | None = None
+        for operand in self.parts():
+            try:
+                found.append(truth(operand.evaluate(environment)))
+            except UnknownValueError as error:
+                unknown = unknown or error
+        if unknown is not None and deciding not in found:
+            raise unknown
+        return float(deciding in found if deciding else deciding not in found)
 
 
 _COMPARISONS: Final[dict[str, Callable[[float, float], bool]]] = {
@@ -242,7 +266,7 @@ def kind_of(expression: Expression) -> type | None:
     """Return the type of an expression's value, or None when it is known only at run time."""
     if isinstance(expression, Literal):
         return type(expression.value)
-    if isinstance(expression, (Unary, Comparison)):
+    if isinstance(expression, (Unary, Comparison, Known)):
         return float
     if isinstance(expression, Binary):
         return _joined(expression)
@@ -275,6 +299,16 @@ def certain_parts(expression: Expression) -> Iterator[Expression]:
         yield from certain_parts(part)
 
 
+def constant_value(expression: Expression) -> Value | None:
+    """Return the value of an expression that reads no variable; None for another one."""
+    if not is_constant(expression):
+        return None
+    try:
+        return expression.evaluate(Environment(Variables()))
+    except (ScriptError, OverflowError):
+        return None
+
+
 def is_constant(expression: Expression) -> bool:
     """Return whether an expression reads and writes no variable."""
-    return not any(isinstance(part, (Name, Assignment)) for part in expression.walk())
+    return not any(isinstance(part, (Name, Known, Assignment)) for part in expression.walk())

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Final
 
+from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script.expressions import (
     Assignment,
     Binary,
     Comparison,
     Conditional,
     Expression,
+    Known,
     Literal,
     Name,
     Unary,
@@ -28,6 +30,9 @@ from uav_bt.tree.script.values import Environment, ScriptError, Value, truth
 from uav_bt.tree.variables import Variables
 
 MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
+
+KNOWN: Final = "known"
+"""The name of the function that asks whether a variable or board key has a value."""
 
 ASSIGNMENTS: Final = frozenset({":=", "=", "+=", "-=", "*=", "/="})
 _COMPARISONS: Final = frozenset({"==", "!=", "<", "<=", ">", ">="})
@@ -58,11 +63,14 @@ class Script:
 
         Raises:
             ScriptError: one of them fails.
+            UnknownValueError: one of them reads a board key that has no fresh value.
         """
         result: Value = 0
         try:
             for statement in self.statements:
                 result = statement.evaluate(environment)
+        except UnknownValueError as error:
+            raise UnknownValueError(f"script '{self.source}': {error}") from error
         except (ScriptError, OverflowError) as error:
             raise ScriptError(f"script '{self.source}': {error}") from error
         return result
@@ -71,6 +79,11 @@ class Script:
     def parts(self) -> tuple[Expression, ...]:
         """All parts."""
         return tuple(part for statement in self.statements for part in statement.walk())
+
+    @cached_property
+    def asked_known(self) -> frozenset[str]:
+        """The names that `known(...)` asks about, board keys with their `@`."""
+        return frozenset(part.name for part in self.parts if isinstance(part, Known))
 
     @cached_property
     def certain(self) -> frozenset[int]:
@@ -240,7 +253,16 @@ class _Parser:
             return inner
         if token.kind in {"end", "operator"}:
             raise self._fail("a value")
-        return _atom(self._take())
+        self._take()
+        return self._known() if token.text == KNOWN and self._is("(") else _atom(token)
+
+    def _known(self) -> Expression:
+        self._expect("(")
+        if self._next.kind != "name":
+            raise self._fail("a variable or an @key")
+        name = self._take().text
+        self._expect(")")
+        return Known(name)
 
 
 def number_of(token: Token) -> int | float:
@@ -285,6 +307,18 @@ class Token:
     column: int  # in the script, from 1
 
 
+def _no_members(tokens: list[Token]) -> str:
+    """Return what to write instead of `.member` after the last token."""
+    name = tokens[-1].text if tokens and tokens[-1].kind == "name" else ""
+    if not name.startswith("@"):
+        return "; a script reads whole values, no members"
+    return (
+        f": board values have no members, so '{name}' is read as a whole, and only where it is a "
+        "number or a text. For a part of it, write a condition leaf that reads the key, or a leaf "
+        "that writes the part to a key of its own"
+    )
+
+
 def tokenize(source: str) -> list[Token]:
     """Return the words of a script; the last one is of kind `end`.
 
@@ -298,8 +332,8 @@ def tokenize(source: str) -> list[Token]:
     while at < len(source):
         match = _TOKEN.match(source, at)
         if match is None or match.lastgroup is None:
-            members = "; a script reads whole values, no members" if source[at] == "." else ""
-            raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'{members}")
+            hint = _no_members(tokens) if source[at] == "." else ""
+            raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'{hint}")
         if match.lastgroup != "space":
             glued = tokens and tokens[-1].column - 1 + len(tokens[-1].text) == at
             if glued and match.lastgroup == "name" and tokens[-1].kind in NUMBERS:

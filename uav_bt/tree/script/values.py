@@ -10,7 +10,7 @@ import math
 from typing import Any, Final
 
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.errors import did_you_mean
+from uav_bt.errors import BoardAccessError, UnknownValueError, did_you_mean
 from uav_bt.tree.variables import Variables
 
 Value = int | float | str
@@ -132,13 +132,16 @@ class Environment:
         """Return the value of a name.
 
         Raises:
-            ScriptError: the value is missing, stale, or of a type that scripts cannot use.
+            ScriptError: the variable has no value, or the value has a type that scripts cannot use.
+            UnknownValueError: the board key has no fresh value.
         """
         members = self.members
         if name in members:  # an enumeration comes before a variable, as in the engine
             return float(members[name])
         key = self._board_key(name)
         value = self._variables.get(name) if key is None else self._read_board(key)
+        if value is None and key is not None and not self._may_write(key):
+            raise UnknownValueError(self._lack(key))
         if value is None:
             hint = did_you_mean(name, [*self._variables, *members])
             raise ScriptError(f"'{name}' has no value{hint}")
@@ -146,6 +149,15 @@ class Environment:
             kind = type(value).__name__
             raise ScriptError(f"'{name}' is a {kind}; scripts know numbers and texts")
         return value
+
+    def known(self, name: str) -> bool:
+        """Return whether a variable has a value, or a board key a fresh one."""
+        key = self._board_key(name)
+        try:
+            value = self._variables.get(name) if key is None else self._read_board(key)
+        except UnknownValueError:
+            return False
+        return value is not None
 
     def number(self, value: Value) -> float:
         """Return a value as a real; a text may be the name of an enumeration's member.
@@ -159,7 +171,7 @@ class Environment:
     def holds(self, name: str) -> bool:
         """Return whether a variable exists, or a board key that scripts may write has a value."""
         key = self._board_key(name)
-        if key is not None and self._board is not None and self._board.scripts_may_write(key):
+        if key is not None and self._may_write(key):
             return self._read_board(key) is not None
         return name in self._variables or key is not None
 
@@ -195,6 +207,16 @@ class Environment:
     def _board_key(self, name: str) -> str | None:
         return name[1:] if name.startswith("@") else self._variables.board_key(name)
 
+    def _may_write(self, key: str) -> bool:
+        return self._board is not None and self._board.scripts_may_write(key)
+
+    def _lack(self, key: str) -> str:
+        """Return which value of a board key is missing: one at all, or a fresh one."""
+        age_s = math.inf if self._board is None else self._board.read(self._board.key(key)).age_s
+        if math.isinf(age_s):
+            return f"board key '{key}' has no value yet"
+        return f"board key '{key}' has no fresh value (age {age_s:.2f} s)"
+
     def _write_board(self, board: Blackboard, key: str, value: Value) -> Value:
         try:
             kept: Value = assigned(self._read_board(key), value)
@@ -206,4 +228,8 @@ class Environment:
     def _read_board(self, key: str) -> Any:
         if self._board is None:
             raise ScriptError(f"'@{key}': there is no mission board here")
-        return self._board.read(self._board.key(key)).value
+        try:
+            declared = self._board.key(key)
+        except BoardAccessError as error:  # no leaf of the tree declares it
+            raise UnknownValueError(str(error)) from error
+        return self._board.read(declared).value

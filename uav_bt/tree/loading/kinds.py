@@ -1,0 +1,217 @@
+"""Values of variables that a reader cannot use: texts for numbers, objects for scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from uav_bt.board import MISSION_KEYS
+from uav_bt.tree.loading.after_children import Variable
+from uav_bt.tree.loading.assigned import named_scripts, variable_at
+from uav_bt.tree.loading.variable_checker import may_convert
+from uav_bt.tree.mission_tree import MissionTree
+from uav_bt.tree.node import Node
+from uav_bt.tree.nodes import SetBlackboard
+from uav_bt.tree.port import Port
+from uav_bt.tree.script.expressions import (
+    Assignment,
+    Binary,
+    Comparison,
+    Expression,
+    Name,
+    Unary,
+    constant_value,
+    kind_of,
+)
+from uav_bt.tree.script.values import ScriptError, number
+
+_NUMBERS: Final = (int, float)
+_IN_SCRIPTS: Final = (int, float, str)
+_ARITHMETIC: Final = frozenset({"-", "*", "/", "&", "|", "^"})
+
+
+@dataclass(frozen=True)
+class _Value:
+    """A value that a node, or the entry of a SubTree, gives a variable."""
+
+    kind: type
+    value: Any = None  # where the file has it
+    node: Node | None = None  # None: an entry
+    attribute: str = ""
+    keeps_type: bool = False  # written by a script: an existing variable keeps its type
+
+    @property
+    def is_word(self) -> bool:
+        """Whether it is a text that no script can take for a number."""
+        return self.kind is str and (self.value is None or not _is_number(self.value))
+
+    def __str__(self) -> str:
+        what = self.kind.__name__ if self.value is None else repr(self.value)
+        return what if self.node is None else f"{what} (from '{self.node.name}')"
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """A value that fails where it is read or written."""
+
+    node: Node
+    attribute: str
+    message: str
+
+
+def misfits(tree: MissionTree) -> Iterator[Misfit]:
+    """Yield the reads and writes that fail with a value of the tree.
+
+    Args:
+        tree: loaded from a file.
+    """
+    values = _Values(tree)
+    for node in tree.nodes():
+        for port in node.ports:
+            for message in values.misfits_of_port(node, port):
+                yield Misfit(node, port.name, message)
+        for attribute, script in named_scripts(node):
+            for part in script.walk():
+                for message in values.misfits_of_part(node, part):
+                    yield Misfit(node, attribute, message)
+    yield from values.mixed()
+
+
+class _Values:
+    """The values that each variable of a tree gets."""
+
+    def __init__(self, tree: MissionTree) -> None:
+        self._values: dict[Variable, list[_Value]] = {}
+        self._words = {key.name for key in MISSION_KEYS if key.type is str}  # keys with texts
+        for leaf in tree.leaves():
+            self._words |= {key.name for key in leaf.writes if key.type is str}
+        for node in tree.nodes():
+            for port in node.ports:
+                at = node.reference(port)
+                if at is not None and not at.on_board and port.direction != "input":
+                    output = _Value(port.type, None, node, port.name)
+                    self._of(node.variables.location(at.key)).append(output)
+            for attribute, script in named_scripts(node):
+                for part in script.walk():
+                    if isinstance(part, Assignment) and part.sign in {":=", "="}:
+                        self._assign(node, attribute, part)
+            if isinstance(node, SetBlackboard):
+                self._set(node)
+
+    def _of(self, variable: Variable) -> list[_Value]:
+        if variable not in self._values:
+            scope, name = variable
+            entry = scope.entry(name)
+            first = [] if entry is None else [_Value(type(entry.value), entry.value)]
+            self._values[variable] = first
+        return self._values[variable]
+
+    def _assign(self, node: Node, attribute: str, part: Assignment) -> None:
+        variable, kind = variable_at(node, part.name), kind_of(part.value)
+        if variable is not None and kind is not None:
+            written = _Value(kind, constant_value(part.value), node, attribute, keeps_type=True)
+            self._of(variable).append(written)
+
+    def _set(self, node: Node) -> None:
+        name = node.literals.get(SetBlackboard.OUTPUT_KEY.name)
+        text = node.literals.get(SetBlackboard.VALUE.name)
+        variable = variable_at(node, name) if isinstance(name, str) else None
+        if variable is not None and isinstance(text, str):
+            self._of(variable).append(_Value(str, text, node, "value", keeps_type=True))
+
+    # --- readers ----------------------------------------------------------------------------------
+
+    def misfits_of_port(self, node: Node, port: Port[Any]) -> Iterator[str]:
+        """Yield the messages on values that a port cannot read."""
+        at = node.reference(port)
+        if at is None or at.on_board or port.direction == "output":
+            return
+        for value in self._of(node.variables.location(at.key)):
+            if not _fits(port, value):
+                yield f"takes {port.words}, but variable '{at.key}' may hold {value}"
+                return
+
+    def misfits_of_part(self, node: Node, part: Expression) -> Iterator[str]:
+        """Yield the messages on values that a part of a script cannot use."""
+        if isinstance(part, Name):
+            for value in self._named(node, part):
+                if value.kind is not object and not issubclass(value.kind, _IN_SCRIPTS):
+                    yield f"variable '{part.name}' may hold {value}, no number and no text"
+                    return
+        for operand in _numbers_in(part):
+            for value in self._named(node, operand):
+                if value.is_word or (value.kind is str and not isinstance(part, Comparison)):
+                    yield f"needs a number, but '{_name(operand)}' may hold {value}"
+                    return
+
+    def _named(self, node: Node, part: Expression) -> list[_Value]:
+        if not isinstance(part, Name):
+            return []
+        name = part.name
+        key = name[1:] if name.startswith("@") else node.variables.board_key(name)
+        if key is not None:
+            return [_Value(str)] if key in self._words else []
+        variable = variable_at(node, name)
+        return [] if variable is None else self._of(variable)
+
+    def mixed(self) -> Iterator[Misfit]:
+        """Yield scripts that give a variable a number where it may hold a text, or reverse."""
+        for (_, name), values in self._values.items():
+            for value in values:
+                other = next((one for one in values if _clash(value, one)), None)
+                if value.keeps_type and value.node is not None and other is not None:
+                    message = (
+                        f"writes {value} to variable '{name}', which may hold {other} and "
+                        "keeps the type of its first value"
+                    )
+                    yield Misfit(value.node, value.attribute, message)
+                    break
+
+
+def _numbers_in(part: Expression) -> tuple[Expression, ...]:
+    """Return the operands that must be numbers; of a comparison, also texts that are numbers."""
+    if isinstance(part, Assignment) and part.sign not in {":=", "="}:
+        part = Binary(part.sign[0], Name(part.name), part.value)
+    if isinstance(part, Unary):
+        return part.parts() if part.sign != "!" else ()
+    if not isinstance(part, (Comparison, Binary)):
+        return ()
+    mixes = any(kind_of(operand) in _NUMBERS for operand in part.parts())
+    if isinstance(part, Binary) and part.sign in _ARITHMETIC:
+        return part.parts()
+    compares = isinstance(part, Comparison) or part.sign == "+"
+    return part.parts() if compares and mixes else ()
+
+
+def _name(part: Expression) -> str:
+    return part.name if isinstance(part, Name) else ""
+
+
+def _clash(value: _Value, other: _Value) -> bool:
+    """Return whether a script cannot write a value where a variable holds another."""
+    if other.kind is str:
+        return value.kind in _NUMBERS
+    return other.kind in _NUMBERS and value.is_word
+
+
+def _fits(port: Port[Any], value: _Value) -> bool:
+    """Return whether a port can read a value of this type; its range is not asked."""
+    if port.takes is not None and not issubclass(value.kind, port.takes):
+        return value.kind is object
+    if value.value is None or (port.type is object and port.takes is None):
+        return may_convert(value.kind, port.type)
+    try:
+        check = None if port.takes is None else port.check  # the elements of a queue
+        replace(port, least=None, most=None, choices=(), check=check).read(value.value)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_number(value: object) -> bool:
+    try:
+        number(value)
+    except ScriptError:
+        return False
+    return True
