@@ -14,6 +14,7 @@ from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
+from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
@@ -46,6 +47,8 @@ NODES: Final[tuple[type[Node], ...]] = (
     Land,
     MapSite,
     MarkFound,
+    NextObject,
+    ObjectSeen,
     PointCamera,
     RememberViews,
     ReturnToBase,
@@ -57,4 +60,5 @@ NODES: Final[tuple[type[Node], ...]] = (
     TakeOff,
     TrackMotion,
     Turn,
+    ViewPoints,
 )
