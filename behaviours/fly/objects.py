@@ -155,7 +155,9 @@ class ViewPoints(Leaf):
     the object.
     """
 
-    OF: ClassVar = Port("of", str, check=Place.parse, doc="the object, or another place")
+    OF: ClassVar = Port(
+        "of", str, check=Place.parse, sample="object:1", doc="the object, or another place"
+    )
     PLACES: ClassVar = Port(
         "places",
         str,

@@ -33,6 +33,7 @@ class PortInfo:
     most: float | None = None
     range: str = ""  # both in words
     required: bool = False  # a tree file must give it
+    sample: str = ""  # a literal, for examples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +68,7 @@ def _describe_port(port: Port[Any]) -> PortInfo:
         most=port.most,
         range=port.range,
         required=port.required,
+        sample=port.sample,
     )
 
 

@@ -54,7 +54,9 @@ def _section(node: type[Node], registry: NodeRegistry) -> Iterator[str]:
 
 
 def _sample(port: PortInfo) -> str:
-    return port.choices[0] if port.choices else _SAMPLES.get(port.type, "name")
+    if port.sample or port.choices:
+        return port.sample or port.choices[0]
+    return _SAMPLES.get(port.type, "name")
 
 
 def _value(port: PortInfo) -> str:

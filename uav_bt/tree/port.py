@@ -103,6 +103,7 @@ class Port(Generic[T]):
             calls it; dry runs and benches, which load nothing, do not.
         caution: returns a warning about a valid but unusual value, such as one beyond the usual
             limits, or None. `uav-bt check` prints the warning.
+        sample: literal that examples give to a required port; empty: one of its type.
 
     Raises:
         ValueError: the name is not a valid attribute name, or a port with a range is not a number.
@@ -121,6 +122,7 @@ class Port(Generic[T]):
     check: Callable[[T], object] | None = None
     look_up: Callable[[T], object] | None = None
     caution: Callable[[T], str | None] | None = None
+    sample: str = ""
 
     def __post_init__(self) -> None:
         if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:
