@@ -159,6 +159,22 @@ def test_other_places_have_view_points_too() -> None:
             assert math.dist((goal.x_m, goal.y_m), (0.3, 0.0)) == pytest.approx(0.7, abs=0.02)
 
 
+def test_a_loop_visits_the_view_points_of_the_next_object() -> None:
+    tree = parse_tree(
+        """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
+        <NextObject class="box_2" place="{object}"/>
+        <ViewPoints of="{object}" distance_m="0.8" places="{places}"/>
+        <Script code="count := 0"/>
+        <LoopString queue="{places}" value="{place}"><Script code="count += 1"/></LoopString>
+        </Sequence></BehaviorTree></root>"""
+    )
+    tree.strict_board.write(SITE_MAP, map_of(box(1, -1.0, 1.0), box(2, 0.2, 0.1, class_id=5)))
+    tree.tick_until(Status.SUCCESS, 20)
+    assert tree.variables["object"] == "object:2"
+    assert tree.variables["count"] == len(parse_places(tree.variables["places"])) == 4
+    assert tree.variables["places"].endswith(tree.variables["place"])
+
+
 def test_what_the_map_does_not_know_has_no_view_points() -> None:
     for of, reason in (("object:3", "no object 3"), ("mark", "not seen"), ("lab:0,0", "unknown")):
         bench = LeafBench(ViewPoints, of=of)
