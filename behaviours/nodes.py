@@ -18,6 +18,7 @@ from behaviours.fly.land import EmergencyLand, Land, LandHere
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
 from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.moves_on import MovesOn
+from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.say import Say
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
@@ -58,6 +59,8 @@ NODES: Final[tuple[type[Node], ...]] = (
     MarkFound,
     MoveBy,
     MovesOn,
+    NextObject,
+    ObjectSeen,
     PointCamera,
     RememberViews,
     ReturnToBase,
@@ -71,4 +74,5 @@ NODES: Final[tuple[type[Node], ...]] = (
     TakePhoto,
     TrackMotion,
     Turn,
+    ViewPoints,
 )

@@ -55,6 +55,17 @@ CLASS_TO_GROUP: Final = _frozen(
 )
 """(17,) uint8: the group id of each class id."""
 
+ROOF_OF_CLASS: Final = _frozen(
+    np.array(
+        [
+            ROOFS[BOXES.index(each) % len(ROOFS)] if each in BOXES else 0
+            for each in range(CLASS_COUNT)
+        ],
+        dtype=np.uint8,
+    )
+)
+"""(17,) uint8: the class of the roof on the sides of each class; 0 without one."""
+
 CLASS_COLOURS: Final = _frozen(
     np.array(
         [

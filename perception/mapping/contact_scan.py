@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.mapping import scan_loops
-from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, NO_CLASS, group_of
+from uav_bt.classes import (
+    GROUP_BACKGROUND,
+    GROUP_CARPET,
+    GROUP_OBSTACLE,
+    NO_CLASS,
+    ROOF_OF_CLASS,
+    group_of,
+)
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel, ClassMap, Frame
 from uav_bt.types.projection import camera_axes
@@ -42,6 +49,7 @@ class GroundScan:
     ids: NDArray[np.uint8]  # (B, E) class ids; `NO_CLASS` for samples below the image
     groups: NDArray[np.uint8]  # (B, E) group ids; `NO_CLASS` for samples below the image
     image_groups: NDArray[np.uint8]  # (H, W) group ids of the whole class map
+    height_m: float  # of the camera above the ground
     min_run: int  # samples above a base
 
 
@@ -51,6 +59,8 @@ class Bases:
 
     placed_m: NDArray[np.float64]  # (N, 2) forward, right
     placed_ids: NDArray[np.uint8]  # (N,) classes of the obstacles there
+    # (N,) heights of their upper edges above the ground, m; NaN where the roof is not in view
+    placed_heights_m: NDArray[np.float64]
     # (M, 2): the nearest sample in view on bearings where it shows an obstacle. The obstacle stands
     # there or nearer, since a vertical edge keeps its bearing.
     hidden_m: NDArray[np.float64]
@@ -90,7 +100,7 @@ def scan_ground(
         camera_axes(pitch_rad),
         camera.pinhole_px,
     )
-    return GroundScan(level_m, ids, groups, image_groups, config.min_run)
+    return GroundScan(level_m, ids, groups, image_groups, height_m, config.min_run)
 
 
 def find_bases(scan: GroundScan) -> Bases:
@@ -101,9 +111,13 @@ def find_bases(scan: GroundScan) -> Bases:
         scan.groups, GROUP_BACKGROUND, scan.min_run
     )
     ends, ended = edge_before == GROUP_CARPET, edge_before == NO_CLASS
+    placed = rows[stands], first[stands]
     return Bases(
-        placed_m=_borders_m(scan, rows[stands], first[stands]),
-        placed_ids=scan.ids[rows[stands], first[stands]],
+        placed_m=_borders_m(scan, *placed),
+        placed_ids=scan.ids[placed],
+        placed_heights_m=scan_loops.upper_edges(
+            scan.level_m, scan.ids, *placed, ROOF_OF_CLASS, scan.height_m
+        ),
         hidden_m=scan.level_m[rows[hides], first[hides]],
         edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),
         hidden_edges_m=scan.level_m[edge_rows[ended], edge[ended]],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 
@@ -45,11 +46,27 @@ def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple
         if len(of_class) < config.min_points:
             continue
         labels = clusters(of_class.xy_m, config.apart_m)
-        for label in range(labels.max() + 1):
-            members = of_class.take(labels == label)
-            if len(members) >= config.min_points:
-                found.append(_object(class_id, members, config))
+        counts = np.bincount(labels)
+        parts = [
+            of_class.take(labels == label) for label in np.flatnonzero(counts >= config.min_points)
+        ]
+        found += _objects(class_id, parts, config)
     return tuple(found)
+
+
+def _objects(class_id: int, parts: list[Landmarks], config: ObjectConfig) -> list[MapObject]:
+    """Return the objects of clusters of one class.
+
+    Opposite sides of one box are two clusters, and each makes a whole base. Clusters are one object
+    if the base of one contains the middle of another one.
+    """
+    found = [_object(class_id, part, config) for part in parts]
+    for first, second in combinations(range(len(found)), 2):
+        one, other = found[first], found[second]
+        if one.covers(other.x_m, other.y_m) or other.covers(one.x_m, one.y_m):
+            rest = [part for index, part in enumerate(parts) if index not in {first, second}]
+            return _objects(class_id, [*rest, parts[first].with_rows(parts[second])], config)
+    return found
 
 
 def _object(class_id: int, members: Landmarks, config: ObjectConfig) -> MapObject:
@@ -76,6 +93,7 @@ def _object(class_id: int, members: Landmarks, config: ObjectConfig) -> MapObjec
         yaw_rad=yaw_rad + longer * math.pi / 2,
         std_m=float(missing_m.max() / 2 + 0.03),
         seen_s=float(members.seen_s.max()),
+        points=len(members),
     )
 
 

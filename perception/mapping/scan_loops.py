@@ -100,6 +100,51 @@ def first_runs(
 
 
 @compiled(
+    "float64[::1](float64[:, :, ::1], uint8[:, ::1], intp[::1], intp[::1],"
+    " Array(uint8, 1, 'C', readonly=True), float64)"
+)
+def upper_edges(  # noqa: PLR0917 - Numba passes arguments by position
+    level_m: NDArray[np.float64],
+    ids: NDArray[np.uint8],
+    rows: NDArray[np.intp],
+    first: NDArray[np.intp],
+    roof_of: NDArray[np.uint8],
+    height_m: float,
+) -> NDArray[np.float64]:
+    """Return the heights of the upper edges of sides.
+
+    A side is vertical, so its upper edge has the range of its base. The edge is known where the
+    roof above it is in view.
+
+    Args:
+        level_m: (B, E, 2) samples of a scan, metres forward and right.
+        ids: (B, E) their class ids.
+        rows: (N,) bearings of the sides.
+        first: (N,) index of the first sample of each side, not 0.
+        roof_of: (C,) class of the roof on the sides of each class; 0 without one.
+        height_m: height of the camera above the ground.
+
+    Returns:
+        (N,) metres above the ground; NaN where the side does not end at two samples of its roof.
+    """
+    heights_m = np.full(len(rows), np.nan)
+    for side in range(len(rows)):
+        row, base, end = rows[side], first[side], first[side]
+        class_id = ids[row, base]
+        while end < ids.shape[1] and ids[row, end] == class_id:
+            end += 1
+        roof = roof_of[class_id]
+        if roof == 0 or end + 1 >= ids.shape[1]:
+            continue
+        if ids[row, end] == roof and ids[row, end + 1] == roof:
+            ranges_m = np.hypot(level_m[row, :, 0], level_m[row, :, 1])
+            base_m = (ranges_m[base - 1] + ranges_m[base]) / 2.0
+            slope = (height_m / ranges_m[end - 1] + height_m / ranges_m[end]) / 2.0
+            heights_m[side] = height_m - base_m * slope
+    return heights_m
+
+
+@compiled(
     "Tuple((boolean[::1], boolean[::1]))"
     "(float64[:, ::1], float64, uint8[:, ::1], float64[:, ::1], UniTuple(float64, 4))"
 )

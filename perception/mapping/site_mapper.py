@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from perception.mapping.arrivals import ArrivalConfig, find_arrivals
 from perception.mapping.contradiction import Contradiction, ContradictionConfig
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
+from perception.mapping.known_objects import KnownObjectConfig, KnownObjects
 from perception.mapping.landmarks import (
     LandmarkConfig,
     Landmarks,
@@ -61,6 +62,7 @@ class SiteMapperConfig:
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     contradiction: ContradictionConfig = field(default_factory=ContradictionConfig)
     mark: MarkPlaceConfig = field(default_factory=MarkPlaceConfig)
+    objects: KnownObjectConfig = field(default_factory=KnownObjectConfig)
 
 
 class SiteMapper:
@@ -77,6 +79,7 @@ class SiteMapper:
         self._start: Pose2D | None = None  # take-off pose in the dead-reckoned frame
         self._captured_s = -math.inf
         self._recent = RecentLayer(self.config.recent)
+        self._known_objects = KnownObjects(self.config.objects)
         self._begin()
 
     def _begin(self, *, agreed_s: float = -math.inf) -> None:
@@ -133,6 +136,7 @@ class SiteMapper:
         self._drop_missed(placed)
         if self._contradiction.is_certain(time_s):
             self.restarts += 1
+            self._known_objects.restart(self._registration.correction)
             self._begin(agreed_s=time_s)
             self._recent.forget()  # its points were placed by the abandoned map
             return
@@ -143,7 +147,8 @@ class SiteMapper:
         # Bases of a mover are kept for as long as the map keeps the mover.
         self._recent.forget_trails(time_s + cfg.movers.life_s, self._trails_m())
         if time_s - self._objects_s >= cfg.objects_s:
-            self._objects, self._objects_s = find_objects(self._bases), time_s
+            self._objects = self._known_objects.named(find_objects(self._bases))
+            self._objects_s = time_s
 
     def see_mark(self, fix: HelipadFix) -> None:
         """Add a sighting of the landing mark, relative to the drone's present pose."""
@@ -216,6 +221,7 @@ class SiteMapper:
         """
         cfg = self.config
         bases, edges = bases_of(view, cfg.landmarks), edges_of(view, cfg.landmarks)
+        self._known_objects.see_edges(bases.xy_m, bases.ids, view.base_heights_m)
         if off_m <= cfg.lost_m:
             if len(bases):
                 bases = self._standing_bases(view, bases)

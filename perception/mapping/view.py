@@ -64,6 +64,7 @@ class View:
         contacts: The bases and edges of the scan, at any range.
         bases_m: (N, 2) bases near enough for the map, each with another one beside it.
         base_ids: (N,) classes of the obstacles there.
+        base_heights_m: (N,) heights of their upper edges; NaN where the roof is not in view.
         edges_m: (M, 2) edges of the ground near enough for the map.
     """
 
@@ -77,6 +78,7 @@ class View:
     contacts: Bases
     bases_m: Floats
     base_ids: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
+    base_heights_m: Floats
     edges_m: Floats
 
     @classmethod
@@ -120,6 +122,7 @@ class View:
             contacts=contacts,
             bases_m=contacts.placed_m[firm],
             base_ids=contacts.placed_ids[firm],
+            base_heights_m=contacts.placed_heights_m[firm],
             edges_m=contacts.edges_m[near],
         )
 

@@ -82,8 +82,9 @@ def _check(note: SiteMapNote) -> None:
         if not (np.abs(some_m) < _FAR_M).all():
             raise InputError("a place of a site map is not finite, or too far away")
     for item in note.objects:
-        sides_m = (item.size_m, item.width_m)
-        if not (0 <= item.class_id < CLASS_COUNT and all(0.0 <= side < _FAR_M for side in sides_m)):
+        sizes_m = (item.size_m, item.width_m, item.height_m or 0.0, item.height_std_m or 0.0)
+        is_real = all(0.0 <= size < _FAR_M for size in sizes_m) and item.id >= 0
+        if not (0 <= item.class_id < CLASS_COUNT and is_real):
             raise InputError(f"the object {item} of a site map is none")
     for mover in note.movers:
         sizes = (mover.speed_mps, mover.std_m, mover.std_mps, mover.radius_m)

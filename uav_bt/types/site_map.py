@@ -32,6 +32,16 @@ class MapObject:
     width_m: float = 0.0  # of the shorter side
     yaw_rad: float = 0.0  # of the longer side, from the map's x towards its y
     id: int = 0  # unique in a mission, from 1; 0 before it has one
+    points: int = 0  # number of the map's points on its base
+    height_m: float | None = None  # above the ground; None while its roof was not seen
+    height_std_m: float | None = None  # one standard deviation of the height
+
+    def covers(self, x_m: float, y_m: float, *, margin_m: float = 0.0) -> bool:
+        """Return whether a place lies on its base or within a margin around it."""
+        middle = Pose2D(x_m=self.x_m, y_m=self.y_m, yaw_rad=self.yaw_rad)
+        along_m, across_m = middle.to_body(x_m, y_m)
+        longer_m, shorter_m = self.size_m / 2 + margin_m, self.width_m / 2 + margin_m
+        return abs(along_m) <= longer_m and abs(across_m) <= shorter_m
 
     def corners_m(self, *, margin_m: float = 0.0) -> Floats:
         """Return the corners of its base and a margin around, (4, 2) in the map's frame."""

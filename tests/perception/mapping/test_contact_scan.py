@@ -11,7 +11,7 @@ import pytest
 from perception.mapping.contact_scan import GroundScan, find_bases, scan_ground
 from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.view import View
-from uav_bt.classes import CLASS_COUNT, NO_CLASS, group_of
+from uav_bt.classes import BOXES, CLASS_COUNT, NO_CLASS, ROOFS, group_of
 from uav_bt.testing import pinhole
 from uav_bt.types import ClassMap, Frame, Pose2D
 from uav_bt.types.projection import project
@@ -64,11 +64,32 @@ def test_the_nearest_long_run_of_a_group_counts() -> None:
     )
     level_m = np.zeros((4, 6, 2))
     level_m[..., 0] = np.arange(6)
-    bases = find_bases(GroundScan(level_m, groups, groups, groups, 2))
+    bases = find_bases(GroundScan(level_m, groups, groups, groups, 1.5, 2))
     assert bases.placed_m[:, 0].tolist() == [2.5]
     assert bases.hidden_m[:, 0].tolist() == [1.0]
     assert bases.edges_m[:, 0].tolist() == [1.5]
     assert len(bases.hidden_edges_m) == 0
+
+
+def test_a_side_is_as_high_as_the_border_to_its_roof() -> None:
+    """The camera is 1.5 m high; the side begins at 1.5 m, its roof covers the ground at 4.5 m."""
+    side, roof, other = BOXES[0], ROOFS[0], ROOFS[1]
+    ids = np.array(
+        [
+            [1, 1, side, side, side, roof, roof],
+            [1, 1, side, side, side, side, roof],  # a single sample of roof is noise
+            [1, 1, side, side, side, other, other],  # the roof of another box
+            [1, 1, side, side, side, side, side],  # the edge is above the image
+        ],
+        dtype=np.uint8,
+    )
+    level_m = np.zeros((4, 7, 2))
+    level_m[..., 0] = np.arange(7)
+    bases = find_bases(GroundScan(level_m, ids, group_of(ids), group_of(ids), 1.5, 2))
+    assert bases.placed_m[:, 0].tolist() == [1.5] * 4
+    edge_m = 1.5 * (1.0 - 1.5 * (1 / 4 + 1 / 5) / 2)
+    assert bases.placed_heights_m[0] == pytest.approx(edge_m)
+    assert np.isnan(bases.placed_heights_m[1:]).all()
 
 
 def test_a_point_of_the_ground_has_the_group_of_the_nearest_pixel() -> None:

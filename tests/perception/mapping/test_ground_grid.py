@@ -28,6 +28,7 @@ def see(
         level_m=np.array([[[ahead_m, 0.0]]]),
         ids=np.array([[0]], dtype=np.uint8),
         image_groups=np.array([[group]], dtype=np.uint8),
+        height_m=1.5,
         min_run=1,
     )
     grid.add(
@@ -42,6 +43,7 @@ def see(
             contacts=find_bases(scan),
             bases_m=np.empty((0, 2)),
             base_ids=np.empty(0, dtype=np.uint8),
+            base_heights_m=np.empty(0),
             edges_m=np.empty((0, 2)),
         )
     )
@@ -111,7 +113,7 @@ def test_cells_are_ground_by_the_majority_of_samples_and_beyond_by_votes() -> No
     ahead_m = np.array([0.1, 0.5, 0.51, 0.7])  # the second and the third lie in one cell
     level_m = np.zeros((3, 4, 2))
     level_m[..., 0] = ahead_m
-    scan = GroundScan(level_m, groups, groups, groups, 1)
+    scan = GroundScan(level_m, groups, groups, groups, 1.5, 1)
     view = View(
         captured_s=2.0,
         pose=Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2),
@@ -123,6 +125,7 @@ def test_cells_are_ground_by_the_majority_of_samples_and_beyond_by_votes() -> No
         contacts=find_bases(scan),
         bases_m=np.empty((0, 2)),
         base_ids=np.empty(0, dtype=np.uint8),
+        base_heights_m=np.empty(0),
         edges_m=np.empty((0, 2)),
     )
     grid.add(view)

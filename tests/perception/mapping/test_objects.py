@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,6 +58,22 @@ def test_one_side_is_as_deep_as_boxes_are_away_from_where_it_was_seen() -> None:
     assert (found.x_m, found.y_m) == pytest.approx((1.0 + depth_m / 2, 0.0), abs=0.01)
     assert found.corners_m()[:, 0].min() == pytest.approx(1.0, abs=0.01)
     assert found.corners_m()[:, 0].max() == pytest.approx(1.0 + depth_m, abs=0.01)
+
+
+def test_opposite_sides_are_one_object() -> None:
+    """Each alone has the assumed depth, with which it covers the middle of the other one."""
+    near, far = side((1.0, -0.25), (1.0, 0.25)), side((1.45, -0.25), (1.45, 0.25))
+    points = landmarks([*near, *far], class_id=4)
+    from_m = np.array([(0.0, 0.0)] * len(near) + [(3.0, 0.0)] * len(far))
+    (found,) = find_objects(replace(points, from_m=from_m))
+    assert (found.x_m, found.y_m) == pytest.approx((1.225, 0.0), abs=0.01)
+    assert sorted((found.size_m, found.width_m)) == pytest.approx([0.45, 0.5], abs=0.01)
+    assert found.points == len(near) + len(far)
+
+
+def test_boxes_of_one_class_side_by_side_are_two_objects() -> None:
+    sides = [*side((1.0, -0.25), (1.0, 0.25)), *side((1.0, 0.6), (1.0, 1.1))]
+    assert len(find_objects(landmarks(sides, class_id=4))) == 2
 
 
 def test_a_margin_moves_all_sides() -> None:

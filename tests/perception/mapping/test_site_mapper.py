@@ -143,6 +143,19 @@ def test_both_boxes_are_objects_where_they_stand() -> None:
         assert math.dist((thing.x_m, -thing.y_m), box.position_m) < 0.12
 
 
+def test_objects_keep_their_ids_and_have_the_heights_of_the_boxes() -> None:
+    """The roof of the first box is above the camera: its height stays unknown."""
+    maps = fly(SiteMapper(), slow_drift)
+    ids = {(thing.class_id, thing.id) for found in maps for thing in found.objects}
+    assert len(ids) == 2
+    assert {one for _, one in ids} == {1, 2}
+    high, low = maps[-1].objects
+    assert high.height_m is None
+    assert low.height_m == pytest.approx(LOW.size_m[2], abs=0.03)
+    assert low.height_std_m == pytest.approx(0.02, abs=0.01)
+    assert low.points >= 4
+
+
 def test_drift_is_corrected_by_what_is_seen_again() -> None:
     """What drifted before anything was seen twice stays; from then on half of it is taken away."""
     found = fly(SiteMapper(), slow_drift)[-1]

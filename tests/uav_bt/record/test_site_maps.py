@@ -37,6 +37,9 @@ MOVER = MapMover(
 )
 
 
+BOX = MapObject(class_id=5, x_m=1.5, y_m=2.0, size_m=0.4, std_m=0.1, seen_s=12.0)
+
+
 def site_map() -> SiteMap:
     def some() -> np.ndarray:
         return RANDOM.random(SHAPE) < 0.3
@@ -52,7 +55,10 @@ def site_map() -> SiteMap:
         obstacles_m=RANDOM.normal(size=(9, 2)),
         edges_m=RANDOM.normal(size=(5, 2)),
         captured_s=12.5,
-        objects=(MapObject(class_id=4, x_m=1.0, y_m=2.0, size_m=0.4, std_m=0.1, seen_s=12.0),),
+        objects=(
+            MapObject(class_id=4, x_m=1.0, y_m=2.0, size_m=0.4, std_m=0.1, seen_s=12.0),
+            replace(BOX, id=3, points=7, height_m=0.8, height_std_m=0.02),
+        ),
         mark=MapMark(x_m=0.0, y_m=0.1, std_m=0.02, seen_s=3.0),
         movers=(MOVER,),
         contradicted_s=0.5,
@@ -114,6 +120,8 @@ def test_a_map_is_small() -> None:
         {"obstacles_m": np.zeros((4, 3))},
         {"edges_m": np.array([[0.0, math.nan]])},
         {"pose": Pose2D(x_m=math.nan, y_m=0.0, yaw_rad=0.0)},
+        {"objects": (replace(BOX, height_m=math.nan),)},
+        {"objects": (replace(BOX, id=-1),)},
         {"objects": (MapObject(class_id=17, x_m=0, y_m=0, size_m=1, std_m=0, seen_s=0),)},
         {"objects": (MapObject(class_id=4, x_m=0, y_m=0, size_m=math.nan, std_m=0, seen_s=0),)},
         {"movers": (replace(MOVER, x_m=math.inf),)},

@@ -1,0 +1,236 @@
+"""Leaves that choose objects of the site map, and places from which to look at them.
+
+They do not move the drone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Final
+
+from behaviours.path.margins import Margins, Passage
+from behaviours.path.nearby import recent_obstacles
+from behaviours.path.passages import ClearanceMaps
+from behaviours.path.view_points import view_points
+from uav_bt.board import SITE_MAP
+from uav_bt.board.blackboard import Key
+from uav_bt.board.context import MissionContext
+from uav_bt.classes import CLASS_NAMES, standing_classes
+from uav_bt.errors import UnknownNameError
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types.place import SEPARATOR, Place, PlaceFrame
+from uav_bt.types.place_frames import Unresolved, resolve, start_place
+from uav_bt.types.site_map import MapObject, SiteMap
+
+VISITED: Final = Key(
+    "visited",
+    str,
+    "objects that NextObject has chosen in this mission, such as object:1;object:4",
+    writer="NextObject",
+)
+
+_NO_MAP: Final = "no site map: <MapSite/> must tick ahead of this leaf"
+_UNMAPPED_S: Final = 3.0  # as in FollowConfig
+_BESIDE_M: Final = 0.15  # a route ends this far beyond the margin of the object; a cell and a half
+_MIN_POINTS: Final = 6  # of an object on the map; fewer may be an error of a network. Chosen.
+
+
+def _class_ids(names: str) -> tuple[int, ...]:
+    """Return the classes of a port's value; all that stand on the ground for an empty one.
+
+    Raises:
+        UnknownNameError: No object of the map has such a class.
+    """
+    standing = standing_classes()
+    by_name = {CLASS_NAMES[class_id]: class_id for class_id in standing}
+    given = [name.strip() for name in names.split(SEPARATOR) if name.strip()]
+    for name in given:
+        if name not in by_name:
+            raise UnknownNameError("class of an object", name, tuple(by_name))
+    return tuple(by_name[name] for name in given) or standing
+
+
+CLASS: Final = Port(
+    "class",
+    str,
+    default="",
+    check=_class_ids,
+    doc="class of the object, such as box_5, or several with ; between them; empty: any",
+)
+
+
+def _seen(site_map: SiteMap, names: str) -> list[MapObject]:
+    """Return the objects of some classes that the map has enough points of."""
+    class_ids = _class_ids(names)
+    return [
+        each
+        for each in site_map.objects
+        if each.class_id in class_ids and each.points >= _MIN_POINTS
+    ]
+
+
+class ObjectSeen(Leaf):
+    """SUCCESS while the map has an object of a class, placed precisely enough; FAILURE otherwise.
+
+    FAILURE also without a map. Objects of which the map has few points do not count.
+    """
+
+    condition = True
+    ports = (
+        CLASS,
+        Port(
+            "std_m",
+            float,
+            default=0.3,
+            least=0.01,
+            most=5,
+            doc="largest standard deviation of the object's position, m",
+        ),
+    )
+    reads = (SITE_MAP,)
+
+    def update(self) -> Status:
+        """Look at the objects of the map."""
+        site_map = self.read(SITE_MAP).value
+        if site_map is None:
+            self.feedback_message = _NO_MAP
+            return Status.FAILURE
+        most_m = self.port_value("std_m")
+        seen = [each for each in _seen(site_map, self.port(CLASS)) if each.std_m <= most_m]
+        self.feedback_message = ", ".join(f"object:{each.id}" for each in seen)
+        return Status.SUCCESS if seen else Status.FAILURE
+
+
+class NextObject(Leaf):
+    """Choose the nearest object of the map that this mission has not chosen yet; FAILURE without.
+
+    The nearest is the one with the shortest route. Objects without a known route come last, the
+    nearest in a straight line first. All nodes of a mission share the memory, the board key
+    `visited`. Objects of which the map has few points do not count. FAILURE also without a map.
+    """
+
+    PLACE: ClassVar = Port("place", str, direction="output", doc="the object, such as object:3")
+    LABEL: ClassVar = Port("label", str, direction="output", doc="its class, such as box_5")
+    ports = (CLASS, PLACE, LABEL)
+    reads = (SITE_MAP, VISITED)
+    writes = (VISITED,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Take the margins of the place."""
+        self._margins = Margins().within(mission.clearances)
+
+    def update(self) -> Status:
+        """Choose an object."""
+        site_map = self.read(SITE_MAP).value
+        if site_map is None:
+            self.feedback_message = _NO_MAP
+            return Status.FAILURE
+        visited = self.read(VISITED).value or ""
+        chosen = set(visited.split(SEPARATOR))
+        left = {
+            str(Place(frame=PlaceFrame.OBJECT, object_id=each.id)): each
+            for each in _seen(site_map, self.port(CLASS))
+        }
+        left = {place: each for place, each in left.items() if place not in chosen}
+        if not left:
+            self.feedback_message = "the map has no further object of this class"
+            return Status.FAILURE
+        maps = _clearance_maps(site_map, self._margins)
+        place = min(left, key=lambda each: _route_m(maps, left[each]))
+        label = CLASS_NAMES[left[place].class_id]
+        self.write(VISITED, SEPARATOR.join(filter(None, (visited, place))))
+        self.set_port(self.PLACE, place)
+        self.set_port(self.LABEL, label)
+        self.feedback_message = f"{place}, {label}"
+        return Status.SUCCESS
+
+
+class ViewPoints(Leaf):
+    """List places around an object that face it and have room and a free view; FAILURE without.
+
+    The list begins with the place that is reached first, and each place is followed by the nearest
+    one that is left. A place beside the wanted one is taken where that one has no room or no free
+    view. The list has fewer places than `count` where there are none. An object hides what is
+    behind it, whatever its height. FAILURE also without a map, and while the map does not know
+    the object.
+    """
+
+    OF: ClassVar = Port(
+        "of", str, check=Place.parse, sample="object:1", doc="the object, or another place"
+    )
+    PLACES: ClassVar = Port(
+        "places",
+        str,
+        direction="output",
+        doc="places such as start:1,0@90;start:2,1@180, for LoopString",
+    )
+    ports = (
+        OF,
+        Port(
+            "distance_m",
+            float,
+            default=1.0,
+            least=0.3,
+            most=10,
+            doc="distance from the side of the object, or from the other place, m",
+        ),
+        Port("count", int, default=4, least=1, most=36, doc="wanted number of places"),
+        PLACES,
+    )
+    reads = (SITE_MAP,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Take the margins of the place."""
+        self._margins = Margins().within(mission.clearances)
+
+    def update(self) -> Status:
+        """Find the places."""
+        site_map = self.read(SITE_MAP).value
+        if site_map is None:
+            self.feedback_message = _NO_MAP
+            return Status.FAILURE
+        of = self.port(self.OF)
+        target = _target(site_map, Place.parse(of))
+        if isinstance(target, Unresolved):
+            self.feedback_message = target.reason
+            return Status.FAILURE
+        poses = view_points(
+            _clearance_maps(site_map, self._margins),
+            target,
+            distance_m=self.port_value("distance_m"),
+            count=self.port_value("count"),
+        )
+        self.feedback_message = f"{len(poses)} places around {of}"
+        if not poses:
+            self.feedback_message = f"no place around {of} has room and a free view"
+            return Status.FAILURE
+        places = [start_place(site_map, it.x_m, it.y_m, yaw_rad=it.yaw_rad) for it in poses]
+        self.set_port(self.PLACES, SEPARATOR.join(map(str, places)))
+        return Status.SUCCESS
+
+
+def _target(site_map: SiteMap, place: Place) -> MapObject | Unresolved:
+    """Return the object of a place, or one without a size at the place."""
+    goal = resolve(place, site_map)
+    if isinstance(goal, Unresolved):
+        return goal
+    found = site_map.object(place.object_id) if place.frame is PlaceFrame.OBJECT else None
+    return found or MapObject(
+        class_id=0, x_m=goal.x_m, y_m=goal.y_m, size_m=0.0, std_m=0.0, seen_s=site_map.captured_s
+    )
+
+
+def _clearance_maps(site_map: SiteMap, margins: Margins) -> ClearanceMaps:
+    recent = recent_obstacles(site_map.near, site_map, unmapped_s=_UNMAPPED_S)
+    return ClearanceMaps(site_map, recent, margins)
+
+
+def _route_m(maps: ClearanceMaps, item: MapObject) -> tuple[bool, float]:
+    """Return whether an object has no route, and the length of the route or the distance."""
+    pose, margins = maps.map.pose, maps[Passage.ORDINARY].margins
+    straight_m = math.dist((pose.x_m, pose.y_m), (item.x_m, item.y_m))
+    beside_m = math.hypot(item.size_m, item.width_m) / 2 + margins.touch_m + _BESIDE_M
+    route = maps.route_to((item.x_m, item.y_m), near_m=beside_m, far_m=beside_m)
+    if route is None:
+        return True, straight_m
+    return False, route.length_m + math.dist(route.path_m[-1], (item.x_m, item.y_m))

@@ -1,0 +1,198 @@
+"""NextObject, ViewPoints and ObjectSeen on drawn maps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from behaviours.fly.objects import VISITED, NextObject, ObjectSeen, ViewPoints
+from tests.behaviours.path.test_survey import drawn_map
+from uav_bt.board import SITE_MAP
+from uav_bt.errors import InputError
+from uav_bt.testing import LeafBench, parse_tree
+from uav_bt.tree import Status
+from uav_bt.types import Pose2D
+from uav_bt.types.place import parse_places
+from uav_bt.types.place_frames import resolve
+from uav_bt.types.site_map import MapMark, MapObject, SiteMap
+
+START = Pose2D(x_m=-1.5, y_m=-1.5, yaw_rad=math.radians(90))
+
+
+def box(number: int, x_m: float, y_m: float, *, class_id: int = 4, points: int = 9) -> MapObject:
+    return MapObject(
+        class_id=class_id,
+        x_m=x_m,
+        y_m=y_m,
+        size_m=0.4,
+        width_m=0.4,
+        std_m=0.1,
+        seen_s=1.0,
+        id=number,
+        points=points,
+    )
+
+
+def map_of(*objects: MapObject, wall: bool = False) -> SiteMap:
+    """Return a map with the drone at (-1.5, -1.5); a wall may divide it, with a gap far away."""
+    outlines_m = [each.outline_m(0.08) for each in objects]
+    y_m = np.arange(-2.2, 0.9, 0.05)
+    walls_m = [np.column_stack([np.zeros(len(y_m)), y_m])] if wall else []
+    drawn = drawn_map(
+        obstacles=np.vstack([np.empty((0, 2)), *outlines_m, *walls_m]), pose=(-1.5, -1.5, 0.0)
+    )
+    return replace(drawn, objects=objects, start=START)
+
+
+def show(bench: LeafBench, site_map: SiteMap) -> Status:
+    bench.clock.advance(0.1)
+    bench.strict_board.write(SITE_MAP, site_map)
+    return bench.tick()
+
+
+def next_object(**ports: str) -> LeafBench:
+    return LeafBench(NextObject, place="{place}", label="{label}", **ports)
+
+
+def handed_out(bench: LeafBench, site_map: SiteMap) -> list[tuple[str, str]]:
+    """Return place and label of each tick until the leaf fails."""
+    found = []
+    while show(bench, site_map) is Status.SUCCESS:
+        found.append((bench.variables["place"], bench.variables["label"]))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("leaf", "ports"),
+    [(NextObject, {}), (ViewPoints, {"of": "object:1"}), (ObjectSeen, {})],
+)
+def test_without_a_map_they_fail_and_say_so(
+    leaf: type[NextObject | ViewPoints | ObjectSeen], ports: dict[str, str]
+) -> None:
+    bench = LeafBench(leaf, **ports)
+    assert bench.tick() is Status.FAILURE
+    assert "MapSite" in bench.feedback
+
+
+def test_objects_are_handed_out_once_the_nearest_first() -> None:
+    site_map = map_of(box(1, 1.0, 1.0), box(2, -0.3, -0.8, class_id=5), box(3, 0.8, -1.0))
+    bench = next_object()
+    assert handed_out(bench, site_map) == [
+        ("object:2", "box_2"),
+        ("object:3", "box_1"),
+        ("object:1", "box_1"),
+    ]
+    assert bench.board[VISITED] == "object:2;object:3;object:1"
+    assert "no further object" in bench.feedback
+    assert handed_out(bench, map_of(*site_map.objects, box(4, 1.0, 0.0))) == [("object:4", "box_1")]
+
+
+def test_the_nearest_is_the_one_with_the_shortest_route() -> None:
+    """The second box is nearer through the wall, but the way round is longer."""
+    boxes = box(1, -1.5, 0.8), box(2, 0.6, -1.5, class_id=5)
+    assert handed_out(next_object(), map_of(*boxes))[0] == ("object:2", "box_2")
+    assert handed_out(next_object(), map_of(*boxes, wall=True))[0] == ("object:1", "box_1")
+
+
+def test_an_object_that_no_route_leads_to_comes_last() -> None:
+    x_m = np.arange(-2.2, 2.2, 0.05)
+    closed = map_of(box(1, -1.4, 1.0), box(2, 1.2, -1.4))
+    wall_m = np.column_stack([x_m, np.full(len(x_m), -0.4)])
+    closed = replace(closed, obstacles_m=np.vstack([closed.obstacles_m, wall_m]))
+    assert [place for place, _ in handed_out(next_object(), closed)] == ["object:2", "object:1"]
+
+
+def test_only_the_classes_of_the_port_and_objects_with_enough_points_count() -> None:
+    site_map = map_of(
+        box(1, 1.0, 1.0, class_id=4),
+        box(2, 1.0, -1.0, class_id=5),
+        box(3, 0.0, 1.0, class_id=6),
+        box(4, 0.0, 0.0, class_id=4, points=4),
+    )
+    assert handed_out(next_object(**{"class": "box_1"}), site_map) == [("object:1", "box_1")]
+    found = handed_out(next_object(**{"class": "box_3; box_1"}), site_map)
+    assert sorted(found) == [("object:1", "box_1"), ("object:3", "box_3")]
+
+
+@pytest.mark.parametrize("name", ["box_9", "carpet", "roof_1", "box_1;helipad_h"])
+def test_a_class_that_no_object_has_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="unknown class of an object"):
+        LeafBench(ObjectSeen, **{"class": name})
+
+
+def test_two_nodes_share_what_was_handed_out() -> None:
+    tree = parse_tree(
+        """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
+        <NextObject place="{a}"/><NextObject place="{b}"/><Inverter><NextObject/></Inverter>
+        </Sequence></BehaviorTree></root>"""
+    )
+    tree.strict_board.write(SITE_MAP, map_of(box(1, 0.0, -1.0), box(2, 0.0, 1.0)))
+    assert tree.tick() is Status.SUCCESS
+    assert (tree.variables["a"], tree.variables["b"]) == ("object:1", "object:2")
+
+
+def test_view_points_are_places_from_the_start_that_face_the_object() -> None:
+    target = box(7, 0.2, 0.1)
+    site_map = map_of(target)
+    bench = LeafBench(ViewPoints, of="object:7", distance_m=0.8, places="{places}")
+    assert show(bench, site_map) is Status.SUCCESS
+    places = parse_places(bench.variables["places"])
+    assert len(places) == 4
+    for place in places:
+        goal = resolve(place, site_map)
+        assert math.dist((goal.x_m, goal.y_m), (0.2, 0.1)) == pytest.approx(1.0, abs=0.02)
+        faces_rad = math.atan2(0.1 - goal.y_m, 0.2 - goal.x_m)
+        assert math.remainder(goal.yaw_rad - faces_rad, math.tau) == pytest.approx(0.0, abs=0.02)
+
+
+def test_other_places_have_view_points_too() -> None:
+    mark = MapMark(x_m=0.3, y_m=0.0, std_m=0.05, seen_s=1.0)
+    site_map = replace(map_of(), mark=mark)
+    for of in ("mark", "start:1.5,-1.8"):
+        bench = LeafBench(ViewPoints, of=of, distance_m=0.7, count=3, places="{places}")
+        assert show(bench, site_map) is Status.SUCCESS
+        for place in parse_places(bench.variables["places"]):
+            goal = resolve(place, site_map)
+            assert math.dist((goal.x_m, goal.y_m), (0.3, 0.0)) == pytest.approx(0.7, abs=0.02)
+
+
+def test_a_loop_visits_the_view_points_of_the_next_object() -> None:
+    tree = parse_tree(
+        """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
+        <NextObject class="box_2" place="{object}"/>
+        <ViewPoints of="{object}" distance_m="0.8" places="{places}"/>
+        <Script code="count := 0"/>
+        <LoopString queue="{places}" value="{place}"><Script code="count += 1"/></LoopString>
+        </Sequence></BehaviorTree></root>"""
+    )
+    tree.strict_board.write(SITE_MAP, map_of(box(1, -1.0, 1.0), box(2, 0.2, 0.1, class_id=5)))
+    tree.tick_until(Status.SUCCESS, 20)
+    assert tree.variables["object"] == "object:2"
+    assert tree.variables["count"] == len(parse_places(tree.variables["places"])) == 4
+    assert tree.variables["places"].endswith(tree.variables["place"])
+
+
+def test_what_the_map_does_not_know_has_no_view_points() -> None:
+    for of, reason in (("object:3", "no object 3"), ("mark", "not seen"), ("lab:0,0", "unknown")):
+        bench = LeafBench(ViewPoints, of=of)
+        assert show(bench, map_of()) is Status.FAILURE
+        assert reason in bench.feedback
+
+
+def test_an_object_in_a_corner_without_room_has_no_view_points() -> None:
+    bench = LeafBench(ViewPoints, of="object:1", distance_m=0.3, count=2)
+    assert show(bench, map_of(box(1, 1.9, 1.9))) is Status.FAILURE
+    assert "room" in bench.feedback
+
+
+def test_an_object_counts_as_seen_when_it_is_placed_precisely() -> None:
+    rough = replace(box(1, 0.0, 0.0), std_m=0.2)
+    bench = LeafBench(ObjectSeen, **{"class": "box_1", "std_m": 0.15})
+    assert show(bench, map_of(rough)) is Status.FAILURE
+    assert show(bench, map_of(replace(rough, class_id=5, std_m=0.1))) is Status.FAILURE
+    assert show(bench, map_of(replace(rough, std_m=0.1, points=4))) is Status.FAILURE
+    assert show(bench, map_of(replace(rough, std_m=0.1))) is Status.SUCCESS
+    assert bench.feedback == "object:1"
