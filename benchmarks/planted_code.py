@@ -41,7 +41,7 @@ class Code:
         Args:
             source: Folder with the packages.
             folder: Folder of the copy.
-            defect: What is planted in it; None: nothing.
+            defect: The defect that is planted in it; None: none.
 
         Raises:
             FileError: The defect's text does not occur exactly once.

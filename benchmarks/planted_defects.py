@@ -1,10 +1,10 @@
 r"""Plants defects in copies of the code, and tells how long random flights take to find them.
 
     python -m benchmarks.planted_defects --out runs/planted
-    python -m benchmarks.planted_defects --out runs/planted --minutes 6
+    python -m benchmarks.planted_defects --out runs/planted --minutes 6    # of wall time, each
 
-`planted_edits.py` lists the defects. For each one the code flies what `uav-bt campaign TREE...
---drone plain --faults random` flies: the trees of both rules and of the survey in turn, all
+`planted_edits.py` lists the defects. For each one the code flies as `uav-bt campaign TREE...
+--drone plain --faults random` does: the trees of both rules and of the survey in turn, all
 training and validation scenes, seeds in order. The defect is found by the first flight that
 
 - does not succeed, where the same flight (tree, scene, seed) succeeds without the defect, or
@@ -25,7 +25,7 @@ import re
 import shlex
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -166,7 +166,7 @@ class Hunt:
     """The search for one defect.
 
     Args:
-        defect: What is planted.
+        defect: The defect that is planted.
         folder: Where code, flights and result are kept.
         sound: The code without the defect.
         minutes: Wall time after which the search, and the shrinking, are given up.
@@ -244,7 +244,10 @@ class Hunt:
     def _in_twin(self, code: Code, words: list[str], name: str) -> Line:
         report = self._folder / f"twin-{name}.json"
         report.unlink(missing_ok=True)
-        code.run([*words, "--report", str(report)], self._folder / f"twin-{name}.log")
+        log = self._folder / f"twin-{name}.log"
+        code.run([*words, "--report", str(report)], log)
+        if not report.exists():
+            raise MissionError(f"uav-bt {shlex.join(words)} flew nothing; see {log}")
         line: Line = json.loads(report.read_text(encoding="utf-8"))
         return line
 
@@ -253,7 +256,7 @@ def hunt(defect: Defect, folder: Path, sound: Sound, minutes: float) -> Search:
     """Return the result for one defect, flown now or kept.
 
     Args:
-        defect: What is planted.
+        defect: The defect that is planted.
         folder: Where code, flights and result are kept.
         sound: The code without the defect.
         minutes: Wall time after which the search, and the shrinking, are given up.
@@ -267,7 +270,7 @@ def hunt(defect: Defect, folder: Path, sound: Sound, minutes: float) -> Search:
     search, line = flies.search()
     if line is not None:
         left, in_twin = flies.shrink(line)
-        search = Search(**{**asdict(search), "left": left, "in_twin": in_twin})
+        search = replace(search, left=left, in_twin=in_twin)
     write_whole(file, json.dumps(asdict(search), indent=2) + "\n")
     return search
 

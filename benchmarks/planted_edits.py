@@ -1,6 +1,6 @@
 """Twenty defects, each an edit of the product's code, for `benchmarks/planted_defects.py`.
 
-Ten of them were in the code once: each is what the code was like before the commit that is named,
+Ten of them were in the code once: each is the code before the commit that is named,
 transferred to today's code. The list was chosen before any of them was flown.
 """
 
@@ -23,7 +23,7 @@ class Defect:
         file: File that is edited, from the repository's root.
         sound: Text of the file without the defect; it occurs once.
         planted: Text that replaces it.
-        wrong: What is wrong, one sentence.
+        wrong: The mistake, one sentence.
         fixed_in: Short hash of the commit that once fixed it; None: the defect is invented.
     """
 
