@@ -23,6 +23,8 @@ import argparse
 import json
 import re
 import shlex
+import signal
+import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -49,7 +51,7 @@ Line = Mapping[str, Any]
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """The end of one defect's search.
+    """How one defect's search ended.
 
     Attributes:
         flights: Number of flights.
@@ -57,8 +59,8 @@ class Search:
         minutes: Their wall time.
         limit_minutes: Wall time after which the search was given up.
         how: How the flight failed that found the defect; None: none did.
-        left: Faults, movers and boxes that the failure needs; None: not shrunk.
-        in_twin: Whether they find the defect in the twin with images; None: not flown.
+        left: Faults, movers and boxes that the failure needs; None: not reduced in time.
+        in_twin: Whether the flight, reduced if it was, finds the defect in the twin with images.
     """
 
     flights: int
@@ -215,12 +217,14 @@ class Hunt:
                 return line
         return None
 
-    def shrink(self, line: Line) -> tuple[str | None, bool | None]:
+    def shrink(self, line: Line) -> tuple[str | None, bool]:
         """Reduce a flight that found the defect, and fly the rest in the twin.
 
+        The flight is flown in the twin as it is if the time is over before it is reduced.
+
         Returns:
-            Number of faults, movers and boxes, None when the time was over or the flight did not
-            fail again; whether they find the defect in the twin, None when not flown.
+            Number of faults, movers and boxes, None if it is not reduced; whether they find the
+            defect in the twin.
         """
         out, log = self._folder / "smallest", self._folder / "shrink.log"
         log.unlink(missing_ok=True)
@@ -228,18 +232,22 @@ class Hunt:
         words = ["shrink", str(self._flights), "--tree", tree, "--scene", line["scene"]]
         words += ["--seed", seed, "--out", str(out)]
         limit_s = 60.0 * self._minutes
-        if self._code.run(words, log, goes_on=lambda passed_s: passed_s < limit_s) != 0:
-            return None, None
-        counts = re.findall(
-            r"(\d+) (?:faults|movers|boxes)", log.read_text("utf-8").split("left:")[1]
-        )
-        words = ["fly", tree, "--scene", str(out / SCENE_FILE), "--seed", seed]
-        words += ["--profile", line["profile"]]
+        shrunk = self._code.run(words, log, goes_on=lambda passed_s: passed_s < limit_s) == 0
+        words = ["fly", tree, "--seed", seed, "--profile", line["profile"], "--scene"]
+        if not shrunk:
+            return None, self._is_found_in_twin([*words, line["scene"], "--faults", "random"])
+        left = log.read_text(encoding="utf-8").split("left:")[1]
+        words.append(str(out / SCENE_FILE))
         if (out / FAULTS_FILE).read_text(encoding="utf-8"):
             words += ["--faults", f"@{out / FAULTS_FILE}"]
+        counts = re.findall(r"(\d+) (?:faults|movers|boxes)", left)
+        return ", ".join(counts), self._is_found_in_twin(words)
+
+    def _is_found_in_twin(self, words: list[str]) -> bool:
         ours = self._in_twin(self._code, words, "planted")
-        found = _suspect(ours) and difference(ours, self._in_twin(self._sound.code, words, _SOUND))
-        return ", ".join(counts), bool(found)
+        if not _suspect(ours):
+            return False
+        return difference(ours, self._in_twin(self._sound.code, words, _SOUND)) is not None
 
     def _in_twin(self, code: Code, words: list[str], name: str) -> Line:
         report = self._folder / f"twin-{name}.json"
@@ -264,7 +272,7 @@ def hunt(defect: Defect, folder: Path, sound: Sound, minutes: float) -> Search:
     file = folder / _RESULT_FILE
     if file.exists():
         kept = Search(**json.loads(file.read_text(encoding="utf-8")))
-        if kept.how is not None or kept.limit_minutes >= minutes:
+        if kept.left is not None or kept.limit_minutes >= minutes:
             return kept
     flies = Hunt(defect, folder, sound, minutes)
     search, line = flies.search()
@@ -283,6 +291,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of code, flights, results")
     parser.add_argument("--minutes", type=float, default=25.0, help="of each search; default: 25")
     given = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the command that flies is ended, too
     out = given.out.resolve()
     sound = Sound(out / _SOUND)
     print(_HEAD, flush=True)

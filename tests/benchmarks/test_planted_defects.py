@@ -161,3 +161,17 @@ def test_a_result_is_kept_unless_there_is_more_time(product: Path, tmp_path: Pat
     file.write_text(json.dumps(vars(given_up)))
     assert hunt(MARK, file.parent, sound, 6.0) == given_up
     assert hunt(MARK, file.parent, sound, 7.0).how == "collision: touched box"
+
+
+def test_a_flight_that_cannot_be_reduced_flies_in_the_twin_as_it_is(
+    product: Path, tmp_path: Path
+) -> None:
+    main = product / "uav_bt" / "__main__.py"
+    main.write_text(
+        PRODUCT.replace("    out.mkdir()", "    sys.exit(2)").replace(
+            'value("--faults").endswith("faults.txt")', 'value("--faults") == "random"'
+        )
+    )
+    Code.copied(product, tmp_path / "sound" / "code")
+    found = hunt(MARK, tmp_path / "mark", Sound(tmp_path / "sound"), 1.0)
+    assert (found.flights, found.left, found.in_twin) == (3, None, True)
