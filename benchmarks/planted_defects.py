@@ -1,0 +1,304 @@
+r"""Plants defects in copies of the code, and tells how long random flights take to find them.
+
+    python -m benchmarks.planted_defects --out runs/planted
+    python -m benchmarks.planted_defects --out runs/planted --minutes 6    # of wall time, each
+
+`planted_edits.py` lists the defects. For each one the code flies as `uav-bt campaign TREE...
+--drone plain --faults random` does: the trees of both rules and of the survey in turn, all
+training and validation scenes, seeds in order. The defect is found by the first flight that
+
+- does not succeed, where the same flight (tree, scene, seed) succeeds without the defect, or
+- ends in the air, where the same flight without the defect ends on the ground.
+
+The failed flight is reduced to its fewest boxes, movers and faults (`uav-bt shrink`), and the rest
+is flown in the twin with images, with the defect and without. Flights without the defect are flown
+once for all defects. Everything is kept in the folder, and the same command continues.
+
+One process flies at a time. Hours are simulated, minutes are of wall time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import shlex
+import signal
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.planted_code import ROOT, Code
+from benchmarks.planted_edits import DEFECTS, Defect
+from uav_bt.campaign.flight_lines import key_of, read_flights
+from uav_bt.campaign.store import FLIGHTS_FILE
+from uav_bt.cli.shrink import FAULTS_FILE, SCENE_FILE
+from uav_bt.errors import MissionError
+from uav_bt.files import write_whole
+from uav_bt.mission.judge import Outcome
+
+TREES: Final = ("explore_and_land_segmentation", "explore_and_land_depth", "survey_and_land")
+SCENES: Final = "train-*,val-*"
+_SEEDS: Final = 1000  # more than a search flies
+_HUNG_S: Final = 240.0  # wall time of a hung flight; one of 300 s takes a minute on a busy core
+_SOUND: Final = "sound"
+_RESULT_FILE: Final = "result.json"
+Line = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """How one defect's search ended.
+
+    Attributes:
+        flights: Number of flights.
+        hours: Their simulated time.
+        minutes: Their wall time.
+        limit_minutes: Wall time after which the search was given up.
+        how: How the flight failed that found the defect; None: none did.
+        left: Faults, movers and boxes that the failure needs; None: not reduced in time.
+        in_twin: Whether the flight, reduced if it was, finds the defect in the twin with images.
+    """
+
+    flights: int
+    hours: float
+    minutes: float
+    limit_minutes: float
+    how: str | None = None
+    left: str | None = None
+    in_twin: bool | None = None
+
+    def row(self, defect: Defect) -> str:
+        """Return a row of the table."""
+        twin = {None: "-", True: "yes", False: "no"}[self.in_twin]
+        cells = (
+            defect.name,
+            defect.fixed_in or "-",
+            "no" if self.how is None else "yes",
+            f"{self.hours:.2f}",
+            f"{self.minutes:.1f}",
+            str(self.flights),
+            self.how or "-",
+            twin,
+            self.left or "-",
+        )
+        return f"| {' | '.join(cells)} |"
+
+
+_HEAD: Final = (
+    "| defect | fixed in | found | hours | minutes | flights | how | in the twin "
+    "| faults, movers, boxes |\n|---|---|---|---:|---:|---:|---|---|---|"
+)
+
+
+def difference(line: Line, sound: Line) -> str | None:
+    """Return how a flight with a defect fails where the one without does not; None: it does not.
+
+    Args:
+        line: The flight with the defect.
+        sound: The same flight without.
+    """
+    success = Outcome.SUCCESS.value
+    if line.get("airborne_at_end") and not sound.get("airborne_at_end"):
+        return f"left in the air: {line['reason']}"
+    if sound["outcome"] == success and line["outcome"] != success:
+        return f"{line['outcome']}: {line['reason']}"
+    return None
+
+
+def _suspect(line: Line) -> bool:
+    return line["outcome"] != Outcome.SUCCESS.value or bool(line.get("airborne_at_end"))
+
+
+def _lines(folder: Path) -> list[dict[str, Any]]:
+    file = folder / FLIGHTS_FILE
+    return list(read_flights(file).flights) if file.exists() else []
+
+
+def _wall_s(lines: list[dict[str, Any]]) -> float:
+    return sum(float(line.get("wall_s") or _HUNG_S) for line in lines)
+
+
+class Sound:
+    """The code without a defect, and its flights.
+
+    Args:
+        folder: Where both are kept.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.code = Code.copied(ROOT, folder / "code")
+        self._folder = folder
+        found = folder.glob(f"flights/*/{FLIGHTS_FILE}")
+        self._flown = {key_of(line): line for file in found for line in _lines(file.parent)}
+
+    def knows(self, line: Line) -> bool:
+        """Return whether the same flight was flown."""
+        return key_of(line) in self._flown
+
+    def same(self, line: Line) -> Line:
+        """Return the same flight, which is flown if it was not."""
+        if not self.knows(line):
+            tree, scene, seed = Path(line["tree"]).stem, line["scene"], line["seed"]
+            folder = self._folder / "flights" / f"{tree}-{scene}-{seed}"
+            words = [tree, "--scenes", scene, "--seed-from", str(seed), "--flights", "1"]
+            _campaign(self.code, words, folder)
+            for flown in _lines(folder):
+                self._flown[key_of(flown)] = flown
+        return self._flown[key_of(line)]
+
+
+def _campaign(code: Code, words: list[str], folder: Path, **how: Any) -> None:
+    """Fly random flights without images.
+
+    Raises:
+        MissionError: The command refused something.
+    """
+    words = ["campaign", *words, "--drone", "plain", "--faults", "random", "--workers", "1"]
+    words += ["--timeout-s", f"{_HUNG_S:g}", "--out", str(folder)]
+    log = folder.with_suffix(".log")
+    if code.run(words, log, **how) not in {None, 0}:
+        raise MissionError(f"uav-bt {shlex.join(words)} failed; see {log}")
+
+
+class Hunt:
+    """The search for one defect.
+
+    Args:
+        defect: The defect that is planted.
+        folder: Where code, flights and result are kept.
+        sound: The code without the defect.
+        minutes: Wall time after which the search, and the shrinking, are given up.
+    """
+
+    def __init__(self, defect: Defect, folder: Path, sound: Sound, minutes: float) -> None:
+        self._code = Code.copied(sound.code.folder, folder / "code", defect)
+        self._folder, self._sound, self._minutes = folder, sound, minutes
+        self._flights = folder / "flights"
+        self._judged = 0  # number of flights that were compared
+        self._spent_s = 0.0  # wall time
+
+    def search(self) -> tuple[Search, Line | None]:
+        """Fly until a flight finds the defect; return the search and that flight."""
+        words = [*TREES, "--scenes", SCENES, "--flights", str(_SEEDS)]
+        self._spent_s = _wall_s(_lines(self._flights))
+        found = self._found()
+        while found is None and self._spent_s < 60.0 * self._minutes:
+            began_s, before_s = time.monotonic(), self._spent_s
+            _campaign(self._code, words, self._flights, goes_on=self._goes_on)
+            self._spent_s = before_s + time.monotonic() - began_s
+            found = self._found()
+        flown = _lines(self._flights)[: self._judged]
+        search = Search(
+            flights=len(flown),
+            hours=sum(line.get("duration_s") or 0.0 for line in flown) / 3600.0,
+            minutes=_wall_s(flown) / 60.0,
+            limit_minutes=self._minutes,
+            how=None if found is None else difference(found, self._sound.same(found)),
+        )
+        return search, found
+
+    def _goes_on(self, passed_s: float) -> bool:
+        """Return whether there is time left and no flight to compare or to report."""
+        return self._spent_s + passed_s < 60.0 * self._minutes and not any(
+            _suspect(line)
+            and (not self._sound.knows(line) or difference(line, self._sound.same(line)))
+            for line in _lines(self._flights)[self._judged :]
+        )
+
+    def _found(self) -> Line | None:
+        """Return the first flight that finds the defect; None: none did."""
+        for line in _lines(self._flights)[self._judged :]:
+            self._judged += 1
+            if _suspect(line) and difference(line, self._sound.same(line)) is not None:
+                return line
+        return None
+
+    def shrink(self, line: Line) -> tuple[str | None, bool]:
+        """Reduce a flight that found the defect, and fly the rest in the twin.
+
+        The flight is flown in the twin as it is if the time is over before it is reduced.
+
+        Returns:
+            Number of faults, movers and boxes, None if it is not reduced; whether they find the
+            defect in the twin.
+        """
+        out, log = self._folder / "smallest", self._folder / "shrink.log"
+        log.unlink(missing_ok=True)
+        tree, seed = Path(line["tree"]).stem, str(line["seed"])
+        words = ["shrink", str(self._flights), "--tree", tree, "--scene", line["scene"]]
+        words += ["--seed", seed, "--out", str(out)]
+        limit_s = 60.0 * self._minutes
+        shrunk = self._code.run(words, log, goes_on=lambda passed_s: passed_s < limit_s) == 0
+        words = ["fly", tree, "--seed", seed, "--profile", line["profile"], "--scene"]
+        if not shrunk:
+            return None, self._is_found_in_twin([*words, line["scene"], "--faults", "random"])
+        left = log.read_text(encoding="utf-8").split("left:")[1]
+        words.append(str(out / SCENE_FILE))
+        if (out / FAULTS_FILE).read_text(encoding="utf-8"):
+            words += ["--faults", f"@{out / FAULTS_FILE}"]
+        counts = re.findall(r"(\d+) (?:faults|movers|boxes)", left)
+        return ", ".join(counts), self._is_found_in_twin(words)
+
+    def _is_found_in_twin(self, words: list[str]) -> bool:
+        ours = self._in_twin(self._code, words, "planted")
+        if not _suspect(ours):
+            return False
+        return difference(ours, self._in_twin(self._sound.code, words, _SOUND)) is not None
+
+    def _in_twin(self, code: Code, words: list[str], name: str) -> Line:
+        report = self._folder / f"twin-{name}.json"
+        report.unlink(missing_ok=True)
+        log = self._folder / f"twin-{name}.log"
+        code.run([*words, "--report", str(report)], log)
+        if not report.exists():
+            raise MissionError(f"uav-bt {shlex.join(words)} flew nothing; see {log}")
+        line: Line = json.loads(report.read_text(encoding="utf-8"))
+        return line
+
+
+def hunt(defect: Defect, folder: Path, sound: Sound, minutes: float) -> Search:
+    """Return the result for one defect, flown now or kept.
+
+    Args:
+        defect: The defect that is planted.
+        folder: Where code, flights and result are kept.
+        sound: The code without the defect.
+        minutes: Wall time after which the search, and the shrinking, are given up.
+    """
+    file = folder / _RESULT_FILE
+    if file.exists():
+        kept = Search(**json.loads(file.read_text(encoding="utf-8")))
+        if kept.left is not None or kept.limit_minutes >= minutes:
+            return kept
+    flies = Hunt(defect, folder, sound, minutes)
+    search, line = flies.search()
+    if line is not None:
+        left, in_twin = flies.shrink(line)
+        search = replace(search, left=left, in_twin=in_twin)
+    write_whole(file, json.dumps(asdict(search), indent=2) + "\n")
+    return search
+
+
+def main() -> None:
+    """Print a row for each defect when its search ends."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder of code, flights, results")
+    parser.add_argument("--minutes", type=float, default=25.0, help="of each search; default: 25")
+    given = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the command that flies is ended, too
+    out = given.out.resolve()
+    sound = Sound(out / _SOUND)
+    print(_HEAD, flush=True)
+    for defect in DEFECTS:
+        result = hunt(defect, out / defect.name, sound, given.minutes)
+        print(result.row(defect), flush=True)
+
+
+if __name__ == "__main__":
+    main()
