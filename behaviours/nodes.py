@@ -24,6 +24,7 @@ from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
 from behaviours.perceive.site_map import MapSite
 from uav_bt.tree import Node
+from uav_bt.tree.rules import Rules
 
 NODES: Final[tuple[type[Node], ...]] = (
     Advise,
@@ -49,6 +50,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     PointCamera,
     RememberViews,
     ReturnToBase,
+    Rules,
     ScanBelow,
     SearchByMap,
     SearchUnderPolicy,

@@ -24,9 +24,11 @@ from uav_bt.mission.position_hold import PositionHold
 from uav_bt.mission.safety import Arbiter, Circumstances, Override
 from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
+from uav_bt.mission.whereabouts import Whereabouts
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
 from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, TakeOff
+from uav_bt.types.area import Area
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +75,7 @@ class MissionRunner:
             does so, as simulated time does.
         timer: wall clock for the computing times, seconds.
         next_tree: called between two ticks for a tree that replaces the present one.
+        area: that the drone stays in; None: no bound.
     """
 
     def __init__(
@@ -89,13 +92,15 @@ class MissionRunner:
         clock: TickClock | None = None,
         timer: Callable[[], float] = time.perf_counter,
         next_tree: NextTree | None = None,
+        area: Area | None = None,
     ) -> None:
         self._drone = drone
         self._context = context
         self._judge = judge
         self._config = config or RunnerConfig()
         limits = limits or Limits()
-        self._arbiter = Arbiter(limits, drone.airframe)
+        self._arbiter = Arbiter(limits, drone.airframe, area=area, grounded=judge.stays_grounded)
+        self._whereabouts = Whereabouts(context.board, area)
         self.listeners = TickListeners(listeners)
         self._clock = clock
         self._timer = timer
@@ -216,6 +221,7 @@ class MissionRunner:
             abort=bool(self._abort),
             manual=self._manual,
             cut=self._abort.cut,
+            place=self._whereabouts.update(),
         )
         motion = self._context.board.read(ODOMETRY).value
         correct = partial(self._hold.correct, state=state, motion=motion, now_s=now_s)
@@ -262,6 +268,7 @@ class MissionRunner:
             status,
             abort_reason=self._abort.reason,
             landing=self._arbiter.landing,
+            belief=self._whereabouts.belief(),
         )
         given_up = self._abort.follow(record.time_s, lands=record.override is Override.ABORT)
         if status in _OVER and state.flying is not FlyingState.LANDED:

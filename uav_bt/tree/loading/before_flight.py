@@ -1,11 +1,11 @@
-"""Faults of a whole tree that would end its flight: board keys without a writer, two movers."""
+"""Faults of a whole tree that would end its flight: keys without a writer, two movers, rules."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Final
 
-from uav_bt.board import MISSION_KEYS
+from uav_bt.board import FLIGHT_HEIGHT, MISSION_KEYS, ODOMETRY
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.builder import POLICY_PORT
 from uav_bt.tree.loading.findings import Finding, Position, Rule
@@ -13,8 +13,10 @@ from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import Parallel, ParallelAll
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
+from uav_bt.tree.rules import Rules
 from uav_bt.tree.script import SCRIPTS, parse_script
 from uav_bt.tree.script.expressions import Name
+from uav_bt.types.mission_rules import LandOn
 
 # Decorators whose first tick may not reach the child.
 _LATER: Final = frozenset(
@@ -33,6 +35,7 @@ def faults_of(tree: MissionTree) -> Iterator[Finding]:
     yield from _unwritten_keys(tree)
     yield from _two_movers(tree)
     yield from _late_policies(tree)
+    yield from _rules(tree)
 
 
 def _finding(tree: MissionTree, node: Node, message: str, rule: Rule) -> Finding:
@@ -94,6 +97,44 @@ def _late_policies(tree: MissionTree) -> Iterator[Finding]:
                     "has no value: write the policy's name here, or in an entry of the SubTree"
                 )
                 yield _finding(tree, leaf, message, Rule.ATTRIBUTE)
+
+
+# --- rules ----------------------------------------------------------------------------------------
+
+
+def _rules(tree: MissionTree) -> Iterator[Finding]:
+    """Yield rules that cannot be read before the take-off, or that the tree cannot keep."""
+    found = [leaf for leaf in tree.leaves() if isinstance(leaf, Rules)]
+    for leaf in found[1:]:
+        message = f"the mission has its rules already, in '{found[0].path}': put all in one node"
+        yield _finding(tree, leaf, message, Rule.CHILDREN)
+    for leaf in found[:1]:
+        late = [port.name for port in leaf.ports if leaf.initial_value(port) is None]
+        for name in late:
+            message = (
+                f"attribute '{name}': the rules are read before the take-off, when the reference "
+                "has no value: write the value here, or in an entry of the SubTree"
+            )
+            yield _finding(tree, leaf, message, Rule.ATTRIBUTE)
+        if not late:
+            yield from _unkept(tree, leaf)
+
+
+def _unkept(tree: MissionTree, leaf: Rules) -> Iterator[Finding]:
+    rules = leaf.stated()
+    written = {key: each for each in tree.leaves() for key in each.writes}
+    if rules.land_on is LandOn.NONE and FLIGHT_HEIGHT in written:
+        message = (
+            f"attribute 'land_on': 'none' says that the mission never takes off, but "
+            f"'{written[FLIGHT_HEIGHT].name}' does: write where it may land, or leave that node out"
+        )
+        yield _finding(tree, leaf, message, Rule.ATTRIBUTE)
+    if rules.area is not None and ODOMETRY not in written:
+        message = (
+            f"attribute 'area': the drone keeps within it by board key '{ODOMETRY.name}', which no "
+            f"leaf of the tree writes: add {ODOMETRY.writer}"
+        )
+        yield _finding(tree, leaf, message, Rule.BOARD_KEY)
 
 
 # --- movements ------------------------------------------------------------------------------------
