@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from behaviours.fly.avoid import Avoid
+from behaviours.fly.can_return import CanReturn
 from behaviours.fly.corridor_clear import CorridorClear
 from behaviours.fly.coverage_grows import CoverageGrows
 from behaviours.fly.explore import Explore
@@ -30,6 +31,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     Advise,
     Avoid,
     BuildCorridor,
+    CanReturn,
     CorridorClear,
     CoverageGrows,
     Detour,

@@ -20,6 +20,7 @@ from uav_bt.mission.flown_tree import FlownTree, NextTree
 from uav_bt.mission.hold_model import HoldConfig
 from uav_bt.mission.judge import Judge, Verdict
 from uav_bt.mission.limits import Limits
+from uav_bt.mission.mission_numbers import MissionNumbers
 from uav_bt.mission.position_hold import PositionHold
 from uav_bt.mission.safety import Arbiter, Circumstances, Override
 from uav_bt.mission.screening import FrameJudge, Screening
@@ -101,6 +102,7 @@ class MissionRunner:
         limits = limits or Limits()
         self._arbiter = Arbiter(limits, drone.airframe, area=area, grounded=judge.stays_grounded)
         self._whereabouts = Whereabouts(context.board, area)
+        self._numbers = MissionNumbers(context.board, self._whereabouts, judge)
         self.listeners = TickListeners(listeners)
         self._clock = clock
         self._timer = timer
@@ -296,6 +298,7 @@ class MissionRunner:
         board.write(CAMERA, self._drone.camera)
         if observation.frame is not None:
             board.write(FRAME, observation.frame, captured_s=observation.frame.captured_s)
+        self._numbers.write(observation, now_s)
 
     def _stop_and_land(self, reason: str) -> None:
         """Halt the tree, and bring the drone down if it is still up.

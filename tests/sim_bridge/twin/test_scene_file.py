@@ -206,7 +206,7 @@ def test_absent_empty_and_binary_files_are_refused(tmp_path: Path) -> None:
         load_scene(tmp_path / "nowhere.yaml")
     with pytest.raises(UnknownNameError, match="did you mean 'val-a'"):
         load_scene("vall-a")
-    with pytest.raises(SceneError, match="lacks the key 'helipad'"):
+    with pytest.raises(SceneError, match="has no helipad to take off from"):
         load_scene(written(tmp_path, "# nothing\n"))
     with pytest.raises(SceneError, match="mapping"):
         load_scene(written(tmp_path, "- 1\n"))

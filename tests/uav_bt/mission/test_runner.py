@@ -34,6 +34,7 @@ from uav_bt.types import (
     TakeOff,
     Velocity,
 )
+from uav_bt.types.mission_rules import LandOn
 
 TICK_S = 0.1
 HALTED: list[str] = []  # paths of the leaves that were halted, in order
@@ -234,7 +235,7 @@ class Flight:
             self.drone,
             self.tree,
             self.context,
-            Judge(judge),
+            Judge(judge or JudgeConfig(land_on=LandOn.ANY)),
             config=RunnerConfig(tick_s=TICK_S, landing_grace_s=2.0),
             listeners=(self.records, *listeners),
             next_tree=self._next_tree,
@@ -452,7 +453,7 @@ def test_a_frozen_camera_is_noticed() -> None:
     flight = Flight(
         "<Sequence><Up/><ParallelAll><Drift/><Look/></ParallelAll></Sequence>",
         drone=Frozen(),
-        judge=JudgeConfig(time_limit_s=4.0),
+        judge=JudgeConfig(time_limit_s=4.0, land_on=LandOn.ANY),
     )
     flight.runner.run()
     stopped = [record for record in flight.records if record.override is Override.STALE_FRAME]
