@@ -34,7 +34,7 @@ from uav_bt.types import (
     TakeOff,
     Velocity,
 )
-from uav_bt.types.mission_rules import LandOn
+from uav_bt.types.mission_rules import LandOn, MissionRules
 
 TICK_S = 0.1
 HALTED: list[str] = []  # paths of the leaves that were halted, in order
@@ -235,7 +235,7 @@ class Flight:
             self.drone,
             self.tree,
             self.context,
-            Judge(judge or JudgeConfig(land_on=LandOn.ANY)),
+            Judge((judge or JudgeConfig()).under(MissionRules(land_on=LandOn.ANY))),
             config=RunnerConfig(tick_s=TICK_S, landing_grace_s=2.0),
             listeners=(self.records, *listeners),
             next_tree=self._next_tree,
@@ -308,7 +308,7 @@ def test_real_time_stands_still_within_a_tick() -> None:
     tree.setup(context)
     records = Records()
     stops = At(1, lambda: runner.request_abort("enough"))
-    runner = MissionRunner(drone, tree, context, Judge(), listeners=(records, stops), clock=clock)
+    runner = MissionRunner(drone, tree, context, Judge(JudgeConfig(land_on=LandOn.ANY)), listeners=(records, stops), clock=clock)
     runner.run()
     assert seen == [0.0, 0.0, 0.1, 0.1]
     assert [record.time_s for record in records][:2] == [0.0, 0.1]
@@ -381,7 +381,7 @@ def test_a_tick_observes_then_thinks_then_sends_then_tells_then_waits() -> None:
     tree.setup(context)
     tells = [At(index, lambda: calls.append("tell")) for index in (0, 1)]
     stops = At(1, lambda: runner.request_abort("enough"))
-    runner = MissionRunner(drone, tree, context, Judge(), listeners=(*tells, stops))
+    runner = MissionRunner(drone, tree, context, Judge(JudgeConfig(land_on=LandOn.ANY)), listeners=(*tells, stops))
     runner.run()
     assert calls[:8] == [
         "observe 0.0", "think", "send 0.0", "tell",
@@ -453,7 +453,7 @@ def test_a_frozen_camera_is_noticed() -> None:
     flight = Flight(
         "<Sequence><Up/><ParallelAll><Drift/><Look/></ParallelAll></Sequence>",
         drone=Frozen(),
-        judge=JudgeConfig(time_limit_s=4.0, land_on=LandOn.ANY),
+        judge=JudgeConfig(time_limit_s=4.0),
     )
     flight.runner.run()
     stopped = [record for record in flight.records if record.override is Override.STALE_FRAME]
