@@ -308,7 +308,7 @@ def test_real_time_stands_still_within_a_tick() -> None:
     tree.setup(context)
     records = Records()
     stops = At(1, lambda: runner.request_abort("enough"))
-    runner = MissionRunner(drone, tree, context, Judge(JudgeConfig(land_on=LandOn.ANY)), listeners=(records, stops), clock=clock)
+    runner = MissionRunner(drone, tree, context, Judge(), listeners=(records, stops), clock=clock)
     runner.run()
     assert seen == [0.0, 0.0, 0.1, 0.1]
     assert [record.time_s for record in records][:2] == [0.0, 0.1]
@@ -381,7 +381,7 @@ def test_a_tick_observes_then_thinks_then_sends_then_tells_then_waits() -> None:
     tree.setup(context)
     tells = [At(index, lambda: calls.append("tell")) for index in (0, 1)]
     stops = At(1, lambda: runner.request_abort("enough"))
-    runner = MissionRunner(drone, tree, context, Judge(JudgeConfig(land_on=LandOn.ANY)), listeners=(*tells, stops))
+    runner = MissionRunner(drone, tree, context, Judge(), listeners=(*tells, stops))
     runner.run()
     assert calls[:8] == [
         "observe 0.0", "think", "send 0.0", "tell",
@@ -816,7 +816,7 @@ def with_listeners(flight: Flight, *listeners: TickListener) -> MissionRunner:
         flight.drone,
         flight.tree,
         flight.context,
-        Judge(None),
+        Judge(JudgeConfig(land_on=LandOn.ANY)),
         config=RunnerConfig(tick_s=TICK_S, landing_grace_s=2.0),
         listeners=(flight.records, *listeners),
     )
