@@ -28,7 +28,7 @@ from uav_bt.app.options import (
 )
 from uav_bt.app.random_faults import with_faults
 from uav_bt.app.rehearsed_drone import RehearsedDrone
-from uav_bt.app.rules import area_of, check_mark, rules_of, take_off_pose
+from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_pose
 from uav_bt.app.site import Site, check_clearances
 from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
@@ -111,7 +111,7 @@ class Flight(Generic[DroneT]):
         self._clock = TickClock(drone.clock)
         self.mark = mark_of(options, drone)
         self.rules = rules_of(mission)
-        self.judge_config = options.judge.under(self.rules)
+        self.judge_config = judge_of(options.judge, self.rules, rehearse=options.rehearse)
         if judge is None:
             check_mark(self.judge_config, drone)
             area = area_of(self.rules, site_of(options) or Site(), take_off_pose(drone))

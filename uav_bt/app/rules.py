@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.site import Site
@@ -27,6 +28,20 @@ def rules_of(mission: MissionTree) -> MissionRules:
     """
     stated = (leaf.stated() for leaf in mission.leaves() if isinstance(leaf, Rules))
     return next(stated, MissionRules())
+
+
+def judge_of(options: JudgeConfig, rules: MissionRules, *, rehearse: bool) -> JudgeConfig:
+    """Return what a flight is judged by: the options, and where they say nothing the rules.
+
+    Args:
+        options: Of the flight.
+        rules: Of the mission.
+        rehearse: Whether the motors stay off; then the drone lands where the person holds it.
+    """
+    judge = options.under(rules)
+    if rehearse and judge.land_on is not LandOn.NONE:
+        return replace(judge, land_on=LandOn.ANY)
+    return judge
 
 
 def area_of(rules: MissionRules, site: Site, take_off: Pose2D | None) -> Area | None:

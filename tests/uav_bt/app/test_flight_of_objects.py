@@ -164,7 +164,8 @@ def composed() -> MissionTree:
 
 
 def scripted(**options: object) -> app.FlightOptions:
-    return app.FlightOptions(drone=ScriptedDrone(), **options)  # type: ignore[arg-type]
+    judge = app.JudgeConfig(land_on=app.LandOn.ANY)
+    return app.FlightOptions(drone=ScriptedDrone(), judge=judge, **options)  # type: ignore[arg-type]
 
 
 def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked(tmp_path: Path) -> None:

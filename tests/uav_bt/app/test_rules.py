@@ -64,6 +64,11 @@ def test_options_come_before_the_missions_rules() -> None:
     assert put_together("").judge_config.limit_s == 300.0
 
 
+def test_a_rehearsal_ends_where_the_drone_is_held() -> None:
+    rehearsal = put_together('<Rules land_on="mark"/>', rehearse=True)
+    assert rehearsal.judge_config.land_on is LandOn.ANY
+
+
 def test_the_areas_of_mission_and_site_both_hold() -> None:
     assert put_together("").area is None
     site = app.Site(area=area_corners(AHEAD))
