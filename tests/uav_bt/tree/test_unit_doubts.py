@@ -63,3 +63,7 @@ def test_milliseconds_below_ten_look_like_seconds() -> None:
 def test_defaults_and_references_are_not_doubted() -> None:
     script = '<Script code="angle := 1.047"/>'
     assert findings(f'<Sequence>{script}<Turn degrees="{{angle}}"/></Sequence>') == ()
+
+
+def test_the_time_limit_of_a_missions_rules_is_a_limit_itself() -> None:
+    assert findings('<Rules time_limit_s="1000"/>') == ()
