@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from behaviours.fly.avoid import Avoid
+from behaviours.fly.can_return import CanReturn
 from behaviours.fly.corridor_clear import CorridorClear
 from behaviours.fly.coverage_grows import CoverageGrows
 from behaviours.fly.explore import Explore
@@ -31,11 +32,13 @@ from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
 from behaviours.perceive.site_map import MapSite
 from uav_bt.tree import Node
+from uav_bt.tree.rules import Rules
 
 NODES: Final[tuple[type[Node], ...]] = (
     Advise,
     Avoid,
     BuildCorridor,
+    CanReturn,
     ClimbTo,
     CorridorClear,
     CoverageGrows,
@@ -64,6 +67,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     PointCamera,
     RememberViews,
     ReturnToBase,
+    Rules,
     Say,
     ScanBelow,
     SearchByMap,

@@ -23,6 +23,7 @@ from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
 from uav_bt.types import FlyingState, MissionPhase, Observation
+from uav_bt.types.mission_rules import LandOn
 
 _AFTER_S: Final = 3.0  # the drone is watched for this time after the program's end
 _MOTORS_OFF: Final = frozenset({FlyingState.LANDED, FlyingState.EMERGENCY})
@@ -171,7 +172,9 @@ def fly(case: Case, folder: Path) -> dict[str, Any]:
         seed=case.seed,
         exact_masks=case.exact_masks,
         record=record,
-        judge=JudgeConfig(time_limit_s=case.time_limit_s, must_land_on_pad=case.on_pad),
+        judge=JudgeConfig(
+            time_limit_s=case.time_limit_s, land_on=None if case.on_pad else LandOn.ANY
+        ),
     )
     report, error, began_s = None, None, time.perf_counter()
     with case.served(), _warnings(drone.events), _unlimited_files():

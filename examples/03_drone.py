@@ -9,6 +9,7 @@ MISSION = """
 <root BTCPP_format="4">
   <BehaviorTree ID="LookRound">
     <Sequence>
+      <Rules land_on="any"/>
       <TakeOff height_m="1.0"/>
       <Turn degrees="90"/>
       <Turn degrees="-90"/>

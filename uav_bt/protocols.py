@@ -51,8 +51,8 @@ class Scene(Protocol):
         ...
 
     @property
-    def mark(self) -> LandingMark:
-        """Size of the landing mark."""
+    def mark(self) -> LandingMark | None:
+        """Size of the landing mark; None without one."""
         ...
 
     @property

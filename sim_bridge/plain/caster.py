@@ -24,6 +24,7 @@ from uav_bt.types import CameraModel, MoverState
 H_SHARE: Final = 0.8  # side of the H panel over the side of the pad's top, as in the twin
 _MARGIN_PX: Final = 2.0  # of rays that look beside their pixel; chosen
 _BESIDE_M: Final = 0.05  # a corner with less depth has no place in the image; chosen
+_COLUMNS: Final = 11  # of the kernel's table of solids
 _FAR_M: Final = 30.0  # depth of the room beyond the ground; farther than any lab is long
 
 
@@ -42,14 +43,15 @@ class Caster:
         self.rays = _rays(self._lens, size_px)
         self._ground_m = np.array(scene.ground.size_m) / 2
         self._movers = scene.movers
-        pad = scene.helipad
         solids = [
             _solid((box.position_m, box.size_m, box.yaw_deg), _papers(box.pattern))
             for box in scene.boxes
         ]
-        outline = pad.position_m, pad.size_m, pad.yaw_deg
-        solids.append(_solid(outline, (HELIPAD_BOX, HELIPAD_H), H_SHARE))
-        self._standing = np.array(solids)
+        solids += [
+            _solid((pad.position_m, pad.size_m, pad.yaw_deg), (HELIPAD_BOX, HELIPAD_H), H_SHARE)
+            for pad in scene.pads
+        ]
+        self._standing = np.array(solids).reshape(-1, _COLUMNS)
 
     def cast(
         self,

@@ -72,7 +72,8 @@ def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
         builder.box(name, box)
     for name, mover in zip(mover_names(scene.movers), scene.movers, strict=True):
         builder.mover(name, mover)
-    builder.helipad(scene.helipad)
+    for pad in scene.pads:
+        builder.helipad(pad)
     builder.carpet(scene.ground.size_m)
     builder.room(scene.room_size_m)
     return builder.done()

@@ -47,7 +47,7 @@ class TwinReferee:
 
     def truth(self) -> Truth:
         """Return the present truth; contacts include those of the last 0.1 s."""
-        simulation, pad = self._simulation, self._scene.helipad
+        simulation, pads = self._simulation, self._scene.pads
         motion = simulation.motion
         x, y = motion.x_m, motion.y_m
         return Truth(
@@ -56,8 +56,8 @@ class TwinReferee:
             contacts=simulation.contacts(),
             clearance_m=self._clearance_m(simulation.body.data),
             inside_carpet=self._scene.ground_plan.contains(x, y),
-            on_helipad=pad.footprint.contains(x, y),
-            landing_error_m=math.hypot(x - pad.position_m[0], y - pad.position_m[1]),
+            on_helipad=any(pad.footprint.contains(x, y) for pad in pads),
+            landing_error_m=math.dist((x, y), pads[0].position_m) if pads else None,
             motors_on=simulation.motors_on,
             gimbal_pitch_rad=simulation.gimbal_pitch_rad,
             movers=simulation.movers,

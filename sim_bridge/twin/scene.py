@@ -165,10 +165,10 @@ class LayoutProblem:
 
 
 def layout_problem(
-    helipad: Helipad, boxes: Sequence[BoxSpec], ground: GroundSpec
+    helipad: Helipad | None, boxes: Sequence[BoxSpec], ground: GroundSpec
 ) -> LayoutProblem | None:
     """Return the first mistake in the arrangement of helipad and boxes; None without one."""
-    outside = _outside(ground, helipad.footprint)
+    outside = None if helipad is None else _outside(ground, helipad.footprint)
     if outside is not None:
         return LayoutProblem(place=("helipad",), message=f"the helipad {outside}")
     if len(boxes) > MAX_BOXES:
@@ -180,7 +180,7 @@ def layout_problem(
         for other, other_name in zip(boxes[:index], names, strict=False):
             if wrong is None and box.footprint.overlaps(other.footprint):
                 wrong = f"overlaps {other_name}"
-        if wrong is None and box.footprint.overlaps(helipad.footprint):
+        if wrong is None and helipad is not None and box.footprint.overlaps(helipad.footprint):
             wrong = "overlaps the helipad"
         if wrong is not None:
             return LayoutProblem(place=("boxes", index), message=f"{name} {wrong}")
@@ -214,12 +214,12 @@ class Scene:
     """One arrangement of the lab.
 
     Raises:
-        ValueRangeError: objects overlap or extend beyond the carpet, a mover's path is not free, or
-            the take-off point is not free.
+        ValueRangeError: objects overlap or extend beyond the carpet, a mover's path is not free,
+            the take-off point is not free, or there is neither a helipad nor a take-off point.
     """
 
     name: str
-    helipad: Helipad
+    helipad: Helipad | None = None
     boxes: tuple[BoxSpec, ...] = ()
     ground: GroundSpec = field(default_factory=GroundSpec)
     movers: tuple[MoverSpec, ...] = ()
@@ -227,8 +227,10 @@ class Scene:
     take_off: TakeOffSpec = field(default_factory=TakeOffSpec)
 
     @property
-    def mark(self) -> LandingMark:
-        """The size of the landing box."""
+    def mark(self) -> LandingMark | None:
+        """The size of the landing box; None without one."""
+        if self.helipad is None:
+            return None
         length_m, width_m, height_m = self.helipad.size_m
         return LandingMark(length_m=length_m, width_m=width_m, height_m=height_m)
 
@@ -237,13 +239,18 @@ class Scene:
         """The take-off pose in the drawing, yaw counter-clockwise; None where it is random."""
         if self.take_off.random:
             return None
-        x_m, y_m = self.take_off.position_m or self.helipad.position_m
+        x_m, y_m = self.start_m
         return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(self.take_off.yaw_deg))
 
     def __post_init__(self) -> None:
         problem = layout_problem(self.helipad, self.boxes, self.ground)
         if problem is not None:
             raise ValueRangeError(f"scene '{self.name}': {problem.message}")
+        if self.helipad is None and self.take_off.position_m is None and not self.take_off.random:
+            raise ValueRangeError(
+                f"scene '{self.name}' has no helipad to take off from: give take_off a place, such "
+                "as {from: [-1.5, -1.0]}, or {from: random}"
+            )
         if self.take_off.position_m is not None:
             self._check_take_off(*self.take_off.position_m)
         problem = traffic_problem(self, self.movers)
@@ -262,6 +269,13 @@ class Scene:
                 )
 
     @property
+    def start_m(self) -> Vector2:
+        """The take-off point, unless it is random; then the helipad or the middle."""
+        if self.take_off.position_m is not None:
+            return self.take_off.position_m
+        return (0.0, 0.0) if self.helipad is None else self.helipad.position_m
+
+    @property
     def room_size_m(self) -> Vector3:
         """The size of the room: along x and y, centred on the origin, and its height."""
         x_m, y_m = (
@@ -269,6 +283,11 @@ class Scene:
             for least, side in zip(ROOM_SIZE_M, self.ground.size_m, strict=False)
         )
         return x_m, y_m, ROOM_SIZE_M[2]
+
+    @property
+    def pads(self) -> tuple[Helipad, ...]:
+        """The helipad, if there is one."""
+        return () if self.helipad is None else (self.helipad,)
 
     @cached_property
     def ground_plan(self) -> Ground:
@@ -279,7 +298,7 @@ class Scene:
                 Standing(footprint=footprint, height_m=size_m[2], class_id=class_id)
                 for footprint, size_m, class_id in (
                     *((box.footprint, box.size_m, BOXES[box.pattern - 1]) for box in self.boxes),
-                    (self.helipad.footprint, self.helipad.size_m, None),
+                    *((pad.footprint, pad.size_m, None) for pad in self.pads),
                 )
             ),
         )
@@ -289,7 +308,8 @@ class Scene:
         for box in self.boxes:
             if box.footprint.contains(x_m, y_m):
                 return box.size_m[2]
-        return self.helipad.size_m[2] if self.helipad.footprint.contains(x_m, y_m) else 0.0
+        tops_m = [pad.size_m[2] for pad in self.pads if pad.footprint.contains(x_m, y_m)]
+        return tops_m[0] if tops_m else 0.0
 
 
 def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem | None:
@@ -297,7 +317,10 @@ def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem 
     if len(movers) > MAX_MOVERS:
         message = f"at most {MAX_MOVERS} movers, got {len(movers)}"
         return LayoutProblem(place=("movers", MAX_MOVERS), message=message)
-    names = (*box_names(scene.boxes), "the helipad")  # in the order of the ground plan
+    names = (
+        *box_names(scene.boxes),
+        *("the helipad" for _ in scene.pads),
+    )  # in the order of the ground plan
     for index, mover in enumerate(movers):
         wrong = mover_problem(mover, scene.ground_plan, names, scene.take_off.position_m)
         if wrong is not None:

@@ -107,7 +107,7 @@ class _TakeOff:
 
 @dataclass(frozen=True, kw_only=True)
 class _SceneFile:
-    helipad: Helipad
+    helipad: Helipad | None = None
     # Strict mode refuses numbers as text, but a scene may have the name 7.
     name: Annotated[str | None, Field(min_length=1, strict=False, coerce_numbers_to_str=True)] = (
         None

@@ -102,7 +102,8 @@ def _rounded(rng: np.random.Generator, low: float, high: float) -> float:
 
 def _fits(box: BoxSpec, placed: list[BoxSpec], scene: Scene) -> bool:
     apart = all(math.dist(box.position_m, other.position_m) >= _APART_M for other in placed)
-    if not apart or math.dist(box.position_m, scene.helipad.position_m) < _FROM_PAD_M:
+    pads_m = [pad.position_m for pad in scene.pads] or [scene.start_m]
+    if not apart or min(math.dist(box.position_m, at_m) for at_m in pads_m) < _FROM_PAD_M:
         return False
     if layout_problem(scene.helipad, (*placed, box), scene.ground) is not None:
         return False
@@ -147,7 +148,7 @@ def with_movers(scene: Scene, count: int, seed: int) -> Scene:
             f"got {count}"
         )
     rng = np.random.default_rng(child_seed(seed, 10))
-    start = scene.take_off.position_m or scene.helipad.position_m
+    kept_free_m = [scene.start_m, *(pad.position_m for pad in scene.pads)]
     drawn: list[MoverSpec] = []
     for _ in range(_TRIES):
         if len(drawn) == count:
@@ -157,7 +158,7 @@ def with_movers(scene: Scene, count: int, seed: int) -> Scene:
             continue
         across, along, height = mover.size_m
         wide = replace(mover, size_m=(across + _MOVER_GAP_M, along + _MOVER_GAP_M, height))
-        near_m = min(mover.distance_m(*place) for place in (start, scene.helipad.position_m))
+        near_m = min(mover.distance_m(*place) for place in kept_free_m)
         if near_m >= _MOVER_FROM_PAD_M and traffic_problem(scene, [wide]) is None:
             drawn.append(mover)
     raise ValueRangeError(
@@ -197,8 +198,7 @@ def start_pose(scene: Scene, seed: int) -> Pose:
     """
     if scene.take_off.random:
         return _random_pose(scene, seed)
-    x, y = scene.take_off.position_m or scene.helipad.position_m
-    return _standing(scene, x, y, math.radians(scene.take_off.yaw_deg))
+    return _standing(scene, *scene.start_m, math.radians(scene.take_off.yaw_deg))
 
 
 def _standing(scene: Scene, x_m: float, y_m: float, yaw_rad: float) -> Pose:
@@ -210,7 +210,7 @@ def _random_pose(scene: Scene, seed: int) -> Pose:
     generator = np.random.default_rng(child_seed(seed, 6))
     away = [
         *(box.footprint.distance_m for box in scene.boxes),
-        scene.helipad.footprint.distance_m,
+        *(pad.footprint.distance_m for pad in scene.pads),
         *(mover.distance_m for mover in scene.movers),
     ]
     half_x, half_y = (side / 2 - _START_FROM_EDGE_M for side in scene.ground.size_m)

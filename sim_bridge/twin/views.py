@@ -126,7 +126,10 @@ def sample_flight_poses(
     Raises:
         ValueRangeError: the boxes leave no space to fly.
     """
-    poses = [_sample_pose(scene, generator, landing=index % 7 == 6) for index in range(count)]
+    has_pad = scene.helipad is not None
+    poses = [
+        _sample_pose(scene, generator, landing=has_pad and index % 7 == 6) for index in range(count)
+    ]
     if lowered:  # sampled last, so that positions and headings do not depend on it
         chosen = generator.random(count) < lowered
         pitches_rad = np.radians(generator.uniform(*_LOWERED_DEG, count))
@@ -138,10 +141,9 @@ def sample_flight_poses(
 
 def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool) -> CameraPose:
     half_x, half_y = (side / 2 - _MARGIN_M for side in scene.ground.size_m)
-    pad_x, pad_y = scene.helipad.position_m
     for _ in range(_TRIES):
         if landing:
-            x, y = generator.normal((pad_x, pad_y), 0.3)
+            x, y = generator.normal(scene.pads[0].position_m, 0.3)
             z = generator.uniform(0.9, 2.0)
             pitch = math.radians(
                 generator.uniform(-90.0, -55.0) if generator.random() < 0.5 else -90
@@ -168,7 +170,7 @@ def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool)
 def _is_free(scene: Scene, points: Sequence[tuple[float, float]], z_m: float) -> bool:
     reach = _HULL_RADIUS_M + _MARGIN_M
     things = [(box.footprint, box.size_m[2]) for box in scene.boxes]
-    things.append((scene.helipad.footprint, scene.helipad.size_m[2]))
+    things += [(pad.footprint, pad.size_m[2]) for pad in scene.pads]
     (centre, lens) = points
     return all(
         z_m > top + reach

@@ -20,6 +20,7 @@ from uav_bt.mission.runner import RunnerConfig
 from uav_bt.plugins import make_policy
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.shipped import resolve_tree
+from uav_bt.types.mission_rules import LandOn
 
 __all__ = [
     "STILL_IN_THE_AIR",
@@ -28,6 +29,7 @@ __all__ = [
     "FlightOptions",
     "FlownMission",
     "JudgeConfig",
+    "LandOn",
     "Limits",
     "Listeners",
     "Mission",

@@ -22,6 +22,7 @@ from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place_of_flight import limits_of, mark_of, site_of
 from uav_bt.app.random_faults import with_faults
 from uav_bt.app.rehearsed_drone import RehearsedDrone
+from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_pose
 from uav_bt.app.site import Site, check_clearances
 from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
@@ -38,6 +39,7 @@ from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, DroneConfig, Imageless, LeafPolicy, Referee, Segmenter
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types import ClassMap, Frame
+from uav_bt.types.area import Area
 
 DroneT = TypeVar("DroneT", bound=Drone)
 
@@ -75,11 +77,13 @@ class Flight(Generic[DroneT]):
         judge: Decides when the flight has ended. Default: from the options.
         segmenter: Source of class maps in place of a network. Default: from the options.
         followers: Listeners that belong to the drone, before all others.
+        area: Area of the flight. Default: of the mission's rules and the site.
         make_runner: Makes the runner, with the parameters of `MissionRunner`.
         outputs: Folder that leaves write files to.
 
     Raises:
-        InputError: Site and scene state different landing marks.
+        InputError: Site and scene state different landing marks, or the mission's rules cannot be
+            kept there.
     """
 
     def __init__(
@@ -91,19 +95,27 @@ class Flight(Generic[DroneT]):
         judge: Judge | None = None,
         segmenter: Segmenter | None = None,
         followers: Sequence[TickListener] = (),
+        area: Area | None = None,
         make_runner: Callable[..., MissionRunner] = MissionRunner,
         outputs: FlightFolder | None = None,
     ) -> None:
         self.mission = mission
         self.drone = drone
         self.options = options
-        self._judge = judge or Judge(options.judge)
         self._segmenter = segmenter
         self._followers = followers
         self._make_runner = make_runner
         self.outputs = outputs
         self._clock = TickClock(drone.clock)
         self.mark = mark_of(options, drone)
+        self.rules = rules_of(mission)
+        self.judge_config = judge_of(options.judge, self.rules, rehearse=options.rehearse)
+        if judge is None:
+            check_mark(self.judge_config, drone)
+            site = site_of(options)
+            area = area_of(self.rules, site or Site(), take_off_pose(site, drone))
+        self.area = area
+        self._judge = judge or Judge(self.judge_config, self.mark)
 
     def __repr__(self) -> str:
         flown = "" if self.scene_name is None else f" in {self.scene_name}"
@@ -130,9 +142,7 @@ class Flight(Generic[DroneT]):
             airframe=self.drone.airframe,
             mark=self.mark,
             clearances=(site or Site()).clearances,
-            take_off=(site or Site()).take_off_pose
-            if self.drone.scene is None
-            else self.drone.scene.take_off_pose,
+            take_off=take_off_pose(site, self.drone),
             outputs=self.outputs,
         )
 
@@ -201,6 +211,7 @@ class Flight(Generic[DroneT]):
             judge_frame=None if self.options.rehearse else frame_judge(self.drone),
             clock=self._clock,
             next_tree=next_tree,
+            area=self.area,
         )
 
 

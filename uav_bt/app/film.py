@@ -51,14 +51,16 @@ from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, LandingMark, Po
 def map_of_scene(scene: Scene) -> LabMap:
     """Return the map of a scene of the twin, boxes in the colours of their class."""
     pad, start = scene.helipad, scene.take_off
-    x_m, y_m = start.position_m or pad.position_m
+    x_m, y_m = scene.start_m
     return LabMap(
         carpet_size_m=scene.ground.size_m,
         boxes=tuple(
             _item(box.position_m, box.yaw_deg, box.size_m, BOXES[box.pattern - 1])
             for box in scene.boxes
         ),
-        helipad=_item(pad.position_m, pad.yaw_deg, pad.size_m, HELIPAD_BOX),
+        helipad=None
+        if pad is None
+        else _item(pad.position_m, pad.yaw_deg, pad.size_m, HELIPAD_BOX),
         movers=tuple(
             MapMover(
                 item=_item(mover.path_m[0], mover.yaw_deg, mover.size_m, BOXES[mover.pattern - 1]),
@@ -127,7 +129,7 @@ class VideoListeners:
                 flight.mission,
                 lab_map=lab_map_of(drone),
                 title=self._title or title_of(flight),
-                limit_s=flight.options.judge.time_limit_s,
+                limit_s=flight.judge_config.limit_s,
             )
         )
         return [self._video]

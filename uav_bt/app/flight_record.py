@@ -38,6 +38,7 @@ from uav_bt.record.recorder import FlightFacts, FlightRecorder
 from uav_bt.tree import MissionTree
 from uav_bt.tree.loading.parameters import Plain
 from uav_bt.types import Airframe
+from uav_bt.types.area import Polygon
 
 
 def flight_facts(flight: Flight[Drone]) -> FlightFacts:
@@ -50,6 +51,8 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
     drone = options.drone
     values = {
         **{each.name: getattr(options, each.name) for each in fields(options)},
+        "judge": flight.judge_config,
+        "area": None if flight.area is None else flight.area.polygons,
         "uav_bt": uav_bt.__version__,
         "started": datetime.now(tz=UTC).isoformat(timespec="seconds"),
         "tree": mission.origin,
@@ -107,7 +110,8 @@ class RecordedOptions:
     site: Site | None = None
     limits: Limits = field(default_factory=Limits)
     runner: RunnerConfig = field(default_factory=RunnerConfig)
-    judge: JudgeConfig = field(default_factory=JudgeConfig)
+    judge: JudgeConfig = field(default_factory=JudgeConfig)  # with the mission's rules
+    area: tuple[Polygon, ...] | None = None  # relative to the take-off pose
     airframe: Airframe = field(default_factory=Airframe)
     policies: dict[str, str] = field(default_factory=dict)
     policy_objects: tuple[str, ...] = ()  # policies that only the recorded program had

@@ -33,9 +33,9 @@ def mark_of(options: FlightOptions, drone: Drone) -> LandingMark:
     """
     site = site_of(options)
     stated = None if site is None else site.mark
-    if drone.scene is None:
+    mark = None if drone.scene is None else drone.scene.mark
+    if drone.scene is None or mark is None:
         return stated or LandingMark()
-    mark: LandingMark = drone.scene.mark
     if stated not in {None, mark}:
         raise InputError(
             f"the site's mark ({stated}) is not that of scene '{drone.scene.name}' ({mark}): "

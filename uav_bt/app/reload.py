@@ -9,6 +9,7 @@ from pathlib import Path
 from uav_bt.app.assembly import Flight
 from uav_bt.app.file_watch import FileWatch
 from uav_bt.app.loading import Mission, is_text, load_mission
+from uav_bt.app.rules import rules_of
 from uav_bt.errors import InputError, TreeError, UavBtError
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
@@ -55,6 +56,12 @@ class TreeReload:
             self._note(f"{error}\nThe edited tree is refused; the one before it flies on.")
             return None
         self._watch.know(self._contents(tree))
+        if rules_of(tree) != self._flight.rules:
+            self._note(
+                f"{self._path}: its Rules differ from those that were read before the take-off\n"
+                "The edited tree is refused; the one before it flies on."
+            )
+            return None
         if tree.sources == self._flight.mission.sources:
             self._note(f"{self._path}: again the tree that flies; it goes on")
             return None

@@ -8,6 +8,7 @@
     ground: [carpet, background]   # which of the classes it may fly over and scale depth by
     limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2.0}
     take_off: {position_m: [0.5, -1.2], yaw_deg: 90}   # in the lab's drawing, for lab:1,2
+    area: "start:-1,-2; start:4,-2; start:4,2; start:-1,2"   # that every mission stays in
     mark: {size_m: [0.5, 0.5], height_m: 0.4}   # top of the landing mark, and its height
     margins: {obstacle_m: 0.4, edge_m: 0.3, unknown_m: 0.35, lane_m: 0.7}   # that routes keep
     battery: {take_off: 0.4, critical: 0.15}
@@ -35,6 +36,7 @@ from uav_bt.files import did_you_mean_file
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark, Pose2D
+from uav_bt.types.place import Place, area_corners
 from uav_bt.yaml_file import read_yaml
 
 
@@ -51,6 +53,7 @@ class Site:
         classes: Class-mapping file of that network.
         ground: names of the classes that the drone may fly over and scale depth by.
         limits: Limits of all commands.
+        area: corners of the polygon that every mission stays in; None: no bound.
         mark: size of the landing mark; None: the paper's, at the height in the tree.
         clearances: distances that routes keep.
         preflight: least battery and link of a real drone before it takes off.
@@ -69,6 +72,7 @@ class Site:
     classes: Path | None = None
     ground: tuple[str, ...] = ("carpet",)
     limits: Limits = field(default_factory=Limits)
+    area: tuple[Place, ...] | None = None
     mark: LandingMark | None = None
     clearances: Clearances = field(default_factory=Clearances)
     preflight: PreflightConfig = field(default_factory=PreflightConfig)
@@ -109,6 +113,7 @@ def load_site(path: str | Path) -> Site:
             classes=network.get("classes"),
             ground=found.ground,
             limits=Limits(**limits),
+            area=None if found.area is None else area_corners(found.area),
             mark=None if found.mark is None else _mark(found.mark),
             clearances=Clearances(**(found.margins or {})),
             preflight=PreflightConfig(**preflight),
@@ -170,6 +175,14 @@ def _beside(value: Path, info: ValidationInfo) -> Path:
 
 def _network(value: str, info: ValidationInfo) -> str:
     return str(_beside(Path(value), info)) if value.endswith(".onnx") else value
+
+
+def _area(value: str) -> str:
+    try:
+        area_corners(value)
+    except ValueRangeError as error:
+        raise ValueError(str(error)) from error
+    return value
 
 
 _Number = Annotated[float, Field(ge=0.0, le=1000.0)]
@@ -237,6 +250,7 @@ class _SiteFile:
     network: _Network | None = None
     ground: Annotated[tuple[str, ...], Field(min_length=1)] = ("carpet",)
     limits: _Limits | None = None
+    area: Annotated[str, AfterValidator(_area)] | None = None
     mark: _Mark | None = None
     margins: _Margins | None = None
     battery: _Battery | None = None

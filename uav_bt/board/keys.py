@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from uav_bt.board.blackboard import Key
+from uav_bt.board.numbers import NUMBER_KEYS
 from uav_bt.protocols import Advice
 from uav_bt.types import (
     CameraModel,
@@ -157,4 +158,5 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     HELD_TURN,
     RECENT_VIEWS,
     ADVICE,
+    *NUMBER_KEYS,
 )

@@ -14,6 +14,7 @@ from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.parameters import Plain
+from uav_bt.types.mission_rules import LandOn
 
 SHARED: Final = (
     *("drone", "profile", "image_size_px", "exact_masks", "movers", "vary_room", "faults"),
@@ -280,9 +281,13 @@ def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what `_flat` wrote with one `options`; a plan of before may lack some."""
     shared = {name: values[name] for name in SHARED if name in values}
     folders = TreeFolders(**shared.pop("tree_folders", {}))
-    judge = shared.pop("judge", {})
+    judge = dict(shared.pop("judge", {}))
     if "landing_surfaces" in judge:
-        judge = {**judge, "landing_surfaces": tuple(judge["landing_surfaces"])}
+        judge["landing_surfaces"] = tuple(judge["landing_surfaces"])
+    if judge.pop("must_land_on_pad", True) is False:  # of a plan of before
+        judge["land_on"] = LandOn.ANY
+    if judge.get("land_on") is not None:
+        judge["land_on"] = LandOn(judge["land_on"])
     options = FlightOptions(**shared, tree_folders=folders, judge=JudgeConfig(**judge))
     others = {name: value for name, value in values.items() if name not in SHARED}
     return {**others, "options": options}

@@ -45,7 +45,7 @@ def flight_option(name: str, **changes: Any) -> Decorator:
     return click.option(str(about.flag), name, **{**attributes, **changes})
 
 
-def _judge(ctx: click.Context, param: click.Parameter, value: float) -> JudgeConfig:
+def _judge(ctx: click.Context, param: click.Parameter, value: float | None) -> JudgeConfig:
     del ctx, param
     return JudgeConfig(time_limit_s=value)
 
@@ -67,7 +67,7 @@ _FORMS: Final[Mapping[str, Mapping[str, Any]]] = {
         "callback": _judge,
         "type": Number(min=0.0, min_open=True),
         "metavar": "SECONDS",
-        "default": JudgeConfig.time_limit_s,
-        "help": "End the flight as a timeout this long after the take-off command.",
+        "help": "End the flight as a timeout this long after the take-off command. Default: as the "
+        "mission's Rules say, else 300 s.",
     },
 }

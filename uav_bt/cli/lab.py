@@ -68,7 +68,7 @@ def _line(scene: Scene) -> str:
     tall = sum(box.size_m[2] >= _FLIGHT_HEIGHT_M for box in scene.boxes)
     heights = [box.size_m[2] for box in scene.boxes]
     span = f", {min(heights):.2f} to {max(heights):.2f} m high" if heights else ""
-    x_m, y_m = scene.helipad.position_m
+    pads = [f"helipad at ({x_m:g}, {y_m:g})" for x_m, y_m in (p.position_m for p in scene.pads)]
     wide_m, deep_m = scene.ground.size_m
     start = scene.take_off
     if start.random:
@@ -81,7 +81,7 @@ def _line(scene: Scene) -> str:
         f"{wide_m:g} x {deep_m:g} m, {len(scene.boxes)} boxes{span} "
         f"({tall} reach {_FLIGHT_HEIGHT_M} m), "
         f"{f'{len(scene.movers)} movers, ' if scene.movers else ''}"
-        f"helipad at ({x_m:g}, {y_m:g}), take-off from {place}"
+        f"{pads[0] if pads else 'no helipad'}, take-off from {place}"
     )
 
 

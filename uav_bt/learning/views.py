@@ -80,7 +80,7 @@ def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
         generator = np.random.default_rng(seed)
         poses = [
             _towards(pose, scene.helipad.position_m, generator)
-            if generator.random() < plan.facing_pad
+            if generator.random() < plan.facing_pad and scene.helipad is not None
             else pose
             for pose in sample_flight_poses(scene, generator, plan.views, lowered=plan.lowered)
         ]

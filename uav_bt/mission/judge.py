@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree import Status
-from uav_bt.types import DroneState, FlyingState, Truth
+from uav_bt.types import DroneState, FlyingState, LandingMark, Truth
+from uav_bt.types.mission_rules import LandOn, MissionRules
 
 
 class Outcome(enum.Enum):
@@ -36,41 +37,76 @@ class JudgeConfig:
 
     Attributes:
         time_limit_s: longest duration from the take-off command, seconds; a longer flight ends as a
-            timeout.
+            timeout. None: that of the mission's rules, or 300 s.
         patience_s: longest time without a take-off command, seconds; then the mission ends as a
             timeout. Chosen: networks load within seconds.
         landing_surfaces: shapes of the simulation that the drone may touch while it takes off or
             lands, by the beginning of their names.
-        must_land_on_pad: whether a simulated flight must end on the pad; False for missions that
-            land elsewhere.
+        land_on: where the flight must end. None: as the mission's rules say, or on the landing
+            mark.
 
     Raises:
         ValueRangeError: the time limit is not positive.
     """
 
-    time_limit_s: float = TIME_LIMIT_S
+    time_limit_s: float | None = None
     patience_s: float = 60.0
     landing_surfaces: tuple[str, ...] = ("helipad", "carpet")
-    must_land_on_pad: bool = True
+    land_on: LandOn | None = None
 
     def __post_init__(self) -> None:
-        if self.time_limit_s <= 0.0:
+        if self.time_limit_s is not None and self.time_limit_s <= 0.0:
             raise ValueRangeError(f"the time limit must be positive, got {self.time_limit_s}")
+
+    @property
+    def limit_s(self) -> float:
+        """The time limit that holds, seconds."""
+        return TIME_LIMIT_S if self.time_limit_s is None else self.time_limit_s
+
+    def under(self, rules: MissionRules) -> JudgeConfig:
+        """Return the rules of a flight with those of its mission where they say nothing."""
+        time_limit_s = rules.time_limit_s if self.time_limit_s is None else self.time_limit_s
+        return replace(self, time_limit_s=time_limit_s, land_on=self.land_on or rules.land_on)
 
 
 # Age of telemetry above which the drone may be landing by its firmware, seconds. Chosen: twice the
 # greatest age for leaves.
 _UNHEARD_S = 1.0
+# Distance outside the mission's area from which the flight has left it, metres. Chosen: the error
+# of the odometry, and of the stop at the boundary.
+_LEFT_M = 0.3
 _MAY_TOUCH_GROUND = frozenset(
     {FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING, FlyingState.EMERGENCY}
 )
 
 
-class Judge:
-    """Watches a flight, by the referee's truth if there is one, else by telemetry."""
+@dataclass(frozen=True, kw_only=True)
+class Belief:
+    """What the drone believes about its place.
 
-    def __init__(self, config: JudgeConfig | None = None) -> None:
+    Attributes:
+        mark_m: horizontal distance of the landing mark's centre; None where the mark is unknown.
+        area_margin_m: distance to the boundary of the mission's area, negative outside; None
+            without an area, or where the place is unknown.
+    """
+
+    mark_m: float | None = None
+    area_margin_m: float | None = None
+
+
+class Judge:
+    """Watches a flight, by the referee's truth if there is one, else by telemetry and board.
+
+    Args:
+        config: the rules of the flight.
+        mark: size of the landing mark.
+    """
+
+    def __init__(self, config: JudgeConfig | None = None, mark: LandingMark | None = None) -> None:
         self._config = config or JudgeConfig()
+        self._mark = mark or LandingMark()
+        self._land_on = self._config.land_on or LandOn.MARK
+        self._mark_m: float | None = None  # when the drone was last in the air
         self._lands = False
         self._took_off_s: float | None = None
         self._started_s: float | None = None
@@ -80,6 +116,21 @@ class Judge:
         """Note the take-off command; only the first counts."""
         if self._took_off_s is None:
             self._took_off_s = time_s
+
+    @property
+    def stays_grounded(self) -> bool:
+        """Whether the mission's rules forbid a take-off."""
+        return self._land_on is LandOn.NONE
+
+    def time_left(self, now_s: float) -> float:
+        """Return seconds until the time limit; the whole limit before the take-off command."""
+        return self._config.limit_s - self._judged_s(now_s)
+
+    def _judged_s(self, now_s: float) -> float:
+        """Return the time that the limit is compared with, seconds."""
+        if self.stays_grounded:
+            return 0.0 if self._started_s is None else now_s - self._started_s
+        return self.elapsed(now_s)
 
     def elapsed(self, now_s: float) -> float:
         """Return seconds since the take-off command, 0 before it."""
@@ -94,6 +145,7 @@ class Judge:
         *,
         abort_reason: str | None,
         landing: bool = False,
+        belief: Belief | None = None,
     ) -> Verdict | None:
         """Return the verdict on the flight, None while it goes on.
 
@@ -104,13 +156,17 @@ class Judge:
             tree_status: of the mission's tree.
             abort_reason: why the mission is being aborted; None if it is not.
             landing: whether the mission lands, by velocities or by the drone's own landing.
+            belief: what the drone believes about its place.
         """
+        belief = belief or Belief()
         self._lands = landing or state.flying in _MAY_TOUCH_GROUND
         if self._started_s is None:
             self._started_s = now_s
         landed = state.flying is FlyingState.LANDED
         self._flew = self._flew or not landed
-        violation = self._violation(now_s, state, truth)
+        if not landed:
+            self._mark_m = belief.mark_m
+        violation = self._violation(now_s, state, truth, belief)
         if violation is not None:
             return violation
         if state.flying is FlyingState.EMERGENCY:  # it falls, or lies on the ground
@@ -122,7 +178,9 @@ class Judge:
             return self._mission_ended(tree_status, truth, landed=landed)
         return None
 
-    def _violation(self, now_s: float, state: DroneState, truth: Truth | None) -> Verdict | None:
+    def _violation(
+        self, now_s: float, state: DroneState, truth: Truth | None, belief: Belief
+    ) -> Verdict | None:
         if truth is not None:
             hit = self._hit(now_s, state, truth)
             if hit is not None:
@@ -132,14 +190,23 @@ class Judge:
                     outcome=Outcome.LEFT_AREA,
                     reason=f"left the carpet at ({truth.pose.x_m:.2f}, {truth.pose.y_m:.2f}) m",
                 )
-        if self.elapsed(now_s) > self._config.time_limit_s:
+        if belief.area_margin_m is not None and belief.area_margin_m < -_LEFT_M:
             return Verdict(
-                outcome=Outcome.TIMEOUT, reason=f"not over after {self._config.time_limit_s:.0f} s"
+                outcome=Outcome.LEFT_AREA,
+                reason=f"left the mission's area by {-belief.area_margin_m:.2f} m",
             )
-        waited_s = now_s - (self._started_s if self._started_s is not None else now_s)
-        if self._took_off_s is None and waited_s > self._config.patience_s:
-            return Verdict(outcome=Outcome.TIMEOUT, reason=f"no take-off within {waited_s:.0f} s")
-        return None
+        late = self._late(now_s)
+        return None if late is None else Verdict(outcome=Outcome.TIMEOUT, reason=late)
+
+    def _late(self, now_s: float) -> str | None:
+        if self._judged_s(now_s) > self._config.limit_s:
+            return f"not over after {self._config.limit_s:.0f} s"
+        if self.stays_grounded or self._took_off_s is not None or self._started_s is None:
+            return None
+        waited_s = now_s - self._started_s
+        return (
+            f"no take-off within {waited_s:.0f} s" if waited_s > self._config.patience_s else None
+        )
 
     def _hit(self, now_s: float, state: DroneState, truth: Truth) -> str | None:
         unheard = now_s - state.captured_s > _UNHEARD_S
@@ -154,17 +221,40 @@ class Judge:
     ) -> Verdict | None:
         if not landed:
             return None  # the runner brings it down, which aborts the flight
-        if not self._flew:
-            return Verdict(outcome=Outcome.ABORTED, reason="the tree ended without a take-off")
+        objection = self._objection(status, truth)
+        if objection is not None:
+            return Verdict(outcome=Outcome.ABORTED, reason=objection)
+        reason = "the tree succeeded on the ground" if self.stays_grounded else "landed"
+        return Verdict(outcome=Outcome.SUCCESS, reason=reason)
+
+    def _objection(self, status: Status, truth: Truth | None) -> str | None:
+        """Return why a flight that ended on the ground is no success; None if it is one."""
+        if self.stays_grounded and self._flew:
+            return "it took off, which the mission's rules forbid"
+        if not (self.stays_grounded or self._flew):
+            return 'the tree ended without a take-off; <Rules land_on="none"/> allows that'
         if status is Status.FAILURE:
-            return Verdict(outcome=Outcome.ABORTED, reason="the tree failed; landed")
+            return "the tree failed; landed" if self._flew else "the tree failed on the ground"
         if truth is not None and truth.motors_on:
-            return Verdict(
-                outcome=Outcome.ABORTED, reason="the drone says it has landed, its motors still run"
-            )
-        if truth is not None and self._config.must_land_on_pad and not truth.on_helipad:
-            return Verdict(
-                outcome=Outcome.ABORTED,
-                reason=f"landed {truth.landing_error_m:.2f} m from the helipad's centre",
-            )
-        return Verdict(outcome=Outcome.SUCCESS, reason="landed")
+            return "the drone says it has landed, its motors still run"
+        return self._misplaced(truth)
+
+    def _misplaced(self, truth: Truth | None) -> str | None:
+        """Return why the drone may not stand where it has landed; None if it may.
+
+        Without a referee the last belief in the air counts. The mark's heading is unknown, so the
+        drone counts as above it within half of its longer side.
+        """
+        if truth is not None:
+            on_mark, distance_m = truth.on_helipad, truth.landing_error_m
+        else:
+            distance_m = self._mark_m
+            half_m = max(self._mark.length_m, self._mark.width_m) / 2.0
+            on_mark = distance_m is not None and distance_m <= half_m
+        if self._land_on is LandOn.GROUND and on_mark:
+            return "landed on the helipad, and the mission's rules want the ground"
+        if self._land_on is LandOn.MARK and not on_mark:
+            if distance_m is None:
+                return "landed where no helipad is known"
+            return f"landed {distance_m:.2f} m from the helipad's centre"
+        return None

@@ -21,13 +21,16 @@ from uav_bt.mission.flown_tree import FlownTree, NextTree
 from uav_bt.mission.hold_model import HoldConfig
 from uav_bt.mission.judge import Judge, Verdict
 from uav_bt.mission.limits import Limits
+from uav_bt.mission.mission_numbers import MissionNumbers
 from uav_bt.mission.position_hold import PositionHold
 from uav_bt.mission.safety import Arbiter, Circumstances, Override
 from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
+from uav_bt.mission.whereabouts import Whereabouts
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
 from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, TakeOff
+from uav_bt.types.area import Area
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +77,7 @@ class MissionRunner:
             does so, as simulated time does.
         timer: wall clock for the computing times, seconds.
         next_tree: called between two ticks for a tree that replaces the present one.
+        area: that the drone stays in; None: no bound.
     """
 
     def __init__(
@@ -90,13 +94,16 @@ class MissionRunner:
         clock: TickClock | None = None,
         timer: Callable[[], float] = time.perf_counter,
         next_tree: NextTree | None = None,
+        area: Area | None = None,
     ) -> None:
         self._drone = drone
         self._context = context
         self._judge = judge
         self._config = config or RunnerConfig()
         limits = limits or Limits()
-        self._arbiter = Arbiter(limits, drone.airframe)
+        self._arbiter = Arbiter(limits, drone.airframe, area=area, grounded=judge.stays_grounded)
+        self._whereabouts = Whereabouts(context.board, area)
+        self._numbers = MissionNumbers(context.board, self._whereabouts, judge)
         self.listeners = TickListeners(listeners)
         self._clock = clock
         self._timer = timer
@@ -218,6 +225,7 @@ class MissionRunner:
             abort=bool(self._abort),
             manual=self._manual,
             cut=self._abort.cut,
+            place=self._whereabouts.update(),
         )
         motion = self._context.board.read(ODOMETRY).value
         correct = partial(self._hold.correct, state=state, motion=motion, now_s=now_s)
@@ -273,6 +281,7 @@ class MissionRunner:
             status,
             abort_reason=self._abort.reason,
             landing=self._arbiter.landing,
+            belief=self._whereabouts.belief(),
         )
         given_up = self._abort.follow(record.time_s, lands=record.override is Override.ABORT)
         if status in _OVER and state.flying is not FlyingState.LANDED:
@@ -300,6 +309,7 @@ class MissionRunner:
         board.write(CAMERA, self._drone.camera)
         if observation.frame is not None:
             board.write(FRAME, observation.frame, captured_s=observation.frame.captured_s)
+        self._numbers.write(observation, now_s)
 
     def _stop_and_land(self, reason: str) -> None:
         """Halt the tree, and bring the drone down if it is still up.

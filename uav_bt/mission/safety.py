@@ -21,6 +21,7 @@ from typing import Final
 
 from uav_bt.board.context import Proposals
 from uav_bt.board.keys import FRAME, STATE
+from uav_bt.mission.area_guard import AreaGuard
 from uav_bt.mission.limits import Limits, limit_movement
 from uav_bt.types import (
     Airframe,
@@ -30,9 +31,13 @@ from uav_bt.types import (
     FlyingState,
     Hover,
     Land,
+    MoveBy,
     Movement,
+    Pose2D,
     Release,
+    TakeOff,
 )
+from uav_bt.types.area import Area
 
 AIRBORNE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 
@@ -59,6 +64,7 @@ class Circumstances:
         manual: a person at this machine took over.
         abort: the mission is being aborted.
         cut: a person wants the motors off, wherever the drone falls.
+        place: pose relative to the take-off pose; None where it is unknown.
     """
 
     state: DroneState
@@ -67,6 +73,7 @@ class Circumstances:
     manual: bool = False
     abort: bool = False
     cut: bool = False
+    place: Pose2D | None = None
 
     @property
     def airborne(self) -> bool:
@@ -156,11 +163,22 @@ class Arbiter:
     Args:
         limits: of every movement.
         airframe: of the drone; the limits allow for its delay.
+        area: that movements stay in; None: no bound.
+        grounded: whether the mission's rules forbid a take-off.
     """
 
-    def __init__(self, limits: Limits, airframe: Airframe | None = None) -> None:
+    def __init__(
+        self,
+        limits: Limits,
+        airframe: Airframe | None = None,
+        *,
+        area: Area | None = None,
+        grounded: bool = False,
+    ) -> None:
         self._limits = limits
         self._airframe = airframe or Airframe()
+        self._guard = None if area is None else AreaGuard(area, self._airframe)
+        self._grounded = grounded
         self.override: Override | None = None  # the one in force since the last decision
         self.landing = False  # whether the last decision was to land
 
@@ -198,7 +216,12 @@ class Arbiter:
             # A leaf without fresh telemetry proposes nothing; the landing continues.
             lands = self.landing and now.state.flying is FlyingState.LANDING
             movement = Land() if lands else Hover()
+        if self._grounded and isinstance(movement, TakeOff):
+            movement = Hover()
         self.landing = isinstance(movement, Land)
+        if self._guard is not None and isinstance(movement, MoveBy):
+            # Before the position hold, which keeps the goal of the movement afterwards.
+            movement = self._guard.limited(movement, now.place)
         flown = movement if correct is None else correct(movement)
         limited = limit_movement(
             flown,
@@ -208,4 +231,6 @@ class Arbiter:
             state_age_s=now.state_age_s,
             landing=self.landing,
         )
+        if self._guard is not None and not isinstance(limited, MoveBy):
+            limited = self._guard.limited(limited, now.place, age_s=now.state_age_s)
         return Command(movement=limited, gimbal=proposals.gimbal)

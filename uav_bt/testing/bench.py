@@ -8,6 +8,7 @@ from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.board.flight_notes import FlightNotes
+from uav_bt.board.numbers import BATTERY_SHARE, FLYING, LINK_SHARE, UNKNOWN
 from uav_bt.clock import ManualClock
 from uav_bt.errors import InputError, MissionError, ValueRangeError
 from uav_bt.plugins import make_policy
@@ -120,8 +121,11 @@ class BenchWorld:
         )
 
     def observe(self, state: DroneState) -> None:
-        """Write a state, its heights, and a new black frame with the same telemetry."""
+        """Write a state, its numbers, and a new black frame with the same telemetry."""
         self.board[STATE] = state
+        self.board[BATTERY_SHARE] = UNKNOWN if state.battery is None else state.battery
+        self.board[LINK_SHARE] = UNKNOWN if state.link is None else state.link
+        self.board[FLYING] = float(state.in_air)
         self.board[HEIGHT] = state.height_above_carpet_m
         self.board[CAMERA] = self.camera
         self.board[FRAME] = blank_frame(self.camera, state, index=self._frames)

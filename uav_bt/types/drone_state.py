@@ -141,6 +141,11 @@ class DroneState:
         """Capture time of each quantity."""
         return self.measured or MeasurementTimes.all_at(self.captured_s)
 
+    @property
+    def in_air(self) -> bool:
+        """Whether the drone has taken off and not landed; False also after its motors were cut."""
+        return self.flying not in {FlyingState.LANDED, FlyingState.EMERGENCY}
+
     def dated(self, captured_s: float) -> DroneState:
         """Return the state with another capture time; the times of its parts shift equally."""
         if self.measured is None:

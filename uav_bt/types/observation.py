@@ -68,7 +68,7 @@ class Truth:
     clearance_m: float  # from the hull to the nearest box or mover, inf without any
     inside_carpet: bool  # the body's centre
     on_helipad: bool  # the body's centre is above the pad
-    landing_error_m: float  # horizontal, body centre to pad centre
+    landing_error_m: float | None  # horizontal, body centre to pad centre; None without a pad
     motors_on: bool
     gimbal_pitch_rad: float | None = None  # of the camera; None if unknown
     movers: tuple[MoverState, ...] = ()  # in the scene's order

@@ -28,6 +28,7 @@ SEPARATOR: Final = ";"
 
 _FURTHEST_M: Final = 1000.0  # largest coordinate; chosen, a typing error beyond it
 _HIGHEST_M: Final = 20.0  # as the largest flight height of the take-off
+_LEAST_CORNERS: Final = 3  # of an area
 _LOWEST_M: Final = 0.3  # as the least flight height of the take-off
 _NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)"
 _NAMED: Final = re.compile(
@@ -135,6 +136,29 @@ def parse_places(text: str) -> tuple[Place, ...]:
     if not elements:
         raise ValueRangeError(f"{_EXPECTED}, got an empty list")
     return tuple(Place.parse(element) for element in elements)
+
+
+def area_corners(text: str) -> tuple[Place, ...]:
+    """Return the corners of an area from a list of places in the frames start and lab.
+
+    Args:
+        text: At least three places with `;` between them.
+
+    Raises:
+        ValueRangeError: A place cannot be read, has another frame, or there are too few.
+    """
+    corners = parse_places(text)
+    for corner in corners:
+        if corner.frame not in {PlaceFrame.START, PlaceFrame.LAB}:
+            raise ValueRangeError(
+                f"expected the corners of an area as start:x,y or lab:x,y, got '{corner}'"
+            )
+    if len(corners) < _LEAST_CORNERS:
+        raise ValueRangeError(
+            f"expected at least {_LEAST_CORNERS} corners of an area, with ';' between them, "
+            f"got {len(corners)}"
+        )
+    return corners
 
 
 def _height(text: str | None, place: str) -> float | None:

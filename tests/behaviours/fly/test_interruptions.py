@@ -11,7 +11,7 @@ import pytest
 from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT, Says, carpet
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, STATE
 from uav_bt.board.context import MissionContext
-from uav_bt.mission.judge import Judge, Outcome, Verdict
+from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
@@ -21,6 +21,7 @@ from uav_bt.testing.drone import ScriptedDroneConfig
 from uav_bt.testing.faults import Fault, FaultyDrone
 from uav_bt.tree import Leaf, NodeRegistry, Status, parse_tree
 from uav_bt.types import ClassMap, HelipadFix, MoveBy
+from uav_bt.types.mission_rules import LandOn
 
 MISSION = """
 <ReactiveSequence>
@@ -97,7 +98,8 @@ class World:
         )
         tree.setup(context)
         self.tree = tree
-        self.runner = MissionRunner(self.drone, tree, context, Judge(), listeners=listeners)
+        judge = Judge(JudgeConfig(land_on=LandOn.ANY))
+        self.runner = MissionRunner(self.drone, tree, context, judge, listeners=listeners)
         self.records: list[TickRecord] = []
         self.takes_over: str | None = None  # PHASE+SECONDS
         self._took_over_s: float | None = None

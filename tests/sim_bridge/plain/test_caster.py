@@ -14,6 +14,7 @@ from sim_bridge.twin.model import build_model
 from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.routes import Traffic
+from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import sample_flight_poses
 from uav_bt.classes import BACKGROUND, CARPET
@@ -69,3 +70,14 @@ def test_a_camera_straight_down_inside_a_corner_of_boxes_sees_the_ground() -> No
     ids, depth_m = Caster(scene, SIZE).cast(pose)
     assert ids[28, 56] == CARPET
     assert depth_m[28, 56] == pytest.approx(1.3)
+
+
+def test_a_scene_without_boxes_and_helipad_shows_its_ground() -> None:
+    scene = Scene(name="empty", take_off=TakeOffSpec(position_m=(0.0, 0.0)))
+    pose = CameraPose(x_m=0.0, y_m=0.0, z_m=1.5, yaw_rad=0.0, pitch_rad=-math.pi / 2)
+    ids, depth_m = Caster(scene, SIZE).cast(pose)
+    assert (ids == CARPET).all()
+    assert depth_m == pytest.approx(np.full(depth_m.shape, 1.5), abs=1e-5)
+    with Renderer(build_model(scene)) as renderer:
+        drawn, _ = renderer.ids_and_depth(pose, *SIZE)
+    assert (drawn == ids).all()

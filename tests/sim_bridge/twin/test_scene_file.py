@@ -5,10 +5,13 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sim_bridge.twin.scene import box_names
-from sim_bridge.twin.scene_file import load_scene, scene_names
+from sim_bridge.twin.scene_file import load_scene, scene_names, scene_text
+from sim_bridge.twin.variation import start_pose, varied
+from sim_bridge.twin.views import sample_flight_poses
 from uav_bt.classes import BOXES
 from uav_bt.errors import SceneError, UnknownNameError
 from uav_bt.types.ground import Footprint
@@ -206,7 +209,7 @@ def test_absent_empty_and_binary_files_are_refused(tmp_path: Path) -> None:
         load_scene(tmp_path / "nowhere.yaml")
     with pytest.raises(UnknownNameError, match="did you mean 'val-a'"):
         load_scene("vall-a")
-    with pytest.raises(SceneError, match="lacks the key 'helipad'"):
+    with pytest.raises(SceneError, match="has no helipad to take off from"):
         load_scene(written(tmp_path, "# nothing\n"))
     with pytest.raises(SceneError, match="mapping"):
         load_scene(written(tmp_path, "- 1\n"))
@@ -222,3 +225,38 @@ def test_the_ground_plan_names_the_classes_of_boxes_and_none_of_the_helipad() ->
     scene = load_scene("train-a")
     classes = [each.class_id for each in scene.ground_plan.standing]
     assert classes == [*(BOXES[box.pattern - 1] for box in scene.boxes), None]
+
+
+# --- without a helipad ----------------------------------------------------------------------------
+
+OPEN = """\
+take_off: {from: [-1.5, 0.5], yaw_deg: 30}
+boxes:
+  - {pattern: 2, position_m: [1.0, -1.0], size_m: [0.4, 0.4, 1.0]}
+"""
+
+
+def test_a_scene_without_a_helipad_takes_off_from_its_place(tmp_path: Path) -> None:
+    scene = load_scene(written(tmp_path, OPEN))
+    assert (scene.helipad, scene.mark, scene.start_m) == (None, None, (-1.5, 0.5))
+    pose = start_pose(scene, seed=3)
+    assert (pose.x_m, pose.y_m, scene.surface_m(pose.x_m, pose.y_m)) == (-1.5, 0.5, 0.0)
+    assert len(scene.ground_plan.standing) == 1
+    again = tmp_path / "again.yaml"
+    again.write_text(scene_text(scene), encoding="utf-8")
+    assert load_scene(again) == scene
+
+
+def test_a_scene_without_a_helipad_is_varied_and_looked_at(tmp_path: Path) -> None:
+    scene = varied(load_scene(written(tmp_path, OPEN)), seed=1, room=True, movers=2)
+    assert len(scene.movers) == 2
+    assert all(mover.distance_m(*scene.start_m) >= 0.9 for mover in scene.movers)
+    poses = sample_flight_poses(scene, np.random.default_rng(0), 14)
+    assert all(pose.pitch_rad > -0.9 for pose in poses), "no pose looks down at a helipad"
+
+
+def test_a_random_take_off_needs_no_helipad(tmp_path: Path) -> None:
+    scene = load_scene(written(tmp_path, "take_off: {from: random}"))
+    assert start_pose(scene, seed=1) != start_pose(scene, seed=2)
+    with pytest.raises(SceneError, match="has no helipad to take off from: give take_off a place"):
+        load_scene(written(tmp_path, "take_off: {from: helipad}"))

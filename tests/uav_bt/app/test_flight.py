@@ -91,7 +91,8 @@ class ScriptedConfig:
     speed_limit_mps: float = 0.0
 
 
-SCRIPTED = app.FlightOptions(drone="scripted")
+ELSEWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)  # no referee, and nobody looks for a helipad
+SCRIPTED = app.FlightOptions(drone="scripted", judge=ELSEWHERE)
 
 
 def doing(action: Callable[[int], object]) -> app.Listeners:

@@ -25,6 +25,7 @@ from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
 from uav_bt.tree.nodes import Sequence
 from uav_bt.types import Hover
+from uav_bt.types.mission_rules import LandOn
 
 # --- definitions of a notebook --------------------------------------------------------------------
 
@@ -88,7 +89,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightReport, Caref
         seed=3,
         exact_masks=True,
         policies={"Explore": policy},
-        judge=app.JudgeConfig(must_land_on_pad=False),
+        judge=app.JudgeConfig(land_on=LandOn.ANY),
         record=str(record),
     )
     return app.fly(MISSION, options, registry=NODES), policy, record
@@ -163,7 +164,8 @@ def composed() -> MissionTree:
 
 
 def scripted(**options: object) -> app.FlightOptions:
-    return app.FlightOptions(drone=ScriptedDrone(), **options)  # type: ignore[arg-type]
+    judge = app.JudgeConfig(land_on=app.LandOn.ANY)
+    return app.FlightOptions(drone=ScriptedDrone(), judge=judge, **options)  # type: ignore[arg-type]
 
 
 def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, fly_noisy, tree_file
+from tests.uav_bt.record.record_world import ANYWHERE, FLIGHT, NoisyDrone, fly_noisy, tree_file
 from uav_bt import app
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
@@ -45,7 +45,9 @@ def noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Notes]
     monkeypatch.setattr("uav_bt.app.assembly.make_drone", lambda _: NoisyDrone())
     record = tmp_path / "flight.mcap"
     app.fly(
-        tree_file(tmp_path), app.FlightOptions(seed=5, record=record), listeners=[notes.listeners]
+        tree_file(tmp_path),
+        app.FlightOptions(seed=5, record=record, judge=ANYWHERE),
+        listeners=[notes.listeners],
     )
     return record, notes
 

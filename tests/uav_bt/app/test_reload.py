@@ -283,7 +283,7 @@ def test_a_flight_goes_on_with_the_edited_tree(path: Path, monkeypatch: pytest.M
 
     report = app.fly(
         path,
-        app.FlightOptions(drone=drone),
+        app.FlightOptions(drone=drone, judge=app.JudgeConfig(land_on=app.LandOn.ANY)),
         listeners=[lambda flight: [Follows(flight)]],
         watch=notes.append,
     )

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
+from uav_bt.mission.judge import Belief, Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, Pose, Truth
+from uav_bt.types.mission_rules import LandOn, MissionRules
 
 
 def truth_of(
@@ -68,7 +69,7 @@ def test_a_landing_beside_the_pad_is_aborted_and_says_how_far() -> None:
 
 
 def test_a_mission_may_end_elsewhere_when_its_rules_say_so() -> None:
-    judge = flown(JudgeConfig(must_land_on_pad=False))
+    judge = flown(JudgeConfig(land_on=LandOn.ANY))
     verdict = ask(judge, 90.0, FlyingState.LANDED, ON_CARPET, Status.SUCCESS)
     assert verdict is not None
     assert verdict.outcome is Outcome.SUCCESS
@@ -225,9 +226,118 @@ def test_a_violation_comes_before_an_ending() -> None:
 # --- without a referee ----------------------------------------------------------------------------
 
 
-def test_without_a_referee_a_landing_counts_as_it_is_told() -> None:
-    verdict = ask(flown(), 90.0, FlyingState.LANDED, None, Status.SUCCESS)
-    assert verdict == Verdict(outcome=Outcome.SUCCESS, reason="landed")
+@pytest.mark.parametrize(
+    ("mark_m", "land_on", "reason"),
+    [
+        (0.2, None, None),
+        (0.2, LandOn.MARK, None),
+        (0.2, LandOn.GROUND, "landed on the helipad, and the mission's rules want the ground"),
+        (0.2, LandOn.ANY, None),
+        (0.8, None, "landed 0.80 m from the helipad's centre"),
+        (0.8, LandOn.GROUND, None),
+        (0.8, LandOn.ANY, None),
+        (None, None, "landed where no helipad is known"),
+        (None, LandOn.GROUND, None),
+        (None, LandOn.ANY, None),
+    ],
+)
+def test_without_a_referee_the_last_belief_in_the_air_counts(
+    mark_m: float | None, land_on: LandOn | None, reason: str | None
+) -> None:
+    """After the landing the camera sees nothing: a belief of then is worth nothing."""
+    judge = flown(JudgeConfig(land_on=land_on))
+    for flying, believed_m in ((FlyingState.LANDING, mark_m), (FlyingState.LANDED, 3.0)):
+        verdict = judge.verdict(
+            90.0,
+            DroneState(captured_s=90.0, flying=flying),
+            None,
+            Status.RUNNING if flying is FlyingState.LANDING else Status.SUCCESS,
+            abort_reason=None,
+            belief=Belief(mark_m=believed_m),
+        )
+    expected = Outcome.SUCCESS if reason is None else Outcome.ABORTED
+    assert verdict == Verdict(outcome=expected, reason=reason or "landed")
+
+
+@pytest.mark.parametrize(
+    ("truth", "land_on", "outcome"),
+    [
+        (ON_PAD, LandOn.MARK, Outcome.SUCCESS),
+        (ON_PAD, LandOn.GROUND, Outcome.ABORTED),
+        (ON_PAD, LandOn.ANY, Outcome.SUCCESS),
+        (ON_CARPET, LandOn.MARK, Outcome.ABORTED),
+        (ON_CARPET, LandOn.GROUND, Outcome.SUCCESS),
+        (ON_CARPET, LandOn.ANY, Outcome.SUCCESS),
+    ],
+)
+def test_the_referee_overrules_the_belief(truth: Truth, land_on: LandOn, outcome: Outcome) -> None:
+    judge = flown(JudgeConfig(land_on=land_on))
+    wrong = Belief(mark_m=0.0 if truth is ON_CARPET else 5.0)
+    state = DroneState(captured_s=90.0, flying=FlyingState.LANDED)
+    verdict = judge.verdict(90.0, state, truth, Status.SUCCESS, abort_reason=None, belief=wrong)
+    assert verdict is not None
+    assert verdict.outcome is outcome
+
+
+@pytest.mark.parametrize(
+    ("status", "now_s", "outcome", "words"),
+    [
+        (Status.SUCCESS, 90.0, Outcome.SUCCESS, "succeeded on the ground"),
+        (Status.FAILURE, 90.0, Outcome.ABORTED, "failed on the ground"),
+        (Status.RUNNING, 90.0, None, ""),
+        (Status.RUNNING, 301.0, Outcome.TIMEOUT, "not over after 300 s"),
+    ],
+)
+def test_a_mission_that_never_takes_off_is_judged_by_its_tree(
+    status: Status, now_s: float, outcome: Outcome | None, words: str
+) -> None:
+    judge = Judge(JudgeConfig(land_on=LandOn.NONE))
+    assert ask(judge, 0.0, FlyingState.LANDED) is None
+    verdict = ask(judge, now_s, FlyingState.LANDED, status=status)
+    assert (None if verdict is None else verdict.outcome) is outcome
+    assert verdict is None or words in verdict.reason
+
+
+def test_a_take_off_against_the_rules_is_no_success() -> None:
+    judge = flown(JudgeConfig(land_on=LandOn.NONE))
+    verdict = ask(judge, 90.0, FlyingState.LANDED, ON_PAD, Status.SUCCESS)
+    assert verdict is not None
+    assert (verdict.outcome, "forbid" in verdict.reason) == (Outcome.ABORTED, True)
+
+
+@pytest.mark.parametrize(
+    ("margin_m", "outcome"), [(None, None), (0.4, None), (-0.2, None), (-0.4, Outcome.LEFT_AREA)]
+)
+def test_a_drone_that_is_far_outside_its_area_has_left_it(
+    margin_m: float | None, outcome: Outcome | None
+) -> None:
+    state = DroneState(captured_s=20.0, flying=FlyingState.HOVERING)
+    verdict = flown().verdict(
+        20.0, state, None, Status.RUNNING, abort_reason=None, belief=Belief(area_margin_m=margin_m)
+    )
+    assert (None if verdict is None else verdict.outcome) is outcome
+
+
+@pytest.mark.parametrize(
+    ("option_s", "rules_s", "limit_s"),
+    [(None, None, 300.0), (None, 60.0, 60.0), (20.0, 60.0, 20.0), (90.0, 60.0, 90.0)],
+)
+def test_an_option_comes_before_the_missions_rules(
+    option_s: float | None, rules_s: float | None, limit_s: float
+) -> None:
+    rules = MissionRules(time_limit_s=rules_s, land_on=LandOn.ANY)
+    config = JudgeConfig(time_limit_s=option_s).under(rules)
+    assert (config.limit_s, config.land_on) == (limit_s, LandOn.ANY)
+    assert JudgeConfig(land_on=LandOn.MARK).under(rules).land_on is LandOn.MARK
+
+
+def test_the_time_left_counts_from_the_take_off_or_without_one_from_the_start() -> None:
+    judge = flown(JudgeConfig(time_limit_s=30.0))
+    assert judge.time_left(15.0) == pytest.approx(25.0)
+    assert Judge(JudgeConfig(time_limit_s=30.0)).time_left(15.0) == 30.0
+    grounded = Judge(JudgeConfig(time_limit_s=30.0, land_on=LandOn.NONE))
+    assert ask(grounded, 2.0, FlyingState.LANDED) is None
+    assert grounded.time_left(10.0) == pytest.approx(22.0)
 
 
 def test_without_a_referee_time_still_runs_out() -> None:

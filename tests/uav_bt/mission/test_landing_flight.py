@@ -9,6 +9,7 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import Fault, FaultyDrone
 from uav_bt.types import Hover, MissionPhase
+from uav_bt.types.mission_rules import LandOn
 
 TREE = """
 <root BTCPP_format="4">
@@ -44,7 +45,7 @@ def test_a_landing_goes_on_when_data_stop(fault: str) -> None:
         drone=drone,
         seed=1,
         exact_masks=True,
-        judge=JudgeConfig(time_limit_s=40.0, must_land_on_pad=False),
+        judge=JudgeConfig(time_limit_s=40.0, land_on=LandOn.ANY),
     )
     report = app.fly(TREE, options, listeners=[lambda _: [drone, landing]])
 

@@ -33,6 +33,7 @@ from uav_bt.types import (
     Velocity,
 )
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.mission_rules import LandOn
 
 LOW_M = 0.35
 
@@ -168,7 +169,7 @@ def fly(
         drone,
         tree_of(LANDS, context),
         context,
-        Judge(JudgeConfig(time_limit_s=until_s)),
+        Judge(JudgeConfig(time_limit_s=until_s, land_on=LandOn.ANY)),
         listeners=(records,),
         next_tree=next_tree,
     )

@@ -12,6 +12,7 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import Fault, FaultyDrone
 from uav_bt.types import MissionPhase
+from uav_bt.types.mission_rules import LandOn
 
 TREE = """
 <root BTCPP_format="4">
@@ -50,7 +51,7 @@ def test_a_fault_of_the_velocity_moves_the_drone_by_decimetres_only(fault: str) 
         drone=drone,
         seed=1,
         exact_masks=True,
-        judge=JudgeConfig(time_limit_s=40.0, must_land_on_pad=False),
+        judge=JudgeConfig(time_limit_s=40.0, land_on=LandOn.ANY),
     )
     report = app.fly(TREE, options, listeners=[lambda _: [drone, places]])
 

@@ -34,6 +34,7 @@ from uav_bt.types import (
     TakeOff,
     Velocity,
 )
+from uav_bt.types.mission_rules import LandOn, MissionRules
 
 TICK_S = 0.1
 HALTED: list[str] = []  # paths of the leaves that were halted, in order
@@ -234,7 +235,7 @@ class Flight:
             self.drone,
             self.tree,
             self.context,
-            Judge(judge),
+            Judge((judge or JudgeConfig()).under(MissionRules(land_on=LandOn.ANY))),
             config=RunnerConfig(tick_s=TICK_S, landing_grace_s=2.0),
             listeners=(self.records, *listeners),
             next_tree=self._next_tree,
@@ -838,7 +839,7 @@ def with_listeners(flight: Flight, *listeners: TickListener) -> MissionRunner:
         flight.drone,
         flight.tree,
         flight.context,
-        Judge(None),
+        Judge(JudgeConfig(land_on=LandOn.ANY)),
         config=RunnerConfig(tick_s=TICK_S, landing_grace_s=2.0),
         listeners=(flight.records, *listeners),
     )

@@ -44,7 +44,7 @@ def test_other_angles_are_degrees(written: str) -> None:
 
 
 def test_a_time_beyond_the_time_limit_of_a_mission_is_doubted() -> None:
-    assert JudgeConfig().time_limit_s == 300.0
+    assert JudgeConfig().limit_s == 300.0
     assert findings('<HoverFor seconds="300"/>') == ()
     message = doubt('<HoverFor seconds="1000"/>')
     assert "1000 s is longer than a mission, whose time limit is 300 s" in message
@@ -63,3 +63,7 @@ def test_milliseconds_below_ten_look_like_seconds() -> None:
 def test_defaults_and_references_are_not_doubted() -> None:
     script = '<Script code="angle := 1.047"/>'
     assert findings(f'<Sequence>{script}<Turn degrees="{{angle}}"/></Sequence>') == ()
+
+
+def test_the_time_limit_of_a_missions_rules_is_a_limit_itself() -> None:
+    assert findings('<Rules time_limit_s="1000"/>') == ()

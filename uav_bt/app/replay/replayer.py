@@ -19,7 +19,7 @@ from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
 from uav_bt.board import CLASS_MAP, FRAME
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import FileError, NodeFailedError
-from uav_bt.mission.judge import Judge, Outcome, Verdict
+from uav_bt.mission.judge import Belief, Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
 from uav_bt.protocols import LeafPolicy
@@ -29,6 +29,7 @@ from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, NodeRegistry, Status
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.types import DroneState, Truth
+from uav_bt.types.area import Area
 
 Masks = Literal["network", "recorded"]
 
@@ -179,7 +180,8 @@ def assemble_recorded(
         mission,
         drone,
         options,
-        judge=ReplayJudge(drone),
+        judge=ReplayJudge(drone, recorded.judge),
+        area=None if recorded.area is None else Area(recorded.area),
         segmenter=RecordedSegmenter(drone) if masks == "recorded" else None,
         make_runner=ReplayRunner,
     )
@@ -247,8 +249,8 @@ def _recorded_mission(
 class ReplayJudge(Judge):
     """Ends the replay with the recording's last tick, whatever happens."""
 
-    def __init__(self, drone: RecordedDrone) -> None:
-        super().__init__()
+    def __init__(self, drone: RecordedDrone, config: JudgeConfig) -> None:
+        super().__init__(config)
         self._drone = drone
 
     def verdict(
@@ -260,9 +262,10 @@ class ReplayJudge(Judge):
         *,
         abort_reason: str | None,
         landing: bool = False,
+        belief: Belief | None = None,
     ) -> Verdict | None:
         """Return that the recording is over, None while it goes on."""
-        del now_s, state, truth, tree_status, abort_reason, landing
+        del now_s, state, truth, tree_status, abort_reason, landing, belief
         if self._drone.at_end:
             return Verdict(outcome=Outcome.SUCCESS, reason="the recording is over")
         return None

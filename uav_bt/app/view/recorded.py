@@ -243,7 +243,7 @@ class RecordedFlight:
             self.tree,
             lab_map=self.lab_map,
             title=self.title,
-            limit_s=recorded_options(reader).judge.time_limit_s,
+            limit_s=recorded_options(reader).judge.limit_s,
         )
         with FlightVideo(Path(path), panes, FlightVideoConfig(speed=speed)) as video:
             try:

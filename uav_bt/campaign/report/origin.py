@@ -6,6 +6,7 @@ from pathlib import Path
 
 from uav_bt.campaign.report.sources import Provenance
 from uav_bt.campaign.report.table import Table
+from uav_bt.mission.judge import JudgeConfig
 
 
 def origin_table(source: Provenance) -> Table:
@@ -33,7 +34,7 @@ def origin_table(source: Provenance) -> Table:
             *(("policy", f"{node}={name}") for node, name in plan.options.policy_names.items()),
             *(("port", f"{name}={value}") for name, value in plan.options.ports.items()),
             *(("variable", f"{name}={value}") for name, value in plan.options.variables.items()),
-            ("time limit", f"{plan.options.judge.time_limit_s:g} s"),
+            ("time limit", _time_limit(plan.options.judge)),
             ("versions", ", ".join(f"{name} {version}" for name, version in plan.versions.items())),
         ]
     rows += [
@@ -45,3 +46,8 @@ def origin_table(source: Provenance) -> Table:
     if not rows:
         rows.append(("file", "a plain file of flights, without a plan"))
     return Table(name="origin", title=str(source.path), columns=("what", "which"), rows=tuple(rows))
+
+
+def _time_limit(judge: JudgeConfig) -> str:
+    limit_s = judge.time_limit_s
+    return f"the mission's, or {judge.limit_s:g} s" if limit_s is None else f"{limit_s:g} s"

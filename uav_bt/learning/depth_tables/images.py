@@ -102,7 +102,8 @@ def take_images(
         scene = load_scene(name)
         seed = scene_seed(views.seed, scene)
         poses = views.poses(scene, seed)
-        telemetry = _telemetry(profile, seed, scene.helipad.size_m[2])
+        start_z_m = max((pad.size_m[2] for pad in scene.pads), default=0.0)
+        telemetry = _telemetry(profile, seed, start_z_m)
         drawn = render_views(scene, poses, truth_size_px=MAP_SIZE_PX, profile=profile, seed=seed)
         for view in drawn:
             done += 1

@@ -16,6 +16,7 @@ from typing import Any, Final
 from uav_bt.board import ELAPSED, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.board.context import MissionContext
+from uav_bt.board.numbers import QUIET
 from uav_bt.clock import ManualClock
 from uav_bt.errors import BoardAccessError, FileError, NodeFailedError, ValueRangeError
 from uav_bt.tree import MissionTree, Node, NodeRegistry, Status
@@ -180,6 +181,9 @@ class Simulation:
     def _write_board(self) -> None:
         self._board.write(ELAPSED, self._clock.now())
         written = self._board.snapshot()
+        for number, value in QUIET:
+            if number.name not in written:
+                self._board.write(number, value)
         for name, scalar in self._script.board.items():
             # A value that a leaf wrote over it stays.
             if name in self._given and written[name][0] is not self._given[name]:

@@ -9,8 +9,10 @@ from uav_bt.board import MISSION_KEYS, Key
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.assigned import early_reads, named_scripts
 from uav_bt.tree.loading.builder import POLICY_PORT
-from uav_bt.tree.loading.findings import Finding, Position, Rule
+from uav_bt.tree.loading.findings import Finding, Rule
+from uav_bt.tree.loading.kept_rules import faults_of_rules
 from uav_bt.tree.loading.kinds import misfits
+from uav_bt.tree.loading.node_findings import finding_at
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import (
@@ -43,10 +45,10 @@ def faults_of(tree: MissionTree, given: Iterable[str] = ()) -> Iterator[Finding]
             f"attribute '{early.attribute}': variable '{early.name}' may have no value here: what "
             "sets it may run later, or not at all; give it a value in a Script before"
         )
-        yield _finding(tree, early.node, message, Rule.VARIABLE)
+        yield finding_at(tree, early.node, message, Rule.VARIABLE)
     for odd in misfits(tree):
         message = f"attribute '{odd.attribute}' {odd.message}"
-        yield _finding(tree, odd.node, message, Rule.VARIABLE)
+        yield finding_at(tree, odd.node, message, Rule.VARIABLE)
 
 
 def faults_of_part(tree: MissionTree) -> Iterator[Finding]:
@@ -58,12 +60,7 @@ def faults_of_part(tree: MissionTree) -> Iterator[Finding]:
     yield from _loops_over_words(tree)
     yield from _two_movers(tree)
     yield from _skipped_conditions(tree)
-
-
-def _finding(tree: MissionTree, node: Node, message: str, rule: Rule) -> Finding:
-    place = tree.places.get(node.path)
-    path, position = (tree.path, Position(1, 1)) if place is None else (place.path, place.position)
-    return Finding(str(path), position, message, node.path, rule=rule)
+    yield from faults_of_rules(tree)
 
 
 # --- board keys -----------------------------------------------------------------------------------
@@ -86,7 +83,7 @@ def _unwritten_keys(tree: MissionTree) -> Iterator[Finding]:
                 message = (
                     f"attribute '{attribute}': no leaf of the tree writes board key '{key}'{writer}"
                 )
-                yield _finding(tree, node, message, Rule.BOARD_KEY)
+                yield finding_at(tree, node, message, Rule.BOARD_KEY)
 
 
 def _keys_of_ports(node: Node) -> Iterator[tuple[str, str]]:
@@ -121,7 +118,7 @@ def _loops_over_words(tree: MissionTree) -> Iterator[Finding]:
                     f"attribute 'queue': board key '{at.key}' holds a text, which may be no queue "
                     f"of {node.VALUE.type.__name__}: use LoopString"
                 )
-                yield _finding(tree, node, message, Rule.BOARD_KEY)
+                yield finding_at(tree, node, message, Rule.BOARD_KEY)
 
 
 # --- values that are needed before the take-off ---------------------------------------------------
@@ -137,7 +134,7 @@ def _late_values(tree: MissionTree) -> Iterator[Finding]:
                     f"attribute '{port.name}': its value is needed before the take-off, when {at} "
                     "has none: write the value here, or in an entry of the SubTree"
                 )
-                yield _finding(tree, leaf, message, Rule.ATTRIBUTE)
+                yield finding_at(tree, leaf, message, Rule.ATTRIBUTE)
 
 
 def _is_read_early(port: Port[Any]) -> bool:
@@ -158,7 +155,7 @@ def _skipped_conditions(tree: MissionTree) -> Iterator[Finding]:
                         f"attribute '{attribute}': the condition of {node.node_id} must not be "
                         "skipped: ask this in a ScriptCondition before"
                     )
-                    yield _finding(tree, asked, message, Rule.CHILDREN)
+                    yield finding_at(tree, asked, message, Rule.CHILDREN)
 
 
 def _two_movers(tree: MissionTree) -> Iterator[Finding]:
@@ -176,7 +173,7 @@ def _two_movers(tree: MissionTree) -> Iterator[Finding]:
                     f"'{asks[0].name}' and '{asks[1].name}' may ask for {what} in the same tick, "
                     "and only one leaf may: run them one after another"
                 )
-                yield _finding(tree, node, message, Rule.CHILDREN)
+                yield finding_at(tree, node, message, Rule.CHILDREN)
 
 
 def _leaves_below(node: Node) -> Iterator[Leaf]:

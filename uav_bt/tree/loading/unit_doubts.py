@@ -12,6 +12,7 @@ from uav_bt.tree.port import Port
 _STEP_RAD: Final = math.pi / 12
 _STEP_SHARE: Final = 0.01  # largest relative distance from a multiple of the step; chosen
 _LEAST_MSEC: Final = 10  # a shorter time is less than a tick and probably in seconds; chosen
+_TIME_LIMIT: Final = "time_limit_s"  # a port that states the limit is not measured by it
 
 
 def unit_doubt(port: Port[Any], value: object) -> str | None:
@@ -25,10 +26,11 @@ def unit_doubt(port: Port[Any], value: object) -> str | None:
         return None
     if _has_unit(port, "degrees", "deg"):
         return _radians(value)
-    if _has_unit(port, "seconds", "s") and value > TIME_LIMIT_S:
+    lasts = _has_unit(port, "seconds", "s") and port.name != _TIME_LIMIT
+    if lasts and value > TIME_LIMIT_S:
         return (
             f"{value:g} s is longer than a mission, whose time limit is {TIME_LIMIT_S:g} s unless "
-            "the flight's options raise it"
+            "its Rules or the flight's options raise it"
         )
     if _has_unit(port, "msec", "msec", "ms") and 0 < value < _LEAST_MSEC:
         return f"{value:g} ms is shorter than a tick; for {value:g} s write {1000 * value:g}"

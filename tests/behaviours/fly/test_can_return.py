@@ -1,0 +1,90 @@
+"""CanReturn: the charge against the need of the way home."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from behaviours.fly.can_return import CanReturn
+from tests.behaviours.path.drawn_hall import DrawnHall
+from uav_bt.board import SITE_MAP
+from uav_bt.board.numbers import (
+    BATTERY_PER_MIN,
+    BATTERY_SHARE,
+    FLYING,
+    HOME,
+    UNKNOWN,
+)
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Status
+from uav_bt.types import Pose2D
+
+
+def bench_with(
+    *, charge: float, per_min: float = 0.06, home_m: float = 4.0, reserve: float = 0.15
+) -> LeafBench:
+    bench = LeafBench(CanReturn, reserve=reserve)
+    bench.board[FLYING] = 1.0
+    bench.board[BATTERY_SHARE] = charge
+    bench.board[BATTERY_PER_MIN] = per_min
+    bench.board[HOME] = home_m
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("charge", "per_min", "home_m", "status"),
+    [
+        (0.20, 0.06, 4.0, Status.SUCCESS),  # 6 m at 0.4 m/s and 30 s: 45 s take 4.5 %
+        (0.19, 0.06, 4.0, Status.FAILURE),
+        (0.19, 0.04, 4.0, Status.SUCCESS),  # 3 %
+        (0.20, 0.06, 8.0, Status.FAILURE),  # 60 s: 6 %
+        (0.20, UNKNOWN, 4.0, Status.SUCCESS),  # 5 % a minute: 3.8 %
+        (0.18, UNKNOWN, 4.0, Status.FAILURE),
+    ],
+)
+def test_the_way_home_must_leave_the_reserve(
+    charge: float, per_min: float, home_m: float, status: Status
+) -> None:
+    assert bench_with(charge=charge, per_min=per_min, home_m=home_m).tick() is status
+
+
+def test_a_drone_on_the_ground_is_at_home() -> None:
+    bench = bench_with(charge=0.19, home_m=UNKNOWN)
+    bench.board[FLYING] = 0.0
+    assert bench.tick() is Status.SUCCESS
+
+
+def test_an_unknown_battery_does_not_suffice() -> None:
+    bench = bench_with(charge=UNKNOWN)
+    assert bench.tick() is Status.FAILURE
+    assert bench.leaf.feedback_message == "the battery is unknown"
+
+
+def test_in_a_gap_of_the_odometry_the_last_distance_counts() -> None:
+    bench = bench_with(charge=0.5, home_m=UNKNOWN)
+    assert bench.tick() is Status.FAILURE, "the distance was never known"
+    bench.board[HOME] = 4.0
+    assert bench.tick() is Status.SUCCESS
+    bench.board[HOME] = UNKNOWN
+    assert bench.tick() is Status.SUCCESS
+    bench.board[BATTERY_SHARE] = 0.19
+    assert bench.tick() is Status.FAILURE
+
+
+def test_a_route_of_the_map_replaces_the_estimated_detour() -> None:
+    """In an empty hall the way is straight: 4 m and the last metre, not 6 m."""
+    hall = DrawnHall(side_m=10.0)
+    for degrees in range(0, 360, 20):
+        hall.pose = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=math.radians(degrees))
+        hall.look()
+    for metres in range(5):
+        hall.pose = Pose2D(x_m=float(metres), y_m=0.0, yaw_rad=0.0)
+        hall.look()
+    site_map = hall.map()
+    bench = bench_with(charge=0.194)  # 5 m: 4.25 %, and 6 m would take 4.5 %
+    assert bench.tick() is Status.FAILURE
+    bench.clock.advance(3.0)
+    bench.board[SITE_MAP] = replace(site_map, captured_s=bench.clock.now())
+    assert bench.tick() is Status.SUCCESS

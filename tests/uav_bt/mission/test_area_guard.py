@@ -1,0 +1,190 @@
+"""The area of a mission: movements that would leave it are cut, and landings are not."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uav_bt.board.context import Proposals
+from uav_bt.mission.area_guard import AreaGuard
+from uav_bt.mission.limits import Limits
+from uav_bt.mission.safety import Arbiter, Circumstances
+from uav_bt.types import (
+    Airframe,
+    Command,
+    DroneState,
+    FlyingState,
+    Hover,
+    Land,
+    MoveBy,
+    Movement,
+    Pose2D,
+    TakeOff,
+    Velocity,
+    rotate,
+)
+from uav_bt.types.area import Area
+
+AREA = Area((((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (0.5, 2.0), (0.5, 0.5), (-2.0, 0.5)),))
+TICK_S, STEP_S = 0.1, 0.01
+
+
+def at(x_m: float, y_m: float, yaw_deg: float = 0.0) -> Pose2D:
+    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(yaw_deg))
+
+
+def velocity(movement: Movement) -> Velocity:
+    assert isinstance(movement, Velocity)
+    return movement
+
+
+def test_far_from_the_boundary_a_velocity_passes() -> None:
+    guard, fast = AreaGuard(AREA), Velocity(forward_mps=0.3, right_mps=-0.2, yaw_rate_radps=1.0)
+    assert guard.limited(fast, at(0.0, -0.8)) == fast
+
+
+def test_near_the_boundary_a_velocity_is_slower_in_the_same_direction() -> None:
+    """A deflected movement could end in an obstacle."""
+    flown = velocity(
+        AreaGuard(AREA).limited(
+            Velocity(forward_mps=0.8, right_mps=0.4, down_mps=0.1, yaw_rate_radps=0.5),
+            at(1.9, -1.0),
+        )
+    )
+    assert 0.0 < flown.forward_mps < 0.1
+    assert flown.right_mps == pytest.approx(flown.forward_mps / 2.0)
+    assert (flown.down_mps, flown.yaw_rate_radps) == (0.1, 0.5)
+
+
+def test_along_the_boundary_and_away_from_it_nothing_is_cut() -> None:
+    guard, ahead = AreaGuard(AREA), Velocity(forward_mps=0.5)
+    assert guard.limited(ahead, at(1.999, -1.5, 180.0)) == ahead
+    assert guard.limited(ahead, at(1.999, -0.5, 90.0)) == ahead
+    assert velocity(guard.limited(ahead, at(1.999, -0.5, 0.0))).forward_mps < 0.01
+
+
+@pytest.mark.parametrize(("yaw_deg", "flies"), [(180.0, True), (150.0, True), (90.0, False)])
+def test_from_outside_only_the_way_in_is_flown(yaw_deg: float, flies: bool) -> None:  # noqa: FBT001
+    ahead = Velocity(forward_mps=0.5, yaw_rate_radps=0.2)
+    flown = AreaGuard(AREA).limited(ahead, at(2.4, -1.0, yaw_deg))
+    assert flown == (ahead if flies else Velocity(yaw_rate_radps=0.2))
+
+
+def test_without_a_place_the_drone_climbs_and_turns_only() -> None:
+    asked = Velocity(forward_mps=0.5, down_mps=-0.2, yaw_rate_radps=0.3)
+    guard = AreaGuard(AREA)
+    assert guard.limited(asked, None) == Velocity(down_mps=-0.2, yaw_rate_radps=0.3)
+    assert guard.limited(MoveBy(id=1, forward_m=1.0, down_m=-1.0), None) == MoveBy(
+        id=1, down_m=-1.0
+    )
+
+
+def test_a_step_ends_before_the_boundary_and_is_cut_once() -> None:
+    """The drone flies a movement of one number once, so its length stays."""
+    guard, step = AreaGuard(AREA), MoveBy(id=7, forward_m=3.0, yaw_rad=0.3)
+    first = guard.limited(step, at(0.0, -1.0))
+    assert isinstance(first, MoveBy)
+    assert first.forward_m == pytest.approx(1.9, abs=0.06)
+    assert first.yaw_rad == 0.3
+    assert guard.limited(step, at(1.0, -1.0)) == first
+    assert guard.limited(MoveBy(id=8, forward_m=0.5), at(0.0, -1.0)) == MoveBy(id=8, forward_m=0.5)
+
+
+def test_a_step_does_not_cross_a_notch() -> None:
+    """Both ends lie inside, the way between does not."""
+    flown = AreaGuard(AREA).limited(MoveBy(id=1, forward_m=2.2, right_m=1.6), at(-1.0, 0.2))
+    assert isinstance(flown, MoveBy)
+    assert math.hypot(flown.forward_m, flown.right_m) < 1.0
+
+
+@pytest.mark.parametrize(("yaw_deg", "length_m"), [(180.0, 1.0), (0.0, 0.0)])
+def test_a_step_from_outside_leads_in_or_is_not_flown(yaw_deg: float, length_m: float) -> None:
+    flown = AreaGuard(AREA).limited(MoveBy(id=1, forward_m=1.0), at(2.3, -1.0, yaw_deg))
+    assert flown == MoveBy(id=1, forward_m=length_m)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    ways=st.lists(
+        st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.6, 1.6)),
+        min_size=1,
+        max_size=6,
+    ),
+    x_m=st.floats(-1.5, 1.5),
+    y_m=st.floats(-1.8, 0.3),
+    delay_s=st.sampled_from([0.0, 0.15, 0.3]),
+    lag_s=st.sampled_from([0.0, 0.25]),
+)
+def test_whatever_is_asked_a_late_drone_stays_inside(
+    ways: list[tuple[float, float, float]], x_m: float, y_m: float, delay_s: float, lag_s: float
+) -> None:
+    """Each velocity is asked for two seconds; the drone answers late, and turns meanwhile."""
+    guard = AreaGuard(AREA, Airframe(command_delay_s=delay_s, command_lag_s=lag_s))
+    waiting: deque[tuple[float, Velocity]] = deque()
+    pose, vx, vy, order = at(x_m, y_m), 0.0, 0.0, Velocity()
+    least_m = math.inf
+    for step in range(200 * len(ways)):
+        now_s = step * STEP_S
+        if step % round(TICK_S / STEP_S) == 0:
+            forward, right, rate = ways[step // 200]
+            asked = Velocity(forward_mps=forward, right_mps=right, yaw_rate_radps=rate)
+            waiting.append((now_s + delay_s, velocity(guard.limited(asked, pose))))
+        while waiting and waiting[0][0] <= now_s:
+            order = waiting.popleft()[1]
+        share = 1.0 - math.exp(-STEP_S / lag_s) if lag_s else 1.0
+        wx, wy = rotate(order.forward_mps, order.right_mps, pose.yaw_rad)
+        vx, vy = vx + share * (wx - vx), vy + share * (wy - vy)
+        pose = Pose2D(
+            x_m=pose.x_m + vx * STEP_S,
+            y_m=pose.y_m + vy * STEP_S,
+            yaw_rad=pose.yaw_rad + order.yaw_rate_radps * STEP_S,
+        )
+        least_m = min(least_m, AREA.margin_m(pose.x_m, pose.y_m))
+    # A drone that turns while it answers late flies another way than was asked.
+    assert least_m > -0.15
+
+
+# --- in the arbiter -------------------------------------------------------------------------------
+
+
+def decided(movement: Movement, place: Pose2D | None, *, grounded: bool = False) -> Command:
+    proposals = Proposals()
+    proposals.propose("leaf", movement)
+    state = DroneState(
+        captured_s=0.0, flying=FlyingState.FLYING, height_m=1.5, height_above_carpet_m=1.5
+    )
+    arbiter = Arbiter(Limits(), area=AREA, grounded=grounded)
+    return arbiter.decide(proposals, Circumstances(state=state, place=place))
+
+
+def test_the_arbiter_cuts_velocities_and_steps() -> None:
+    assert decided(Velocity(forward_mps=0.5), at(2.4, -1.0)) == Command(movement=Velocity())
+    assert decided(MoveBy(id=1, forward_m=0.5), at(2.4, -1.0)) == Command(movement=MoveBy(id=1))
+
+
+@pytest.mark.parametrize("place", [None, at(0.0, 0.0), at(2.4, -1.0)])
+def test_landings_and_take_offs_are_never_cut(place: Pose2D | None) -> None:
+    for movement in (Land(), TakeOff(), Hover()):
+        assert decided(movement, place) == Command(movement=movement)
+
+
+def test_a_landing_that_keeps_its_place_still_descends_outside() -> None:
+    """The position hold flies a landing as a velocity."""
+    proposals = Proposals()
+    proposals.propose("leaf", Land())
+    state = DroneState(
+        captured_s=0.0, flying=FlyingState.FLYING, height_m=1.0, height_above_carpet_m=1.0
+    )
+    held = Velocity(forward_mps=0.1, down_mps=0.4)
+    command = Arbiter(Limits(), area=AREA).decide(
+        proposals, Circumstances(state=state, place=at(2.4, -1.0)), lambda _: held
+    )
+    assert command == Command(movement=Velocity(down_mps=0.4))
+
+
+def test_a_mission_that_stays_on_the_ground_gets_no_take_off() -> None:
+    assert decided(TakeOff(), at(0.0, 0.0), grounded=True) == Command(movement=Hover())

@@ -1,0 +1,104 @@
+"""Rules of a mission: read before the take-off, one node at most, and such as can be kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY
+from uav_bt.errors import InputError
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Status, parse_tree
+from uav_bt.tree.loading.loader import check_text
+from uav_bt.tree.rules import Rules
+from uav_bt.types.mission_rules import LandOn, MissionRules
+
+
+class Up(Leaf):
+    """Takes off."""
+
+    moves = True
+    writes = (FLIGHT_HEIGHT,)
+
+    def update(self) -> Status:
+        return Status.RUNNING
+
+
+class Track(Leaf):
+    """Keeps the odometry."""
+
+    writes = (ODOMETRY,)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+REGISTRY = NodeRegistry([Rules, Up, Track])
+SQUARE = "start:-1,-1; start:3,-1; lab:3,1; start:-1,1"
+
+
+def text(body: str, inner: str = "<AlwaysSuccess/>") -> str:
+    return (
+        f'<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">{body}'
+        f'</BehaviorTree><BehaviorTree ID="Inner">{inner}</BehaviorTree></root>'
+    )
+
+
+def messages(body: str, inner: str = "<AlwaysSuccess/>") -> list[str]:
+    return [each.message for each in check_text(text(body, inner), REGISTRY, path=Path("m.xml"))]
+
+
+def stated(body: str, inner: str = "<AlwaysSuccess/>") -> MissionRules:
+    tree: MissionTree = parse_tree(text(body, inner), REGISTRY)
+    (leaf,) = (leaf for leaf in tree.leaves() if isinstance(leaf, Rules))
+    return leaf.stated()
+
+
+def test_it_succeeds_and_changes_nothing() -> None:
+    assert Rules().update() is Status.SUCCESS
+
+
+def test_rules_are_read_from_the_file() -> None:
+    assert stated("<Rules/>") == MissionRules(land_on=LandOn.MARK)
+    rules = stated(f'<Rules time_limit_s="90" land_on="any" area="{SQUARE}"/>')
+    assert (rules.time_limit_s, rules.land_on) == (90.0, LandOn.ANY)
+    assert [str(corner) for corner in rules.area or ()] == SQUARE.split("; ")
+
+
+def test_an_entry_of_a_subtree_is_known_before_the_take_off() -> None:
+    body, inner = '<SubTree ID="Inner" limit="45"/>', '<Rules time_limit_s="{limit}"/>'
+    assert messages(body, inner) == []
+    assert stated(body, inner).time_limit_s == 45.0
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ('<Sequence><Rules/><Rules land_on="any"/></Sequence>', "has its rules already, in 'Main/"),
+        (
+            '<Sequence><Script code="limit := 9"/><Rules time_limit_s="{limit}"/></Sequence>',
+            "attribute 'time_limit_s': the rules are read before the take-off",
+        ),
+        ('<Rules time_limit_s="{@elapsed_s}"/>', "the rules are read before the take-off"),
+        ('<Sequence><Rules land_on="none"/><Up/></Sequence>', "never takes off, but 'Up' does"),
+        (f'<Sequence><Rules area="{SQUARE}"/><Up/></Sequence>', "add TrackMotion"),
+        ('<Rules land_on="box"/>', "expected one of mark, ground, any, none; got 'box'"),
+        ('<Rules area="start:0,0;start:1,0"/>', "at least 3 corners"),
+        ('<Rules area="start:0,0;start:1,0;body:1,1"/>', "as start:x,y or lab:x,y, got 'body:1,1'"),
+        ('<Rules area="here"/>', "expected a place such as"),
+        ('<Rules time_limit_s="-1"/>', "expected 0 to 86400"),
+    ],
+)
+def test_rules_that_cannot_be_kept_are_refused(body: str, words: str) -> None:
+    (message,) = messages(body)
+    assert words in message
+
+
+def test_rules_that_can_be_kept_are_good() -> None:
+    assert messages(f'<Sequence><Rules area="{SQUARE}"/><Track/><Up/></Sequence>') == []
+    assert messages('<Sequence><Rules land_on="none"/><Track/></Sequence>') == []
+
+
+def test_python_gets_the_same_error() -> None:
+    with pytest.raises(InputError, match="expected one of mark, ground, any, none"):
+        Rules(land_on="box")

@@ -1,0 +1,69 @@
+"""Areas: distance to the boundary, intersections, and polygons that are none."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types.area import Area
+
+SQUARE = ((-1.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-1.0, 2.0))
+CORNER = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0))  # an L
+
+
+@pytest.mark.parametrize(
+    ("at_m", "margin_m"),
+    [
+        ((0.0, 0.0), 1.0),
+        ((2.5, 0.0), 0.5),
+        ((3.0, 1.0), 0.0),
+        ((3.5, 0.0), -0.5),
+        ((-4.0, -6.0), -5.0),
+    ],
+)
+def test_the_margin_is_the_distance_to_the_boundary(
+    at_m: tuple[float, float], margin_m: float
+) -> None:
+    assert Area((SQUARE,)).margin_m(*at_m) == pytest.approx(margin_m)
+    assert Area((SQUARE[::-1],)).margin_m(*at_m) == pytest.approx(margin_m)
+
+
+def test_a_concave_area_has_its_notch_outside() -> None:
+    area = Area((CORNER,))
+    assert area.margin_m(2.0, 2.0) == pytest.approx(-1.0)
+    assert area.margin_m(0.5, 3.0) == pytest.approx(0.5)
+
+
+def test_of_two_areas_both_hold() -> None:
+    area = Area((SQUARE, CORNER))
+    assert area.margin_m(-0.5, 0.0) < 0.0
+    assert area.margin_m(3.5, 0.5) < 0.0
+    assert area.margin_m(2.0, 0.5) == pytest.approx(0.5)
+
+
+@given(st.floats(-6.0, 6.0), st.floats(-6.0, 6.0), st.floats(-math.pi, math.pi))
+def test_the_margin_changes_by_at_most_the_distance(x_m: float, y_m: float, way_rad: float) -> None:
+    area = Area((CORNER,))
+    there = area.margin_m(x_m + 0.1 * math.cos(way_rad), y_m + 0.1 * math.sin(way_rad))
+    assert abs(there - area.margin_m(x_m, y_m)) <= 0.1 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("polygons", "words"),
+    [
+        ((), "at least one polygon"),
+        ((((0.0, 0.0), (1.0, 0.0)),), "at least three corners, got 2"),
+        ((((0.0, 0.0), (1.0, 0.0), (2.0, 0.0)),), "must not lie on one line"),
+        ((((0.0, 0.0), (0.0, 0.0), (2.0, 0.0)),), "each corner once"),
+        ((((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)),), "must not cross"),
+    ],
+)
+def test_what_is_no_polygon_is_refused(
+    polygons: tuple[tuple[tuple[float, float], ...], ...], words: str
+) -> None:
+    with pytest.raises(ValueRangeError, match=words):
+        Area(polygons)
