@@ -15,6 +15,7 @@ from uav_bt.classes import standing_classes
 from uav_bt.compiled import compiled
 from uav_bt.types import rotation
 from uav_bt.types.arrays import Floats
+from uav_bt.types.ground import Footprint
 from uav_bt.types.site_map import MapObject
 
 
@@ -57,16 +58,25 @@ def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple
 def _objects(class_id: int, parts: list[Landmarks], config: ObjectConfig) -> list[MapObject]:
     """Return the objects of clusters of one class.
 
-    Opposite sides of one box are two clusters, and each makes a whole base. Clusters are one object
-    if the base of one contains the middle of another one.
+    Opposite sides of one box are two clusters, and each makes a whole base. Clusters with bases
+    that overlap are one object.
     """
     found = [_object(class_id, part, config) for part in parts]
     for first, second in combinations(range(len(found)), 2):
-        one, other = found[first], found[second]
-        if one.covers(other.x_m, other.y_m) or other.covers(one.x_m, one.y_m):
+        if _footprint(found[first]).overlaps(_footprint(found[second])):
             rest = [part for index, part in enumerate(parts) if index not in {first, second}]
             return _objects(class_id, [*rest, parts[first].with_rows(parts[second])], config)
     return found
+
+
+def _footprint(item: MapObject) -> Footprint:
+    return Footprint(
+        x_m=item.x_m,
+        y_m=item.y_m,
+        yaw_rad=item.yaw_rad,
+        half_x_m=item.size_m / 2,
+        half_y_m=item.width_m / 2,
+    )
 
 
 def _object(class_id: int, members: Landmarks, config: ObjectConfig) -> MapObject:

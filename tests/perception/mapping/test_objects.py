@@ -61,7 +61,7 @@ def test_one_side_is_as_deep_as_boxes_are_away_from_where_it_was_seen() -> None:
 
 
 def test_opposite_sides_are_one_object() -> None:
-    """Each alone has the assumed depth, with which it covers the middle of the other one."""
+    """Each alone has the assumed depth, with which it overlaps the other one."""
     near, far = side((1.0, -0.25), (1.0, 0.25)), side((1.45, -0.25), (1.45, 0.25))
     points = landmarks([*near, *far], class_id=4)
     from_m = np.array([(0.0, 0.0)] * len(near) + [(3.0, 0.0)] * len(far))
@@ -69,6 +69,16 @@ def test_opposite_sides_are_one_object() -> None:
     assert (found.x_m, found.y_m) == pytest.approx((1.225, 0.0), abs=0.01)
     assert sorted((found.size_m, found.width_m)) == pytest.approx([0.45, 0.5], abs=0.01)
     assert found.points == len(near) + len(far)
+
+
+def test_a_few_points_of_a_third_side_belong_to_the_object() -> None:
+    """They lie 0.35 m from the others, and their base extends away from where they were seen."""
+    sides = [*side((1.0, -0.2), (1.0, 0.2)), *side((1.0, -0.2), (1.2, -0.2))]
+    third = [(1.45, 0.1), (1.45, 0.14), (1.45, 0.18), (1.45, 0.2)]
+    points = landmarks([*sides, *third], class_id=4)
+    from_m = np.array([(0.0, 0.0)] * len(sides) + [(3.0, 1.0)] * len(third))
+    (found,) = find_objects(replace(points, from_m=from_m))
+    assert found.size_m == pytest.approx(0.45, abs=0.02)
 
 
 def test_boxes_of_one_class_side_by_side_are_two_objects() -> None:
