@@ -120,7 +120,6 @@ class SpotLandingLeaf(LandingLeaf):
     """
 
     points = True
-    answers = (Status.FAILURE, Status.RUNNING)
     config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (PHASE,)
@@ -211,6 +210,7 @@ class EmergencyLand(SpotLandingLeaf):
             doc="seconds to look for such a place before landing without a margin",
         ),
     )
+    answers = (Status.FAILURE, Status.RUNNING)
     phase = MissionPhase.EMERGENCY_LANDING
     landed = Status.FAILURE
 
