@@ -19,8 +19,6 @@ from uav_bt.types import Land as LandCommand
 # Seconds without telemetry after which the drone lands where it is. Chosen: ten periods of
 # telemetry at 5 Hz; a shorter gap does not cancel the step to the spot.
 _UNHEARD_S: Final = 2.0
-# Seconds without a frame after which the forward step is given up. Chosen, as above.
-_BLIND_S: Final = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,11 +70,10 @@ class Land(LandingLeaf):
     The leaf expects the landing mark below the camera, as `HelipadCenter` leaves it, and does not
     check. After a pilot has taken over and handed back, it flies no step: it lands where the pilot
     left the drone, whatever the surface. A pilot who wants another place must not hand back.
-    Without a new frame the arbiter flies no step: then the leaf descends without it.
     """
 
     answers = (Status.SUCCESS, Status.RUNNING)
-    reads = (STATE, CAMERA, FRAME)
+    reads = (STATE, CAMERA)
     writes = (PHASE,)
 
     def initialise(self) -> None:
@@ -95,8 +92,6 @@ class Land(LandingLeaf):
             self._moved = True
             self.start_move(forward_m=camera.forward_offset_m)
             return Status.RUNNING
-        if self.busy and self.read(FRAME).age_s > _BLIND_S:
-            self._step.drop(self.clock.now())
         if self.moving(state):
             return Status.RUNNING
         return self.descend()

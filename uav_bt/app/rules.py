@@ -29,7 +29,7 @@ def rules_of(mission: MissionTree) -> MissionRules:
 
 
 def judge_of(options: JudgeConfig, rules: MissionRules, *, rehearse: bool) -> JudgeConfig:
-    """Return what a flight is judged by: the options, and where they say nothing the rules.
+    """Return the rules of a flight: its options, completed by the rules of the mission.
 
     Args:
         options: Of the flight.
@@ -51,8 +51,8 @@ def area_of(rules: MissionRules, site: Site, take_off: Pose2D | None) -> Area | 
         take_off: Take-off pose in the drawing of the lab; None if unknown.
 
     Raises:
-        InputError: An area is no polygon, does not contain the take-off point, or is given in the
-            lab's drawing, in which the take-off pose is unknown.
+        InputError: An area has crossing sides, does not contain the take-off point, or is given in
+            the lab's drawing, in which the take-off pose is unknown.
     """
     given = [corners for corners in (rules.area, site.area) if corners is not None]
     if not given:

@@ -73,6 +73,6 @@ QUIET: Final[tuple[tuple[Key[float], float], ...]] = (
     (OBJECTS_COUNT, 0.0),
     (AREA_MARGIN, UNKNOWN_PLACE),
 )
-"""The numbers of a dry run, unless its script gives others: there is no fault and no progress."""
+"""The numbers of a dry run, unless its script gives others: without faults and progress."""
 
 NUMBER_KEYS: Final[tuple[Key[Any], ...]] = tuple(key for key, _ in QUIET)

@@ -56,7 +56,7 @@ class Whereabouts:
         return self.area.margin_m(self.place.x_m, self.place.y_m)
 
     def belief(self) -> Belief:
-        """Return what the judge of a flight without a referee needs to know."""
+        """Return the distances to mark and boundary, for the judge."""
         return Belief(mark_m=self._mark_m(), area_margin_m=self.area_margin_m)
 
     def _mark_m(self) -> float | None:

@@ -1,4 +1,4 @@
-"""Rules: what a mission states about its flight, read before the take-off."""
+"""Rules of a mission, as a leaf of its tree; they are read before the take-off."""
 
 from __future__ import annotations
 

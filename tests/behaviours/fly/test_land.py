@@ -76,21 +76,6 @@ def test_before_the_step_is_done_it_waits_for_telemetry_and_then_lands_where_it_
     assert bench.proposed == LandCommand()
 
 
-def test_without_a_new_frame_it_lands_without_the_step() -> None:
-    """A stale frame makes the arbiter hover, so that the step would never end."""
-    bench = bench_with_lens(0.15)
-    bench.allow_stale()
-    live(bench)
-    frame, asked = bench.board[FRAME], []
-    for _ in range(25):
-        show(bench)
-        bench.board[FRAME] = frame
-        bench.tick()
-        asked.append(bench.proposed)
-    assert asked[:19] == [MoveBy(id=1, forward_m=0.15)] * 19
-    assert asked[20:] == [LandCommand()] * 5
-
-
 def test_a_drone_that_is_landing_already_makes_no_step() -> None:
     bench = bench_with_lens(0.15)
     live(bench, flying=FlyingState.LANDING, height_m=0.3)

@@ -155,6 +155,14 @@ def test_a_place_without_a_mark_is_flown_in(no_pad: Path) -> None:
     assert flown.time_to_land_s is None
 
 
+def test_a_tree_lands_while_the_drone_is_blind(no_pad: Path) -> None:
+    """The landing of a leaf passes the hover of a stale frame, long before the abort of 15 s."""
+    text = mission('<Rules land_on="any"/>', SHORT)
+    flown = fly(text, scene=no_pad, faults=["video-lost@emergency landing"])
+    assert flown.outcome == "success"
+    assert (flown.duration_s or 99.0) < 25.0
+
+
 def test_a_mission_that_never_takes_off_succeeds_with_its_tree(no_pad: Path) -> None:
     rules = '<Rules land_on="none"/>'
     flown = fly(mission(rules, '<Sleep msec="500"/>'), scene=no_pad)

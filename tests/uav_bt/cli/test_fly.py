@@ -212,7 +212,7 @@ def test_a_place_that_cannot_be_is_refused_with_its_line(
     ("text", "words"),
     [
         ("boxes: [", ["not valid YAML"]),
-        ("", [":1:", "lacks the key 'helipad'"]),
+        ("", [":1:", "has no helipad to take off from"]),
         ("helipad: {position_m: [0, 0], colour: red}", [":1:", "helipad.colour: unknown key"]),
         (PAD + "boxs: []", [":2:", "did you mean 'boxes'"]),
         (

@@ -40,7 +40,7 @@ def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-SCRIPTED = app.FlightOptions(drone="scripted")
+SCRIPTED = app.FlightOptions(drone="scripted", judge=app.JudgeConfig(land_on=app.LandOn.ANY))
 
 
 def following(watch: LiveListeners) -> app.Listeners:
