@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +21,8 @@ from perception.camera.image_files import image_files, read_image
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app.film import map_of_scene
+from uav_bt.app.flight import check as check_tree
+from uav_bt.app.tree_places import drawn_places
 from uav_bt.classes import BOXES, CLASS_NAMES
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, output_option
@@ -34,18 +37,22 @@ _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach 
 
 @click.command(cls=Command)
 @click.option("--show", "shown", metavar="SCENE", help="A scene, by name or file, to draw.")
+@click.option("--tree", metavar="TREE", help="A mission whose places are drawn, too.")
 @output_option("--out", "The PNG file for the map; SCENE.png if not given.", suffix=".png")
-def scenes(*, shown: str | None, out: Path | None) -> None:
+def scenes(*, shown: str | None, tree: str | None, out: Path | None) -> None:
     """List the scenes that ship with uav-bt, or list the boxes of one and draw its map."""
     if shown is None:
-        if out is not None:
-            raise click.UsageError("--out needs --show SCENE")
+        if out is not None or tree is not None:
+            raise click.UsageError("--out and --tree need --show SCENE")
         for name in scene_names():
             click.echo(f"{name:<10}{_line(load_scene(name))}")
         return
     scene = load_scene(shown)
     path = Path(f"{scene.name}.png") if out is None else out
-    drawn = draw_lab_with_axes(map_of_scene(scene), title=scene.name)
+    lab_map = map_of_scene(scene)
+    if tree is not None:
+        lab_map = replace(lab_map, places=tuple(drawn_places(check_tree(tree), lab_map.take_off)))
+    drawn = draw_lab_with_axes(lab_map, title=scene.name)
     _, png = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))
     with writing(path):
         path.write_bytes(png.tobytes())

@@ -7,7 +7,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-from uav_bt.display.canvas import BACKDROP, DIM, INK, Point, line, polygon, put, text_width_px
+from uav_bt.display.canvas import (
+    BACKDROP,
+    DIM,
+    INK,
+    Colour,
+    Point,
+    circle,
+    line,
+    polygon,
+    put,
+    text_width_px,
+)
 from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame, draw_lab, draw_movers
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Image
@@ -19,6 +30,8 @@ _TICK_PX: Final = 6
 _TEXT: Final = 0.42  # scale of the axes' texts
 _NAME: Final = 0.42  # scale of the names
 _NAME_HIGH_PX: Final = 14  # height of a name
+_PLACE_PX: Final = 5  # radius of the dot at a place
+_PLACE_COLOUR: Final[Colour] = (255, 170, 0)
 _ARROW_M: Final = 0.5  # least length of the arrow of the take-off heading
 _ARROW_PX: Final = 44  # least length of the same arrow in a large lab
 _BOXES: Final = "number in a box: height, m"
@@ -55,6 +68,8 @@ def draw_lab_with_axes(
     _draw_axes(image, frame, lab_map.carpet_size_m)
     if lab_map.take_off is not None:
         _draw_take_off(image, frame, lab_map.take_off)
+    for _, (x_m, y_m) in lab_map.places:
+        polygon(image, circle(*frame.to_px(x_m, y_m), _PLACE_PX), _PLACE_COLOUR)
     _write_names(image, frame, lab_map)
     put(image, title, (14, 24), scale=0.55)
     legend = _BOXES if lab_map.take_off is None else f"{_BOXES}; {_TAKE_OFF}"
@@ -118,6 +133,7 @@ def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
     if lab_map.take_off is not None:
         pose = lab_map.take_off
         named.append(("take-off", [(pose.x_m, pose.y_m), pose.to_world(_arrow_m(frame), 0.0)]))
+    named += [(text, [at_m]) for text, at_m in lab_map.places]
     taken = [_around(frame.all_to_px(outline_m)) for _, outline_m in named]
     half_x, half_y = (side_m / 2 for side_m in lab_map.carpet_size_m)
     carpet = _around(frame.all_to_px([(-half_x, -half_y), (half_x, half_y)]))

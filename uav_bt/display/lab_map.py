@@ -87,6 +87,7 @@ class LabMap:
     helipad: MapItem | None = None
     movers: tuple[MapMover, ...] = ()
     take_off: Pose2D | None = None  # None: random or unknown
+    places: tuple[tuple[str, Point], ...] = ()  # of a mission: text in the tree, and position
 
     def __post_init__(self) -> None:
         if min(self.carpet_size_m) <= 0.0:
