@@ -46,6 +46,7 @@ class PlaceConfig:
 class PlaceLeaf(CourseLeaf):
     """Base of the leaves that need a place on the map."""
 
+    points = True
     config: ClassVar[PlaceConfig] = PlaceConfig()
     place_port: ClassVar[Port[str] | None] = None  # the port that names the place
     reads = (*CourseLeaf.reads, FLIGHT_PITCH)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Final
 
+from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script.expressions import Name
 from uav_bt.tree.script.parser import Script
 from uav_bt.tree.script.values import Environment, ScriptError, Value
@@ -54,7 +55,7 @@ def fill_text(source: str, environment: Environment) -> str:
 def _value(name: str, environment: Environment) -> str:
     try:
         value: Value = environment.read(name)
-    except ScriptError:
+    except (ScriptError, UnknownValueError):
         return UNKNOWN
     if isinstance(value, float):
         return f"{value:.{_DIGITS}f}".rstrip("0").rstrip(".")
