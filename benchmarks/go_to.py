@@ -115,15 +115,12 @@ def mission_of(places: list[tuple[float, float]], take_off: Pose2D) -> str:
 <root BTCPP_format="4">
   <BehaviorTree ID="Mission">
     <ReactiveSequence>
-      <Segment model="unet"/><FindHelipad/><TrackMotion/><MapSite/><EstimateDepth/><BuildCorridor/>
+      <SubTree ID="Perceive"/>
       <Fallback>
         <Sequence>
           <TakeOff height_m="1.5" gimbal_deg="-42"/>
           {"".join(visits)}
-          <RetryUntilSuccessful num_attempts="5">
-            <Sequence><ReturnToBase policy="corridor" flowing="true"/><HelipadCenter/></Sequence>
-          </RetryUntilSuccessful>
-          <Land/>
+          <SubTree ID="ComeHome"/>
         </Sequence>
         <EmergencyLand/>
       </Fallback>
