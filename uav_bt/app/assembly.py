@@ -123,6 +123,7 @@ class Flight(Generic[DroneT]):
             mark=self.mark,
             clearances=(site or Site()).clearances,
             take_off=take_off_pose(site, self.drone),
+            area=self.area,
             outputs=self.outputs,
         )
 
