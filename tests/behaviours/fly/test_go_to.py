@@ -165,7 +165,7 @@ YARD = Area((((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),))
 def test_a_place_outside_the_area_is_refused_before_the_take_off() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0")
     bench.area = YARD
-    with pytest.raises(InputError, match="lies 0.5 m outside"):
+    with pytest.raises(InputError, match=r"lies 0\.5 m outside"):
         fly(bench, on())
 
 
