@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+
 from behaviours.path.clearance import Place, Route
 from behaviours.path.following import FollowConfig, follow
 from behaviours.path.margins import Margins, Passage
@@ -13,10 +15,11 @@ from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
 from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.types import Corridor, NearObstacles
+from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import SiteMap
 
 _NO_WAY: Final = "no known way"
-_UNSEEN: Final = "no known way: the ground there was not seen"
+_UNSEEN: Final = "no known way: the ground there or beside it was not seen"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,11 +129,18 @@ def _trouble(place: Place, maps: ClearanceMaps) -> str:
     """Return why no route leads to a place."""
     if maps.map.is_beyond_edge(*place):
         return "the place lies beyond the edge of the ground"
-    clearance = maps[Passage.TIGHTEST]
+    tightest = maps[Passage.TIGHTEST].margins
+    if _nearest_m(place, maps.map.obstacles_m) < tightest.touch_m:
+        return "no room at the place: an obstacle is too near"
+    if _nearest_m(place, maps.map.edges_m) < tightest.edge_m:
+        return "no room at the place: the edge of the ground is too near"
     row, column = maps.map.cell_of(*place)
     rows, columns = maps.map.free.shape
-    if not (0 <= row < rows and 0 <= column < columns and maps.map.free[row, column]):
-        return _UNSEEN
-    if not clearance.open[row, column]:
-        return "no room at the place: an obstacle or an edge is too near"
-    return _NO_WAY
+    inside = 0 <= row < rows and 0 <= column < columns
+    is_open = inside and bool(maps[Passage.TIGHTEST].open[row, column])
+    return _NO_WAY if is_open else _UNSEEN
+
+
+def _nearest_m(place: Place, points_m: Floats) -> float:
+    """Return the distance from a place to the nearest point; inf without points."""
+    return float(np.hypot(*(points_m - place).T).min(initial=math.inf))
