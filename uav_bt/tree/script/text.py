@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Final
 
+from uav_bt.errors import UnknownValueError
 from uav_bt.tree.script.expressions import Name
 from uav_bt.tree.script.parser import Script
 from uav_bt.tree.script.values import Environment, ScriptError, Value
@@ -23,10 +24,8 @@ def parse_text(source: str) -> Script:
     """Return the names in a text with placeholders, as a script that reads them.
 
     Raises:
-        ScriptError: The text is empty, or a brace belongs to no placeholder.
+        ScriptError: A brace belongs to no placeholder.
     """
-    if not source.strip():
-        raise ScriptError("the text is empty")
     stray = re.search(r"[{}]", _NAME.sub("", source))
     if stray is not None:
         raise ScriptError(
@@ -54,7 +53,7 @@ def fill_text(source: str, environment: Environment) -> str:
 def _value(name: str, environment: Environment) -> str:
     try:
         value: Value = environment.read(name)
-    except ScriptError:
+    except (ScriptError, UnknownValueError):
         return UNKNOWN
     if isinstance(value, float):
         return f"{value:.{_DIGITS}f}".rstrip("0").rstrip(".")
