@@ -3,6 +3,7 @@
     python benchmarks/go_to.py --drone plain --scenes val-a,val-b --flights 4 --out runs/go-to
     python benchmarks/go_to.py --exact-masks --image-size 320x180 --out runs/go-to-exact
     python benchmarks/go_to.py --scenes test-a,test-b --movers 1 --out runs/go-to-movers
+    python benchmarks/go_to.py --places 1 --faults "pilot@go to+1~3" --out runs/go-to-pilot
 
 Each flight visits some places that are 0.5 m and more from obstacles, movers' paths and edges. The
 distances to them are those of the truth. A flight is a line of DIR/flights.jsonl, and those that
@@ -114,15 +115,12 @@ def mission_of(places: list[tuple[float, float]], take_off: Pose2D) -> str:
 <root BTCPP_format="4">
   <BehaviorTree ID="Mission">
     <ReactiveSequence>
-      <Segment model="unet"/><FindHelipad/><TrackMotion/><MapSite/><EstimateDepth/><BuildCorridor/>
+      <SubTree ID="Perceive"/>
       <Fallback>
         <Sequence>
           <TakeOff height_m="1.5" gimbal_deg="-42"/>
           {"".join(visits)}
-          <RetryUntilSuccessful num_attempts="5">
-            <Sequence><ReturnToBase policy="corridor" flowing="true"/><HelipadCenter/></Sequence>
-          </RetryUntilSuccessful>
-          <Land/>
+          <SubTree ID="ComeHome"/>
         </Sequence>
         <EmergencyLand/>
       </Fallback>
@@ -140,6 +138,7 @@ def main() -> None:
     parser.add_argument("--seed-from", type=int, default=0)
     parser.add_argument("--places", type=int, default=5, help="in each flight")
     parser.add_argument("--movers", type=int, default=0)
+    parser.add_argument("--faults", action="append", default=[], help="as of `uav-bt fly`")
     parser.add_argument("--profile", default="lab")
     parser.add_argument("--exact-masks", action="store_true")
     parser.add_argument("--image-size", default="640x360")
@@ -171,6 +170,7 @@ def fly(name: str, seed: int, given: argparse.Namespace) -> dict[str, object]:
         seed=seed,
         drone=given.drone,
         movers=given.movers,
+        faults=tuple(given.faults),
         profile=given.profile,
         exact_masks=given.exact_masks,
         image_size_px=(width_px, height_px),

@@ -94,17 +94,25 @@ _HEAD: Final = (
 )
 
 
+# Outcomes from the least severe on; a contact, an exit and an error are equal.
+_SEVERITY: Final = {
+    Outcome.SUCCESS.value: 0,
+    Outcome.ABORTED.value: 1,
+    Outcome.TIMEOUT.value: 2,
+    **dict.fromkeys((Outcome.LEFT_AREA.value, Outcome.COLLISION.value, Outcome.ERROR.value), 3),
+}
+
+
 def difference(line: Line, sound: Line) -> str | None:
-    """Return how a flight with a defect fails where the one without does not; None: it does not.
+    """Return how a flight with a defect ends worse than the one without; None: it does not.
 
     Args:
         line: The flight with the defect.
         sound: The same flight without.
     """
-    success = Outcome.SUCCESS.value
     if line.get("airborne_at_end") and not sound.get("airborne_at_end"):
         return f"left in the air: {line['reason']}"
-    if sound["outcome"] == success and line["outcome"] != success:
+    if _SEVERITY[line["outcome"]] > _SEVERITY[sound["outcome"]]:
         return f"{line['outcome']}: {line['reason']}"
     return None
 

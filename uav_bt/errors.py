@@ -13,6 +13,7 @@ UavBtError                      exit code 1 unless a subclass says otherwise
   MissionError                  an error inside the mission
     ProposalConflictError         two leaves proposed on one channel in one tick
     BoardAccessError              undeclared or mistyped access to the board
+      UnknownValueError             a board key without a fresh value, where a node needs one
     PolicyFailedError             an exception in a leaf policy, with its author's line
     NodeFailedError               an exception in a node, with the node's path
   DroneError                    the drone did not carry out a command

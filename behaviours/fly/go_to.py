@@ -69,15 +69,18 @@ class GoTo(PlaceLeaf):
 
     def work(self, state: DroneState) -> Status:
         """Plan on each new map; follow the last plan in between."""
+        # Ahead of all proposals: a leaf that ends proposes nothing.
+        if self.leaf_clock.now() - self._progress_s > self.port_value("blocked_s"):
+            return self.fails(self._trouble)
         if self.port_value(GIVES_WAY.name) and self.give_way():
             self._planned_s = math.inf
-            return self._unless_blocked()
+            return Status.RUNNING
         if self.moving(state):
             return Status.RUNNING
         site_map = self.trusted_map()
         if site_map is None:
             self._trouble = "no map, or the views contradict it"
-            return self._unless_blocked()
+            return Status.RUNNING
         found = self.goal(site_map, self.port_value("to"))
         if isinstance(found, Unresolved):
             return self.fails(found.reason)
@@ -92,7 +95,7 @@ class GoTo(PlaceLeaf):
             return self._arrived(state, site_map, goal)
         if site_map.captured_s == self._planned_s:
             self.fly_on(state, None)
-            return self._unless_blocked()
+            return Status.RUNNING
         self._planned_s = site_map.captured_s
         return self._go_on(state, self._way(site_map, goal))
 
@@ -122,11 +125,6 @@ class GoTo(PlaceLeaf):
             self.start_move(forward_m=way.course.forward_m, right_m=way.course.right_m)
         else:
             self.fly_on(state, way.course)
-        return self._unless_blocked()
-
-    def _unless_blocked(self) -> Status:
-        if self.leaf_clock.now() - self._progress_s > self.port_value("blocked_s"):
-            return self.fails(self._trouble)
         return Status.RUNNING
 
     def _arrived(self, state: DroneState, site_map: SiteMap, goal: Goal) -> Status:
@@ -137,10 +135,10 @@ class GoTo(PlaceLeaf):
         self.feedback_message = self._trouble = "at the place"
         if abs(turn_rad) > self.config.facing_rad:
             self.fly_on(state, Rotate(yaw_rad=turn_rad, reason="turns"))
-            return self._unless_blocked()
+            return Status.RUNNING
         self.drop_course()
         too_high_m = self.too_high_m(state)
         if goal.height_m is not None and abs(too_high_m) > self.config.height_m:
             self.start_move(down_m=too_high_m)
-            return self._unless_blocked()
-        return Status.SUCCESS if self.is_still(state) else self._unless_blocked()
+            return Status.RUNNING
+        return Status.SUCCESS if self.is_still(state) else Status.RUNNING

@@ -9,11 +9,11 @@ from typing import ClassVar
 from behaviours.fly.course_leaf import CourseLeaf
 from uav_bt.board import FLIGHT_PITCH, ODOMETRY, SITE_MAP
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import InputError
+from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState
 from uav_bt.types.place import Place, PlaceFrame
-from uav_bt.types.place_frames import Goal, Unresolved, resolve, start_place
+from uav_bt.types.place_frames import Goal, Unresolved, from_start, resolve, start_place
 from uav_bt.types.site_map import SiteMap
 
 DOUBTED_S = 1.0
@@ -46,24 +46,39 @@ class PlaceConfig:
 class PlaceLeaf(CourseLeaf):
     """Base of the leaves that need a place on the map."""
 
+    points = True
     config: ClassVar[PlaceConfig] = PlaceConfig()
     place_port: ClassVar[Port[str] | None] = None  # the port that names the place
     reads = (*CourseLeaf.reads, FLIGHT_PITCH)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Note where the take-off lies in the lab's drawing.
+        """Note take-off pose and area, and check a place that is known before the take-off.
 
         Raises:
-            InputError: The place is one of the drawing, and the take-off pose there is unknown.
+            InputError: The place is one of the lab's drawing, and the take-off pose there is
+                unknown; or the place lies outside the mission's area.
         """
         super().on_setup(mission)
-        self._take_off = mission.take_off
+        self._take_off, self._area = mission.take_off, mission.area
         text = None if self.place_port is None else self.initial_value(self.place_port)
-        in_lab = text is not None and text.strip().startswith(PlaceFrame.LAB.value)
-        if in_lab and self._take_off is None:
+        if text is not None:
+            self._check_before_flight(text)
+
+    def _check_before_flight(self, text: str) -> None:
+        try:
+            place = Place.parse(text)
+        except ValueRangeError:  # a heading
+            return
+        if place.frame is PlaceFrame.LAB and self._take_off is None:
             raise InputError(
                 f"the place '{text}' needs the take-off pose in the lab's drawing: give `take_off` "
                 "in the site file, and no random take-off in the scene"
+            )
+        at_m = from_start(place, self._take_off)
+        if at_m is not None and self._area is not None and self._area.margin_m(*at_m) < 0.0:
+            raise InputError(
+                f"the place '{text}' lies {-self._area.margin_m(*at_m):.1f} m outside the area "
+                "of the mission: move it, or widen the area of <Rules/> and of the site file"
             )
 
     def initialise(self) -> None:
@@ -86,6 +101,10 @@ class PlaceLeaf(CourseLeaf):
         """
         place = self._place or Place.parse(text)
         found = resolve(place, site_map, self._take_off)
+        if isinstance(found, Goal) and self._area is not None:
+            at_m = site_map.start.to_body(found.x_m, found.y_m)
+            if self._area.margin_m(*at_m) < 0.0:
+                return Unresolved(reason="the place lies outside the mission's area")
         if place.frame is PlaceFrame.BODY and isinstance(found, Goal):
             start = start_place(site_map, found.x_m, found.y_m, yaw_rad=found.yaw_rad)
             self._place = start.at_height(place.height_m)

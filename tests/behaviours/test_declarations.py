@@ -63,7 +63,7 @@ def test_ports_that_are_read_at_the_setup_are_declared(
     leaf: type[Leaf], port: Port[object]
 ) -> None:
     """Without a value of their variable the setup raises."""
-    given = {"degrees": 90.0} if any(one.name == "degrees" for one in leaf.ports) else {}
+    given = {one.name: one.sample or "1" for one in leaf.ports if one.required}
     bench = LeafBench(leaf, **{**given, port.name: "{nothing}"})
     if port.at_setup or port.name == POLICY_PORT:
         with pytest.raises(NodeFailedError, match=r"\{nothing\} holds nothing"):

@@ -106,12 +106,13 @@ LEFT = {"outcome": "error", "reason": "SDK", "airborne_at_end": True}
         (FLOWN, FLOWN, None),
         (FLOWN, HIT, None),
         (HIT, FLOWN, "collision: touched box"),
-        (HIT, ABORTED, None),
+        (HIT, ABORTED, "collision: touched box"),
+        (ABORTED, HIT, None),
         (LEFT, {**LEFT, "airborne_at_end": False}, "left in the air: SDK"),
         (LEFT, LEFT, None),
     ],
 )
-def test_a_flight_finds_a_defect_where_it_fails_and_the_sound_one_does_not(
+def test_a_flight_finds_a_defect_where_it_ends_worse_than_the_sound_one(
     line: dict[str, Any], sound: dict[str, Any], expected: str | None
 ) -> None:
     assert difference(line, sound) == expected

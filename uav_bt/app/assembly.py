@@ -10,11 +10,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
-import numpy as np
-
 from perception.camera.frame_watch import FrameWatch, FrameWatchConfig
 from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
+from uav_bt.app.exact_masks import ExactSegmenter
 from uav_bt.app.flying_process import collections_postponed
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.option_values import is_drone_config, refuse_incomplete, refuse_unusable
@@ -36,9 +35,8 @@ from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
-from uav_bt.protocols import Drone, DroneConfig, Imageless, LeafPolicy, Referee, Segmenter
+from uav_bt.protocols import Drone, DroneConfig, Imageless, LeafPolicy, Segmenter
 from uav_bt.tree import MissionTree, NodeRegistry
-from uav_bt.types import ClassMap, Frame
 from uav_bt.types.area import Area
 
 DroneT = TypeVar("DroneT", bound=Drone)
@@ -47,24 +45,6 @@ _LOG: Final = logging.getLogger(__name__)
 
 _CEILING_SLACK_M = 0.6  # of the drone's own ceiling above the mission's
 _STILL_S = 2.0  # of a real camera; longer than video needs to repeat a whole image
-
-
-class ExactSegmenter:
-    """The twin's exact class ids as a segmenter: for evaluations, never for a mission's result.
-
-    Args:
-        referee: knows the exact class ids.
-        size_px: width and height of the class maps.
-    """
-
-    def __init__(self, referee: Referee, size_px: tuple[int, int] = (224, 112)) -> None:
-        self._referee = referee
-        self._size_px = size_px
-
-    def segment(self, frame: Frame) -> ClassMap:
-        """Return the exact class map of a delivered frame."""
-        ids = self._referee.class_ids(frame, *self._size_px)
-        return ClassMap(ids=np.ascontiguousarray(ids), captured_s=frame.captured_s)
 
 
 class Flight(Generic[DroneT]):
@@ -143,6 +123,7 @@ class Flight(Generic[DroneT]):
             mark=self.mark,
             clearances=(site or Site()).clearances,
             take_off=take_off_pose(site, self.drone),
+            area=self.area,
             outputs=self.outputs,
         )
 

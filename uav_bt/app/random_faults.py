@@ -21,16 +21,17 @@ RANDOM: Final = "random"
 _HOPELESS: Final = frozenset(
     {"deaf", "link-lost", "motors-cut", "no-landing", "no-take-off", "pilot", "send-raises"}
 )
-_COUNTS: Final = (0, 1, 1, 2)  # equally probable numbers of faults
+_COUNTS: Final = (0, 1, 2, 3)  # equally probable numbers of faults
 _MOVERS: Final = (0, 0, 1)  # equally probable numbers of movers
 _PHASES: Final = (
-    *[MissionPhase.EXPLORE] * 4,
-    *(MissionPhase.TAKE_OFF, MissionPhase.APPROACH, MissionPhase.CENTER, MissionPhase.LAND),
+    *[MissionPhase.EXPLORE] * 3,
+    *[MissionPhase.LAND] * 2,  # short, and the most depends on it
+    *(MissionPhase.TAKE_OFF, MissionPhase.APPROACH, MissionPhase.CENTER),
 )
 _DELAY_S: Final = {MissionPhase.EXPLORE: 30.0}  # longest delay after the phase's start
 _OTHER_DELAY_S: Final = 2.0
-_LASTS_S: Final = (0.5, 15.0)
-_STAYS: Final = 0.25  # share of the faults that last to the end
+_LASTS_S: Final = (0.5, 20.0)
+_STAYS: Final = 0.3  # share of the faults that last to the end
 _LEVELS: Final = (0.3, 1.5)  # times the kind's default level
 
 

@@ -17,6 +17,7 @@ from uav_bt.errors import ProposalConflictError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
+from uav_bt.types.area import Area
 from uav_bt.types.flight_results import EventKind, FlightEvent
 
 
@@ -123,6 +124,7 @@ class MissionContext:
         mark: size of the landing mark.
         clearances: distances that routes keep.
         take_off: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
+        area: area that the mission stays in; None: no bound.
         stage_times_s: duration of each perception stage, seconds by stage name.
         notes: events and photographs of the flight.
         outputs: folder that leaves write files to; None if the flight has none.
@@ -141,6 +143,7 @@ class MissionContext:
     mark: LandingMark = field(default_factory=LandingMark)
     clearances: Clearances = field(default_factory=Clearances)
     take_off: Pose2D | None = None
+    area: Area | None = None
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
     notes: FlightNotes = field(default_factory=FlightNotes)
     outputs: FlightFolder | None = None

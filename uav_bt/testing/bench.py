@@ -30,6 +30,7 @@ from uav_bt.types import (
     MovementState,
     MovementStatus,
 )
+from uav_bt.types.area import Area
 
 
 class BenchWorld:
@@ -48,6 +49,7 @@ class BenchWorld:
         self.outputs: FlightFolder | None = None  # such as FlightFolder(tmp_path)
         self.notes = FlightNotes()  # events and photographs
         self.mark, self.clearances = LandingMark(), Clearances()
+        self.area: Area | None = None
         self.seed = 0
         self.camera = pinhole()
         self.strict_board = StrictBlackboard(self.clock, MISSION_KEYS)
@@ -176,6 +178,7 @@ class BenchWorld:
             notes=self.notes,
             mark=self.mark,
             clearances=self.clearances,
+            area=self.area,
         )
         self.tree.setup(context)
         self._ready = True

@@ -55,14 +55,14 @@ def resolve(place: Place, site_map: SiteMap, take_off: Pose2D | None = None) -> 
         site_map: The newest map, with the drone's pose and the take-off pose.
         take_off: Take-off pose in the drawing of the lab, yaw counter-clockwise; None if unknown.
     """
+    at_start_m = from_start(place, take_off)
     if place.frame is PlaceFrame.LAB:
-        if take_off is None:
+        if take_off is None or at_start_m is None:
             return Unresolved(reason="the take-off pose in the lab's drawing is unknown")
-        start = lab_to_start(Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0), take_off)
         yaw_rad = None
         if place.heading_rad is not None:
             yaw_rad = site_map.start.yaw_rad + take_off.yaw_rad - place.heading_rad
-        return _goal(place, site_map.start.to_world(start.x_m, start.y_m), yaw_rad)
+        return _goal(place, site_map.start.to_world(*at_start_m), yaw_rad)
     if place.frame is PlaceFrame.MARK:
         if site_map.mark is None:
             return Unresolved(reason="the landing mark was not seen yet")
@@ -88,6 +88,24 @@ def _goal(place: Place, at_m: tuple[float, float], yaw_rad: float | None) -> Goa
         height_m=place.height_m,
         yaw_rad=None if yaw_rad is None else wrap_angle(yaw_rad),
     )
+
+
+def from_start(place: Place, take_off: Pose2D | None = None) -> tuple[float, float] | None:
+    """Return a place ahead of the take-off pose and to its right, metres.
+
+    Args:
+        place: The place.
+        take_off: Take-off pose in the drawing of the lab, yaw counter-clockwise; None if unknown.
+
+    Returns:
+        None for a place that is known in flight only, or that needs a take-off pose.
+    """
+    if place.frame is PlaceFrame.START:
+        return place.x_m, place.y_m
+    if place.frame is not PlaceFrame.LAB or take_off is None:
+        return None
+    there = lab_to_start(Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0), take_off)
+    return there.x_m, there.y_m
 
 
 def start_place(

@@ -20,6 +20,7 @@ from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import MoveBy as MoveByCommand
 from uav_bt.types import MovementState, MovementStatus, Pose2D, Velocity
+from uav_bt.types.area import Area
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
 
@@ -156,6 +157,24 @@ def test_a_place_of_the_drawing_needs_the_take_off_pose_there() -> None:
     bench = LeafBench(GoTo, to="lab:1,0")
     with pytest.raises(InputError, match="take-off pose"):
         fly(bench, on())
+
+
+YARD = Area((((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),))
+
+
+def test_a_place_outside_the_area_is_refused_before_the_take_off() -> None:
+    bench = LeafBench(GoTo, to="start:1.5,0")
+    bench.area = YARD
+    with pytest.raises(InputError, match=r"lies 0\.5 m outside"):
+        fly(bench, on())
+
+
+def test_a_place_that_turns_out_to_lie_outside_fails() -> None:
+    mark = MapMark(x_m=0.0, y_m=1.5, std_m=0.1, seen_s=1.0)
+    bench = LeafBench(GoTo, to="mark")
+    bench.area = YARD
+    assert fly(bench, replace(on(), mark=mark)) is Status.FAILURE
+    assert "outside the mission's area" in bench.leaf.feedback_message
 
 
 @pytest.mark.parametrize("place", ["2,0", "start:a,0", ""])

@@ -13,7 +13,7 @@ from uav_bt import classes
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_H
-from uav_bt.errors import NodeFailedError, UnknownNameError
+from uav_bt.errors import InputError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.tree import Status
@@ -242,9 +242,8 @@ def test_without_a_class_map_there_is_no_depth(estimating: LeafBench) -> None:
 
 
 def test_a_misspelt_source_is_refused_at_setup() -> None:
-    bench = LeafBench(Loaded, source="fusd")
-    with pytest.raises((UnknownNameError, NodeFailedError), match="unknown"):
-        bench.setup()
+    with pytest.raises(InputError, match="did you mean 'fused'"):
+        LeafBench(Loaded, source="fusd")
 
 
 # --- BuildCorridor --------------------------------------------------------------------------------

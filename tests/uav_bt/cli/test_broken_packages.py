@@ -71,10 +71,10 @@ def test_commands_that_do_not_need_it_work_and_warn(
 def test_a_tree_that_asks_for_its_node_is_refused_with_the_reason(
     broken: Broken, tmp_path: Path
 ) -> None:
-    tree = tree_file(tmp_path, "<Sequence><TakePhoto/></Sequence>")
+    tree = tree_file(tmp_path, "<Sequence><TakePicture/></Sequence>")
     for command in ("check", "fly"):
         result = run(command, tree)
-        assert_refused(result, "unknown node 'TakePhoto'", "not loaded:", *broken.words)
+        assert_refused(result, "unknown node 'TakePicture'", "not loaded:", *broken.words)
 
 
 def test_the_doctor_names_it(broken: Broken) -> None:

@@ -57,6 +57,7 @@ def test_nodes_as_json_has_an_object_for_each() -> None:
         "default": None,
         "doc": "milliseconds; 0: no limit",
         "direction": "input",
+        "sample": "",
         "choices": [],
         "least": 0,
         "most": None,

@@ -27,6 +27,7 @@ HEIGHT = Key("height_m", float, "a height")
 class Scripted(Leaf):
     """Returns one letter of its script per tick, and repeats the last one."""
 
+    answers = tuple(_LETTERS.values())
     ports = (Port("script", str, doc="S success, F failure, R running, K skipped"),)
     _ticks = 0
 

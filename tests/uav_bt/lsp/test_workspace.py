@@ -282,11 +282,11 @@ def test_a_palette_that_is_no_xml_is_shown_and_the_server_lives(tmp_path: Path) 
     (found,) = editor.diagnostics(palette.as_uri())
     assert "not well-formed XML" in found.message
     mission = tmp_path / "mission.xml"
-    text = LOST.replace("AlwaysSuccess", "GoTo")
+    text = LOST.replace("AlwaysSuccess", "FlyThere")
     mission.write_text(text, encoding="utf-8")
     editor.open(mission.as_uri(), text)
-    assert "unknown node 'GoTo'" in editor.diagnostics(mission.as_uri())[0].message
-    palette.write_text('<TreeNodesModel><Action ID="GoTo"/></TreeNodesModel>', encoding="utf-8")
+    assert "unknown node 'FlyThere'" in editor.diagnostics(mission.as_uri())[0].message
+    palette.write_text('<TreeNodesModel><Action ID="FlyThere"/></TreeNodesModel>', encoding="utf-8")
     editor.disk_changed(palette)
     assert editor.diagnostics(palette.as_uri()) == []
     assert editor.diagnostics(mission.as_uri()) == []

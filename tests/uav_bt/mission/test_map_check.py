@@ -227,5 +227,5 @@ def test_without_a_map_or_a_referee_nothing_is_said(*, referee: bool) -> None:
     flight.at(1.0, taking_off=True, referee=referee)
     report = flight.report().to_json()
     fields = {name for name in report if name.startswith(("map_", "object", "false"))}
-    assert len(fields) == 8
+    assert len(fields) == 9
     assert all(report[name] is None for name in fields)
