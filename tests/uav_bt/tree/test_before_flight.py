@@ -125,6 +125,7 @@ def test_a_variable_of_the_mission_that_nothing_sets_is_refused(body: str, name:
 def test_a_variable_that_nothing_sets_is_refused_where_it_is_not_always_read(body: str) -> None:
     (message,) = findings(body)
     assert "nothing sets variable 'points'" in message
+    assert "--var points=VALUE" in message
 
 
 def test_a_variable_from_outside_is_good() -> None:
@@ -354,7 +355,7 @@ def test_an_entry_from_outside_is_checked() -> None:
 @pytest.mark.parametrize(
     "visit",
     [
-        '<Fly speed_mps="{p}" _skipIf="p == \'door\' || p == \'photo\'"/>',
+        "<Fly speed_mps=\"{p}\" _skipIf=\"p == 'door' || p == 'photo'\"/>",
         '<Visit to="{p}" _skipIf="p == \'photo\'"/>',
         (
             '<Switch2 variable="{p}" case_1="photo" case_2="rest">'
