@@ -111,6 +111,7 @@ class NextObject(Leaf):
 
     PLACE: ClassVar = Port("place", str, direction="output", doc="the object, such as object:3")
     LABEL: ClassVar = Port("label", str, direction="output", doc="its class, such as box_5")
+    answers = (Status.SUCCESS, Status.FAILURE)
     ports = (CLASS, PLACE, LABEL)
     reads = (SITE_MAP, VISITED)
     writes = (VISITED,)
@@ -164,6 +165,7 @@ class ViewPoints(Leaf):
         direction="output",
         doc="places such as start:1,0@90;start:2,1@180, for LoopString",
     )
+    answers = (Status.SUCCESS, Status.FAILURE)
     ports = (
         OF,
         Port(

@@ -10,6 +10,7 @@ from uav_bt.types.flight_results import EventKind
 class Say(Leaf):
     """Add a message to the flight's events; SUCCESS always."""
 
+    answers = (Status.SUCCESS,)
     ports = (
         Port(
             "text",

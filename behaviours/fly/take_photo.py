@@ -14,6 +14,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import InputError
 from uav_bt.tree import Leaf, Port, Status
+from uav_bt.tree.script import fill_text, parse_text
 from uav_bt.types import ClassMap, DroneState, Frame, GimbalTo, Hover, MissionPhase
 from uav_bt.types.flight_results import EventKind, Photo, ReportedPose, reported_pose
 
@@ -51,7 +52,14 @@ class TakePhoto(Leaf):
     moves = True
     points = True
     ports = (
-        Port("label", str, default="", doc="text in the report and in the files' names"),
+        Port(
+            "label",
+            str,
+            default="",
+            check=parse_text,
+            doc="text in the report and in the files' names; {variable} and {@board_key} are "
+            "replaced by their values",
+        ),
         Port(
             "pitch_deg",
             str,
@@ -86,6 +94,7 @@ class TakePhoto(Leaf):
     def initialise(self) -> None:
         """Begin to wait."""
         self.write(PHASE, MissionPhase.LOOK)
+        self._label = fill_text(self.port_value("label"), self.environment)
         self._steady = Steadiness()
         self._wanted_rad = _pitch_rad(self.port_value("pitch_deg"))
         self._former_rad: float | None = None  # the camera's pitch to restore
@@ -154,7 +163,7 @@ class TakePhoto(Leaf):
         return None
 
     def _store(self, folder: FlightFolder, frame: Frame, class_map: ClassMap | None) -> Status:
-        notes, label = self.mission.notes, self.port_value("label")
+        notes, label = self.mission.notes, self._label
         name = self._name(notes.next_photo(), label)
         elapsed_s = self.read(ELAPSED).value or 0.0
         photo = Photo(
@@ -184,8 +193,7 @@ class TakePhoto(Leaf):
 
     def _gives_up(self, reason: str) -> Status:
         self.feedback_message = reason
-        label = self.port_value("label")
-        text = f"'{label}': {reason}" if label else reason
+        text = f"'{self._label}': {reason}" if self._label else reason
         self.mission.add_event(EventKind.NO_PHOTO, text, self.path)
         return Status.FAILURE
 

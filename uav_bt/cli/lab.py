@@ -84,11 +84,12 @@ def _line(scene: Scene) -> str:
         place = f"({start.position_m[0]:g}, {start.position_m[1]:g})"
     else:
         place = "the helipad"
+    yaw = "" if start.random else f", yaw {start.yaw_deg:g} deg"
     return (
         f"{wide_m:g} x {deep_m:g} m, {len(scene.boxes)} boxes{span} "
         f"({tall} reach {_FLIGHT_HEIGHT_M} m), "
         f"{f'{len(scene.movers)} movers, ' if scene.movers else ''}"
-        f"{pads[0] if pads else 'no helipad'}, take-off from {place}"
+        f"{pads[0] if pads else 'no helipad'}, take-off from {place}{yaw}"
     )
 
 

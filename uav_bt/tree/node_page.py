@@ -63,6 +63,8 @@ def _sample(port: PortInfo) -> str:
 def _value(port: PortInfo) -> str:
     if port.required:
         return "required"
+    if port.direction == "output":
+        return "output"
     return f"`{port.default}`" if port.default else ""
 
 

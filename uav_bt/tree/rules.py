@@ -23,6 +23,7 @@ class Rules(Leaf):
     of the rules. The area of a site and that of the rules both hold.
     """
 
+    answers = (SUCCESS,)
     ports = (
         Port(
             "time_limit_s",

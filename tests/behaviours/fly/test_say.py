@@ -45,7 +45,6 @@ def test_a_text_of_one_placeholder_is_filled_in_too() -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("", "the text is empty"),
         ("50 } %", "'}' belongs to no placeholder"),
         ("{two words}", "'{' belongs to no placeholder"),
         ("{}", "'{' belongs to no placeholder"),

@@ -92,6 +92,15 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
     assert [(event.kind, event.text) for event in notes.events] == [(EventKind.PHOTO, name)]
 
 
+def test_a_label_is_filled_in(tmp_path: Path) -> None:
+    bench = photo_bench(tmp_path, label="side {side} of {object}, {nothing}")
+    bench.variables["side"], bench.variables["object"] = 2, "object:3"
+    assert run(bench, 20)[-1] is Status.SUCCESS
+    (photo,) = bench.notes.photos
+    assert photo.label == "side 2 of object:3, unknown"
+    assert photo.file == "photo-001-side-2-of-object-3-unknown.jpg"
+
+
 def test_while_the_drone_moves_or_turns_nothing_is_stored(tmp_path: Path) -> None:
     bench = photo_bench(tmp_path, timeout_s=1.0)
     answers = run(bench, 20, velocity=BodyVelocity(forward_mps=0.5), flying=FlyingState.FLYING)

@@ -368,7 +368,7 @@ def test_a_folder_is_one_workspace(tmp_path: Path) -> None:
     assert (result.exit_code, result.stdout) == (2, f"{user}: good\n")
     assert result.stderr.count("\n") == 1
     assert result.stderr.startswith(f"{used}:3:7: ")
-    assert "there is no tree 'Used'" in run("check", user).stderr
+    assert "there is no tree 'Used'; --trees DIR" in run("check", user).stderr
     used.write_text(used.read_text().replace(' hight="1"', ""))
     elsewhere = tree_file(tmp_path / "..", "<AlwaysSuccess/>", f"{tmp_path.name}.xml")
     elsewhere.write_text(user.read_text())

@@ -133,6 +133,16 @@ def test_a_fault_waits_for_its_phase() -> None:
 # --- observations ---------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("phase", ["go to", "go_to"])
+def test_a_phase_with_a_blank_may_be_written_with_an_underscore(phase: str) -> None:
+    drone, world = faulty(f"battery-low=0.05@{phase}")
+    (seen,) = ticks(drone, world, *go(Hover()))
+    assert seen.state.battery == 1.0
+    drone.on_tick(tick_of("go to", seen, world.clock.now()))
+    (seen,) = ticks(drone, world, *go(Hover()))
+    assert seen.state.battery == 0.05
+
+
 def test_a_frozen_image_has_fresh_stamps() -> None:
     seen = last("frozen@start+0.2")
     assert seen.frame is not None

@@ -47,6 +47,21 @@ class Tilt(Leaf):
         return Status.RUNNING
 
 
+def _is_place(text: str) -> None:
+    if text.strip() not in {"door", "window"}:
+        raise ValueError(f"expected door or window, got '{text}'")
+
+
+class Visit(Leaf):
+    """Flies to a place."""
+
+    moves = True
+    ports = (Port("to", str, check=_is_place, doc="door or window"),)
+
+    def update(self) -> Status:
+        return Status.RUNNING
+
+
 class Steer(Leaf):
     """Asks a policy."""
 
@@ -58,17 +73,21 @@ class Steer(Leaf):
         return Status.RUNNING
 
 
-REGISTRY = NodeRegistry([RedDetector, Fly, Tilt, Steer, Say])
+REGISTRY = NodeRegistry([RedDetector, Fly, Tilt, Steer, Say, Visit])
+
+
+def mission(body: str, inner: str = "<AlwaysSuccess/>") -> str:
+    return (
+        f'<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">{body}'
+        f'</BehaviorTree><BehaviorTree ID="Inner">{inner}</BehaviorTree></root>'
+    )
 
 
 def findings(
     body: str, inner: str = "<AlwaysSuccess/>", given: Mapping[str, float] | None = None
 ) -> list[str]:
     """Return the messages on a mission; warnings begin with `warning:`."""
-    text = (
-        f'<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">{body}'
-        f'</BehaviorTree><BehaviorTree ID="Inner">{inner}</BehaviorTree></root>'
-    )
+    text = mission(body, inner)
     found = check_text(
         text,
         REGISTRY,
@@ -106,6 +125,7 @@ def test_a_variable_of_the_mission_that_nothing_sets_is_refused(body: str, name:
 def test_a_variable_that_nothing_sets_is_refused_where_it_is_not_always_read(body: str) -> None:
     (message,) = findings(body)
     assert "nothing sets variable 'points'" in message
+    assert "--var points=VALUE" in message
 
 
 def test_a_variable_from_outside_is_good() -> None:
@@ -301,6 +321,50 @@ def test_names_in_the_text_of_a_message_are_checked_as_in_scripts() -> None:
     ):
         (message,) = findings(f'<Sequence>{script}<Say text="{text}"/></Sequence>')
         assert why in message, text
+
+
+# --- texts that a leaf refuses --------------------------------------------------------------------
+
+VISITS = '<LoopString queue="{queue}" value="{{p}}">{visit}</LoopString>'
+
+
+def test_a_place_in_a_queue_is_checked() -> None:
+    visit = '<Visit to="{p}"/>'
+    assert findings(VISITS.format(queue="door;window", visit=visit)) == []
+    (message,) = findings(VISITS.format(queue="door;wndow;", visit=visit))
+    assert "variable 'p' may hold 'wndow'" in message
+    assert message.endswith("expected door or window, got 'wndow'")
+
+
+def test_a_place_in_a_queue_from_outside_is_checked() -> None:
+    text = mission(VISITS.format(queue="{points}", visit='<Visit to="{p}"/>'))
+    for points, good in (("door;window", True), ("door;wndow", False)):
+        given = Parameters(variables={"points": points})
+        found = check_text(text, REGISTRY, path=Path("m.xml"), parameters=given)
+        assert (found == ()) is good
+
+
+def test_an_entry_from_outside_is_checked() -> None:
+    text = mission('<SubTree ID="Inner" at="door"/>', '<Visit to="{at}"/>')
+    for place, good in (("window", True), ("wndow", False)):
+        given = Parameters(ports={"Inner.at": place})
+        found = check_text(text, REGISTRY, path=Path("m.xml"), parameters=given)
+        assert (found == ()) is good
+
+
+@pytest.mark.parametrize(
+    "visit",
+    [
+        "<Fly speed_mps=\"{p}\" _skipIf=\"p == 'door' || p == 'photo'\"/>",
+        '<Visit to="{p}" _skipIf="p == \'photo\'"/>',
+        (
+            '<Switch2 variable="{p}" case_1="photo" case_2="rest">'
+            '<Tilt/><Tilt/><Visit to="{p}"/></Switch2>'
+        ),
+    ],
+)
+def test_an_element_that_the_tree_asks_for_first_is_no_fault(visit: str) -> None:
+    assert findings(VISITS.format(queue="door;photo", visit=visit)) == []
 
 
 # --- movers ---------------------------------------------------------------------------------------

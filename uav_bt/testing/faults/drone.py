@@ -132,7 +132,7 @@ class FaultyDrone(DroneWrapper):
         Raises:
             InjectedError: the fault raises here.
         """
-        if self._phase_s is None and record.phase == self.fault.phase:
+        if self._phase_s is None and _same_phase(record.phase, self.fault.phase):
             self._phase_s = record.time_s
         at, kind = self._moment(), self.fault.kind
         if at is not None and kind.follow is not None:
@@ -169,6 +169,11 @@ class FaultyDrone(DroneWrapper):
             past=tuple(self._past),
             command=self._command,
         )
+
+
+def _same_phase(phase: str, wanted: str) -> bool:
+    """Return whether two names are of one phase; `go_to` is `go to`."""
+    return phase.replace("_", " ") == wanted.replace("_", " ")
 
 
 class _FaultyReferee:

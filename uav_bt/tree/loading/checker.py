@@ -174,7 +174,7 @@ class Checker:
         trees = self._document.trees
         tree_id = element.attributes.get("ID", "")
         if tree_id and tree_id not in trees and tree_id not in self._registry:
-            hint = self._hint(tree_id)
+            hint = self._hint(tree_id) or "; --trees DIR adds the trees of a folder"
             message = f"there is no tree '{tree_id}'{hint}"
             self._note(element, message, "ID", Rule.UNKNOWN_TREE)
         if "_autoremap" in element.attributes:

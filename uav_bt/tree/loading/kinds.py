@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from uav_bt.board import MISSION_KEYS
+from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.after_children import Variable
 from uav_bt.tree.loading.assigned import named_scripts, variable_at
 from uav_bt.tree.loading.variable_checker import may_convert
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import SetBlackboard
+from uav_bt.tree.nodes import LoopString, SetBlackboard
 from uav_bt.tree.port import Port
+from uav_bt.tree.script import parse_text
 from uav_bt.tree.script.expressions import (
     Assignment,
     Binary,
@@ -45,6 +47,11 @@ class _Value:
     def is_word(self) -> bool:
         """Whether it is a text that no script can take for a number."""
         return self.kind is str and (self.value is None or not _is_number(self.value))
+
+    @property
+    def unknown(self) -> _Value:
+        """Another value of the type, which only the flight knows."""
+        return replace(self, value=None)
 
     def __str__(self) -> str:
         what = self.kind.__name__ if self.value is None else repr(self.value)
@@ -83,6 +90,7 @@ class _Values:
 
     def __init__(self, tree: MissionTree) -> None:
         self._values: dict[Variable, list[_Value]] = {}
+        self._asked = {at for node in tree.nodes() for at in _asked_by(node)}
         self._words = {key.name for key in MISSION_KEYS if key.type is str}  # keys with texts
         for leaf in tree.leaves():
             self._words |= {key.name for key in leaf.writes if key.type is str}
@@ -90,8 +98,9 @@ class _Values:
             for port in node.ports:
                 at = node.reference(port)
                 if at is not None and not at.on_board and port.direction != "input":
-                    output = _Value(port.type, None, node, port.name)
-                    self._of(node.variables.location(at.key)).append(output)
+                    of = self._of(node.variables.location(at.key))
+                    for element in _elements(node):
+                        of.append(_Value(port.type, element, node, port.name))
             for attribute, script in named_scripts(node):
                 for part in script.walk():
                     if isinstance(part, Assignment) and part.sign in {":=", "="}:
@@ -127,9 +136,14 @@ class _Values:
         at = node.reference(port)
         if at is None or at.on_board or port.direction == "output":
             return
-        for value in self._of(node.variables.location(at.key)):
-            if not _fits(port, value):
-                yield f"takes {port.words}, but variable '{at.key}' may hold {value}"
+        variable = node.variables.location(at.key)
+        values = self._of(variable)
+        sure = variable not in self._asked and len({id(value.node) for value in values}) == 1
+        for value in values:
+            why = _refusal(port, value) if sure else ""
+            known = value if sure or not isinstance(value.node, LoopString) else value.unknown
+            if why or not _fits(port, known):
+                yield f"takes {port.words}, but variable '{at.key}' may hold {value}{why}"
                 return
 
     def misfits_of_part(self, node: Node, part: Expression) -> Iterator[str]:
@@ -207,6 +221,43 @@ def _fits(port: Port[Any], value: _Value) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _refusal(port: Port[Any], value: _Value) -> str:
+    """Return why the port's own check, such as that of a place, refuses a text; else nothing."""
+    if isinstance(value.value, str) and port.type is str:
+        try:
+            port.read(value.value)
+        except ValueError as error:
+            return f": {error}"
+    return ""
+
+
+def _asked_by(node: Node) -> Iterator[Variable]:
+    """Yield the variables by whose values a node may keep others from being read."""
+    decides = not isinstance(node, Leaf) or node.condition
+    for port in node.ports:
+        at = node.reference(port)
+        asks = decides and port.check is None and port.direction != "output"
+        if asks and at is not None and not at.on_board:
+            yield node.variables.location(at.key)
+    texts = {port.name for port in node.ports if port.check is parse_text}
+    for attribute, script in named_scripts(node):
+        if attribute not in texts:
+            for part in script.walk():
+                variable = variable_at(node, part.name) if isinstance(part, Name) else None
+                if variable is not None:
+                    yield variable
+
+
+def _elements(node: Node) -> list[str | None]:
+    """Return what a node writes: elements of a loop over texts; None: only the flight knows it."""
+    if not isinstance(node, LoopString):
+        return [None]
+    at = node.reference(node.QUEUE)
+    entry = None if at is None or at.on_board else node.variables.entry(at.key)
+    queue = node.literals.get(node.QUEUE.name) if entry is None else entry.value
+    return [*queue.removesuffix(";").split(";")] if isinstance(queue, str) and queue else [None]
 
 
 def _is_number(value: object) -> bool:

@@ -209,7 +209,7 @@ class _Read:
                     str(use.element.path),
                     use.element.at(use.attribute),
                     f"attribute '{use.attribute}': nothing sets variable '{slot.name}' of the main "
-                    "tree, and no SubTree can: give it a value in a Script before",
+                    f"tree: give it a value in a Script before, or with --var {slot.name}=VALUE",
                     use.element.label,
                     rule=Rule.VARIABLE,
                 )

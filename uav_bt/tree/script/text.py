@@ -24,10 +24,8 @@ def parse_text(source: str) -> Script:
     """Return the names in a text with placeholders, as a script that reads them.
 
     Raises:
-        ScriptError: The text is empty, or a brace belongs to no placeholder.
+        ScriptError: A brace belongs to no placeholder.
     """
-    if not source.strip():
-        raise ScriptError("the text is empty")
     stray = re.search(r"[{}]", _NAME.sub("", source))
     if stray is not None:
         raise ScriptError(
