@@ -69,8 +69,8 @@ class VisitLog:
             return
         pose, node = record.truth.pose, record.active[-1]
         visit = self.visits[-1] if self.visits else None
-        if node.startswith("go_") and (visit is None or int(node[3:]) == len(self.visits)):
-            place = self.places[int(node[3:])]
+        place = self.places[int(node[3:])] if node.startswith("go_") else None
+        if place is not None and (visit is None or visit.place != place):
             apart_m = math.dist(place, (pose.x_m, pose.y_m))
             visit = Visit(place=place, begin_s=record.time_s, apart_m=apart_m)
             self.visits.append(visit)
