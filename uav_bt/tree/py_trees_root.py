@@ -16,7 +16,7 @@ from uav_bt.tree.status import Status
 class PyTreesRoot(Node):
     """Ticks a tree of py_trees, in which nodes of ours may stand.
 
-    py_trees' composites keep their own rules. Each of their behaviours is set up as by
+    Composites of py_trees tick by the rules of py_trees. Their behaviours are set up as by
     `BehaviourTree.setup(mission=...)`: `setup(**kwargs)` gets the `MissionContext` as `mission`.
     The children of this node are the nodes of ours, each below the root's path; the behaviours of
     py_trees between them are no nodes and have no events.
