@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.fly.explore import Explore
-from tests.behaviours.leaf_world import live, steering_bench
+from tests.behaviours.leaf_world import steering_bench
 from uav_bt import errors
 from uav_bt.errors import (
     DroneError,
@@ -23,6 +23,7 @@ from uav_bt.errors import (
     did_you_mean,
 )
 from uav_bt.testing import LeafBench, TreeBench
+from uav_bt.testing.world import live
 from uav_bt.tree import MissionTree, leaf_of
 from uav_bt.tree.nodes import ScriptNode
 

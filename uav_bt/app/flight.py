@@ -87,8 +87,10 @@ def fly(
     Before a real drone takes off it is checked: battery, link, telemetry, video.
 
     Args:
-        tree: a shipped mission's name, a tree file, a `MissionTree` (which flies once), or a tree
-            file's text.
+        tree: a shipped mission's name, a tree file, a tree file's text, or a tree that was built
+            in Python: a `MissionTree`, or its root, a node or a behaviour of py_trees. A tree that
+            was built in Python flies once. `watch` does not take it, and a replay is given it
+            again.
         options: Options that several flights share. Default: only `how`.
         registry: the nodes that may occur; default: all installed. Own leaves fly without a
             package with `NodeRegistry.installed().with_nodes(Peek)`.

@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
+from py_trees.behaviour import Behaviour
+
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.place_of_flight import limits_of, site_of
 from uav_bt.app.site import Site
@@ -23,10 +25,11 @@ from uav_bt.tree.loading.parameter_file import ParameterFile
 from uav_bt.tree.loading.parameters import split_port
 from uav_bt.tree.shipped import resolve_tree
 
-Mission = str | Path | MissionTree
-"""A mission: a shipped one's name, a tree file, a tree, or a tree file's text.
+Mission = str | Path | MissionTree | Node | Behaviour
+"""A mission: a shipped one's name, a tree file, a tree or its root, or a tree file's text.
 
-A text is a `str` whose first character, blanks aside, is `<`.
+A text is a `str` whose first character, blanks aside, is `<`. A root is a node, or a behaviour of
+py_trees in whose tree nodes may stand.
 """
 
 _HEIGHT_PORT: Final = "height_m"  # of a leaf that sets the flight height
@@ -93,6 +96,8 @@ def read_mission(
         )
     overrides = _overrides(options, replaced or {})
     by_key = _site_values(site_of(options))
+    if isinstance(tree, Node | Behaviour):
+        tree = MissionTree(tree, name=tree.name)
     if isinstance(tree, MissionTree):
         if tree.is_set_up:
             raise InputError(
@@ -133,10 +138,9 @@ def read_mission(
         )
         _check_site_reaches(loaded, by_key)
         return loaded
-    remedy = ": make a tree of it with MissionTree(...)" if isinstance(tree, Node) else ""
     raise InputError(
-        "expected a mission: a shipped one's name, a tree file, a MissionTree or a tree file's "
-        f"text; got {tree!r:.80}{remedy}"
+        "expected a mission: a shipped one's name, a tree file, a MissionTree, the root of a tree "
+        f"or a tree file's text; got {tree!r:.80}"
     )
 
 

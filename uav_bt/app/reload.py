@@ -102,7 +102,7 @@ def reloadable_file(tree: Mission, drone: Drone, outputs: Mapping[str, Path | No
     """
     if drone.live:
         raise InputError("watch: a tree is replaced in flight on simulated drones only")
-    if isinstance(tree, MissionTree) or is_text(tree) or not Path(tree).is_file():
+    if not isinstance(tree, str | Path) or is_text(tree) or not Path(tree).is_file():
         raise InputError(
             f"watch: expected a tree file, which can be edited while it flies, got {tree!r:.80}; "
             "`uav-bt new FILE` writes one"

@@ -34,9 +34,10 @@ def planned_trees(
     if loaded is not None:
         own = _own_values(loaded)
         tree = loaded.path
-    elif is_text(tree):
+    elif not isinstance(tree, str | Path) or is_text(tree):
+        what = "a text: " if isinstance(tree, str) else ""
         raise InputError(
-            f"a campaign flies tree files, which its workers read; got a text: {tree!r:.40}"
+            f"a campaign flies tree files, which its workers read; got {what}{tree!r:.40}"
         )
     for variant, values in _variants(options).items():
         below = ParameterFile(path=Path("campaign"), common=own.over(values))

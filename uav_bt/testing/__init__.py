@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from uav_bt.testing.drone import ScriptedDrone, ScriptedDroneConfig, blank_frame, pinhole
     from uav_bt.testing.events import Event, EventLog
     from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone, InjectedError
+    from uav_bt.testing.maps import drawn_map
     from uav_bt.testing.tree_bench import TickOutcome, TreeBench, load_tree, parse_tree
+    from uav_bt.testing.world import Says, live, show
     from uav_bt.tree.observer import NodeEvent
     from uav_bt.tree.scripted import Mock
 
@@ -33,18 +35,22 @@ __all__ = [
     "ManualClock",
     "Mock",
     "NodeEvent",
+    "Says",
     "ScriptedDrone",
     "ScriptedDroneConfig",
     "StrictBlackboard",
     "TickOutcome",
     "TreeBench",
     "blank_frame",
+    "drawn_map",
+    "live",
     "load_tree",
     "parse_tree",
     "pinhole",
+    "show",
 ]
 
-_MODULES: Final = ("bench", "board", "drone", "events", "faults", "tree_bench")
+_MODULES: Final = ("bench", "board", "drone", "events", "faults", "maps", "tree_bench", "world")
 
 
 def __getattr__(name: str) -> Any:

@@ -150,7 +150,8 @@ def load_tree(
         registry: the nodes that may occur; default: all installed.
         tick_s: time between two ticks.
         options: `mocks`, scripts such as `RRS` or mocks with outputs, `overrides` and the other
-            keyword arguments of `uav_bt.tree.parse_tree`.
+            keyword arguments of `uav_bt.tree.parse_tree`. Subtrees in another folder are found with
+            `lookup=TreeFolders(trees=[folder]).lookup()`.
 
     Raises:
         TreeError: the file was refused, or a mock or an override does not fit.

@@ -2,6 +2,7 @@
 
 from uav_bt.tree.foreign import leaf_of
 from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.loader import load_tree, parse_tree
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.mission_tree import MissionTree
@@ -22,6 +23,7 @@ __all__ = [
     "Port",
     "Status",
     "SubtreeNode",
+    "TreeFolders",
     "Variables",
     "leaf_of",
     "load_tree",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import inspect
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any, ClassVar, Final, get_type_hints
 
@@ -84,14 +84,7 @@ class ForeignLeaf(Leaf):
         del mission
         self.behaviour.setup_with_descendants()
         theirs = (one for one in self.behaviour.iterate() if not isinstance(one, Node))
-        for behaviour in theirs:
-            if isinstance(behaviour, _OF_WALL_CLOCK):
-                _log.warning(
-                    "Warning: node '%s': '%s' of py_trees measures the computer's clock, not the "
-                    "mission's; in a tree file use Sleep, Delay or Timeout",
-                    self.path,
-                    type(behaviour).__name__,
-                )
+        warn_of_wall_clock(self.path, theirs)
 
     def on_shutdown(self) -> None:
         """Shut down the behaviour and its descendants."""
@@ -104,7 +97,7 @@ class ForeignLeaf(Leaf):
         for ticked in self.behaviour.tick():
             inside = ticked is not self.behaviour and not isinstance(ticked, Node)
             if inside and ticked.status is common.Status.INVALID:
-                raise _no_status(ticked, "INVALID or another value")
+                raise no_status(ticked, "INVALID or another value")
         self.feedback_message = self.behaviour.feedback_message
         answered = self.behaviour.status
         status = SKIPPED if answered is common.Status.INVALID else Status[answered.name]
@@ -125,14 +118,37 @@ def _answering(behaviour: type[Behaviour]) -> type[Behaviour]:
     def update(self: Behaviour) -> common.Status:
         status = behaviour.update(self)
         if not isinstance(status, common.Status):
-            raise _no_status(self, repr(status))
+            raise no_status(self, repr(status))
         return status
 
     body = {"__module__": behaviour.__module__, "__qualname__": behaviour.__qualname__}
     return type(behaviour.__name__, (behaviour,), {**body, "update": update})
 
 
-def _no_status(behaviour: Behaviour, answer: str) -> MissionError:
+def warn_of_wall_clock(path: str, behaviours: Iterable[Behaviour]) -> None:
+    """Log a warning for each timer of py_trees.
+
+    Args:
+        path: Path of the node that ticks the behaviours.
+        behaviours: Behaviours of py_trees.
+    """
+    for behaviour in behaviours:
+        if isinstance(behaviour, _OF_WALL_CLOCK):
+            _log.warning(
+                "Warning: node '%s': '%s' of py_trees measures the computer's clock, not the "
+                "mission's; in a tree file use Sleep, Delay or Timeout",
+                path,
+                type(behaviour).__name__,
+            )
+
+
+def no_status(behaviour: Behaviour, answer: str) -> MissionError:
+    """Return the error for an answer of a behaviour that is not a status.
+
+    Args:
+        behaviour: Behaviour of py_trees.
+        answer: Description of its answer.
+    """
     name = type(behaviour).__qualname__
     return MissionError(f"update() of {name} must return a status of py_trees, got {answer}")
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
+from py_trees.behaviour import Behaviour
+
 from uav_bt.board import Key
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
@@ -18,6 +20,7 @@ from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.loading.lookup import Inclusion
 from uav_bt.tree.node import Node
 from uav_bt.tree.placing import place_tree
+from uav_bt.tree.py_trees_root import PyTreesRoot
 from uav_bt.tree.script import SCRIPTS, parse_script, parsed_by
 from uav_bt.tree.script.values import ONLY_LEAVES_WRITE
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
@@ -50,7 +53,8 @@ class MissionTree:
     """A tree of nodes with its variables.
 
     Args:
-        root: the root node; it and all below belong to this tree from now on.
+        root: the root node, or the root of a tree of py_trees; it and all below belong to this
+            tree from now on.
         name: the tree's name, first part of all paths.
         sources: the texts of the tree file and of the files it takes trees from, by path, the tree
             file first; empty for a tree composed in Python.
@@ -67,7 +71,7 @@ class MissionTree:
 
     def __init__(
         self,
-        root: Node,
+        root: Node | Behaviour,
         *,
         name: str = "Tree",
         sources: Mapping[Path, bytes] | None = None,
@@ -77,7 +81,7 @@ class MissionTree:
         enum_members: Mapping[str, int] | None = None,
         unset: Iterable[str] = (),
     ) -> None:
-        self.root = root
+        self.root = root if isinstance(root, Node) else PyTreesRoot(root)
         self.name = name
         self.sources = dict(sources or {})
         self.inclusions = dict(inclusions or {})
@@ -93,7 +97,8 @@ class MissionTree:
                 f"node '{twice.name}' stands in tree '{name}' {counts[twice]} times: make an "
                 "object for each of its places"
             )
-        place_tree(root, f"{name}/{root.name}", self.variables)
+        self._used = any(node.has_mission for node in counts)
+        place_tree(self.root, f"{name}/{self.root.name}", self.variables)
         _allow_depth(max(node.path.count("/") for node in self.nodes()))
         for hook in self.made_hooks:
             hook(self)
@@ -122,8 +127,8 @@ class MissionTree:
 
     @property
     def is_set_up(self) -> bool:
-        """Whether it was set up for a mission. A tree flies once because its leaves keep state."""
-        return self._ready
+        """Whether nodes of it were set up for a mission. A tree flies once: leaves keep state."""
+        return self._ready or self._used
 
     @property
     def text(self) -> str:
@@ -228,15 +233,15 @@ class MissionTree:
                         raise InputError(f"{what}; {ONLY_LEAVES_WRITE}")
 
     def shutdown(self) -> None:
-        """Shut all leaves down, also where an earlier one raises.
+        """Shut all nodes down, also where an earlier one raises.
 
         Raises:
             NodeFailedError: a leaf's `on_shutdown` raised; the first of them.
         """
         first: NodeFailedError | None = None
-        for leaf in self.leaves():
+        for node in self.nodes():
             try:
-                leaf.shutdown()
+                node.shutdown()
             except NodeFailedError as error:
                 first = first or error
         if first is not None:

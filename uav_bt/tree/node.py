@@ -2,10 +2,9 @@
 
 A node is ticked through `execute_tick`, plain calls that follow BehaviorTree.CPP 4.10 step by step.
 py_trees has another model of a tick (generators, four statuses, a composite per policy), so none of
-its engine is used. A node is a `py_trees.behaviour.Behaviour` for the sake of py_trees' tools: from
-there it has its id, children, parent, feedback message and `iterate`, and it answers `setup`,
-`tick`, `stop` and `status` as py_trees' trees, visitors and renderers expect. `status` is py_trees'
-status; `node_status` is ours.
+its engine is used. A node is a `py_trees.behaviour.Behaviour` for the sake of py_trees' tools: it
+has that class's id, children, parent, feedback message and `iterate`, and answers `setup`, `tick`,
+`stop` and `status` as they expect. `status` is py_trees' status; `node_status` is ours.
 """
 
 from __future__ import annotations
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
 
         def __init__(self, name: str) -> None: ...  # noqa: B027
         def iterate(self) -> Iterator[Node]: ...  # noqa: B027, D102
+        def shutdown(self) -> None: ...  # noqa: B027, D102
 else:
     from py_trees.behaviour import Behaviour
 

@@ -83,6 +83,11 @@ class NodePorts:
         return self._mission
 
     @property
+    def has_mission(self) -> bool:
+        """Whether the node was set up for a mission, now or before."""
+        return self._mission is not None
+
+    @property
     def author(self) -> type:
         """The class whose code runs when the node does; errors name its file and line."""
         return type(self)

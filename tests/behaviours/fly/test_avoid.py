@@ -13,16 +13,14 @@ from tests.behaviours.leaf_world import (
     ADVANCE,
     TURN_LEFT,
     TURN_RIGHT,
-    Says,
     halted_proposals,
-    live,
     map_with,
-    show,
     steering_bench,
 )
 from uav_bt.answers import Done, Rotate
 from uav_bt.board import HELD_TURN, SITE_MAP, STATE
 from uav_bt.testing import LeafBench
+from uav_bt.testing.world import Says, live, show
 from uav_bt.tree import Status
 from uav_bt.types import Attitude, HeldTurn, MoveBy, NearObstacles, Velocity
 

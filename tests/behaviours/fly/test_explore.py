@@ -12,14 +12,10 @@ from behaviours.fly.explore import Explore
 from tests.behaviours.leaf_world import (
     ADVANCE,
     TURN_RIGHT,
-    Says,
     halted_proposals,
-    live,
     map_with,
-    show,
     steering_bench,
 )
-from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.answers import Advance, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
@@ -34,6 +30,8 @@ from uav_bt.board import (
 )
 from uav_bt.errors import NodeFailedError, UnknownNameError
 from uav_bt.testing import LeafBench
+from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import Says, live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,

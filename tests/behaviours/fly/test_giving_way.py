@@ -11,11 +11,12 @@ from behaviours.fly.avoid import Avoid
 from behaviours.fly.explore import Explore
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.steering import SteeringLeaf
-from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT, Says, show, steering_bench
-from tests.behaviours.path.test_survey import drawn_map
+from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT, steering_bench
 from tests.behaviours.path.test_ways_out import mover
 from uav_bt.board import ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench
+from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import Says, show
 from uav_bt.tree import Status
 from uav_bt.types import BodyVelocity, Clearances, MoveBy, Velocity
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
@@ -37,12 +38,8 @@ def flown(
     policy = Says(TURN_RIGHT if leaf is Avoid else ADVANCE)
     bench = steering_bench(leaf, policy, gives_way=gives_way)
     for step in range(5):
-        show(bench)
-        bench.board[SITE_MAP] = replace(
-            drawn_map(pose=(0.0, 0.0, yaw_rad)),
-            captured_s=bench.clock.now(),
-            movers=movers if step == 4 else (),
-        )
+        site_map = drawn_map(pose=(0.0, 0.0, yaw_rad))
+        show(bench, site_map=replace(site_map, movers=movers if step == 4 else ()))
         move(bench, yaw_rad=yaw_rad, forward_mps=forward_mps)
         assert bench.tick() is Status.RUNNING
     return bench
@@ -109,9 +106,8 @@ def test_between_two_maps_the_way_is_held_and_afterwards_the_mission_goes_on() -
     bench.tick()
     assert bench.proposed == way
     for _ in range(6):
-        show(bench)
+        show(bench, site_map=drawn_map())
         move(bench)
-        bench.board[SITE_MAP] = replace(drawn_map(), captured_s=bench.clock.now())
         bench.tick()
     assert isinstance(bench.proposed, MoveBy)
 
@@ -134,10 +130,7 @@ def velocity_in(place: Clearances) -> Velocity:
     bench = steering_bench(Explore, Says(ADVANCE), gives_way=True)
     bench.clearances = place
     for step in range(5):
-        show(bench)
-        bench.board[SITE_MAP] = replace(
-            drawn_map(), captured_s=bench.clock.now(), movers=(COMES,) if step == 4 else ()
-        )
+        show(bench, site_map=replace(drawn_map(), movers=(COMES,) if step == 4 else ()))
         move(bench)
         bench.tick()
     assert isinstance(bench.proposed, Velocity)

@@ -12,11 +12,11 @@ import pytest
 from behaviours.fly.face import Face
 from behaviours.fly.go_to import GoTo
 from behaviours.fly.move_by import ClimbTo, MoveBy
-from tests.behaviours.leaf_world import show
-from tests.behaviours.path.test_survey import drawn_map
-from uav_bt.board import FLIGHT_HEIGHT, PHASE, SITE_MAP
+from uav_bt.board import FLIGHT_HEIGHT, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
+from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import live
 from uav_bt.tree import Status
 from uav_bt.types import MoveBy as MoveByCommand
 from uav_bt.types import MovementState, MovementStatus, Pose2D, Velocity
@@ -28,19 +28,8 @@ def on(
     x_m: float = 0.0, y_m: float = 0.0, yaw_rad: float = 0.0, *, walls: Sequence[float] = ()
 ) -> SiteMap:
     """Return ground of 4 x 4 m with the drone on it, and walls across at some x."""
-    points = [(wall, y) for wall in walls for y in np.linspace(-2.0, 2.0, 41)]
-    return drawn_map(pose=(x_m, y_m, yaw_rad), obstacles=np.array(points).reshape(-1, 2))
-
-
-def fly(
-    bench: LeafBench, site_map: SiteMap | None, *, seconds: float = 0.1, **world: object
-) -> Status:
-    yaw_rad = 0.0 if site_map is None else site_map.pose.yaw_rad
-    show(bench, seconds=seconds, yaw_rad=yaw_rad, **world)
-    del bench.board[SITE_MAP]
-    if site_map is not None:
-        bench.board[SITE_MAP] = replace(site_map, captured_s=bench.clock.now())
-    return bench.tick()
+    across = [((x_m, -2.0), (x_m, 2.0)) for x_m in walls]
+    return drawn_map(pose=(x_m, y_m, yaw_rad), walls=across)
 
 
 def velocity(bench: LeafBench) -> Velocity:
@@ -56,40 +45,46 @@ def done(bench: LeafBench) -> MovementStatus:
 
 def test_it_flies_ahead_to_a_place_ahead() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0")
-    assert fly(bench, on()) is Status.RUNNING
+    assert live(bench, site_map=on()) is Status.RUNNING
     assert velocity(bench).forward_mps > 0.2
     assert bench.board[PHASE] == "go to"
 
 
 def test_the_last_step_ends_at_the_place_and_then_it_is_there() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0")
-    fly(bench, on(1.2, 0.1))
+    live(bench, site_map=on(1.2, 0.1))
     step = bench.proposed
     assert isinstance(step, MoveByCommand)
     assert (step.forward_m, step.right_m) == pytest.approx((0.3, -0.1))
-    assert fly(bench, on(1.5, 0.0), movement=done(bench)) is Status.SUCCESS
+    assert live(bench, site_map=on(1.5, 0.0), movement=done(bench)) is Status.SUCCESS
 
 
 def test_the_place_counts_from_the_take_off_pose() -> None:
     """The drone took off at (1, 0) of the map, facing its y: the place is at (1, 1.5)."""
     bench = LeafBench(GoTo, to="start:1.5,0")
-    fly(bench, replace(on(yaw_rad=1.0), start=Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2)))
+    live(
+        bench,
+        site_map=replace(on(yaw_rad=1.0), start=Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2)),
+    )
     assert velocity(bench).forward_mps > 0.2
 
 
 def test_body_counts_from_where_the_leaf_began() -> None:
     bench = LeafBench(GoTo, to="body:0.5,0")
-    fly(bench, on(1.0))
+    live(bench, site_map=on(1.0))
     assert velocity(bench).forward_mps > 0.0
-    assert fly(bench, on(1.49), seconds=0.3) is Status.SUCCESS
+    assert live(bench, site_map=on(1.49), seconds=0.3) is Status.SUCCESS
 
 
 def test_where_no_way_is_known_it_looks_around_and_fails_after_a_time() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0", blocked_s=3.0)
-    statuses = [fly(bench, on(walls=[0.8]), seconds=0.3) for _ in range(9)]
+    walled = on(walls=[0.8])
+    statuses = [live(bench, site_map=walled, seconds=0.3) for _ in range(9)]
     assert set(statuses) == {Status.RUNNING}
     assert velocity(bench).yaw_rate_radps > 0.3
-    assert [fly(bench, on(walls=[0.8]), seconds=0.3) for _ in range(3)][-1] is Status.FAILURE
+    assert [live(bench, site_map=on(walls=[0.8]), seconds=0.3) for _ in range(3)][
+        -1
+    ] is Status.FAILURE
     assert "no known way" in bench.leaf.feedback_message
 
 
@@ -98,7 +93,7 @@ def test_it_flies_as_near_as_the_ground_is_known() -> None:
     x_m, _ = np.indices((61, 61)) * 0.1 - 3.0
     known = drawn_map(known=x_m < 1.0)
     bench = LeafBench(GoTo, to="start:1.9,0")
-    fly(bench, known)
+    live(bench, site_map=known)
     assert velocity(bench).forward_mps > 0.2
 
 
@@ -115,7 +110,7 @@ def test_a_place_that_cannot_be_reached_fails_with_its_reason(place: str, reason
     bench = LeafBench(GoTo, to=place, blocked_s=1.0)
     status = Status.RUNNING
     for _ in range(8):
-        status = fly(bench, on(walls=[1.6]), seconds=0.3)
+        status = live(bench, site_map=on(walls=[1.6]), seconds=0.3)
         if status is not Status.RUNNING:
             break
     assert status is Status.FAILURE
@@ -124,39 +119,39 @@ def test_a_place_that_cannot_be_reached_fails_with_its_reason(place: str, reason
 
 def test_it_waits_for_a_map() -> None:
     bench = LeafBench(GoTo, to="start:1,0", blocked_s=2.0)
-    assert fly(bench, None) is Status.RUNNING
+    assert live(bench) is Status.RUNNING
     assert bench.proposed is None
-    assert [fly(bench, None, seconds=0.5) for _ in range(5)][-1] is Status.FAILURE
+    assert [live(bench, seconds=0.5) for _ in range(5)][-1] is Status.FAILURE
     assert "no map" in bench.leaf.feedback_message
 
 
 def test_progress_counts_not_time() -> None:
     bench = LeafBench(GoTo, to="start:1.9,0", blocked_s=1.0)
     for step in range(12):
-        assert fly(bench, on(-1.5 + 0.2 * step), seconds=0.6) is Status.RUNNING
+        assert live(bench, site_map=on(-1.5 + 0.2 * step), seconds=0.6) is Status.RUNNING
 
 
 def test_a_heading_is_turned_to_at_the_place() -> None:
     bench = LeafBench(GoTo, to="start:0,0@90")
-    fly(bench, on())
+    live(bench, site_map=on())
     assert velocity(bench).yaw_rate_radps > 0.3
-    assert fly(bench, on(yaw_rad=math.radians(89)), seconds=0.3) is Status.SUCCESS
+    assert live(bench, site_map=on(yaw_rad=math.radians(89)), seconds=0.3) is Status.SUCCESS
 
 
 def test_a_height_becomes_the_height_of_the_flight() -> None:
     bench = LeafBench(GoTo, to="start:0,0,1.2")
-    fly(bench, on())
+    live(bench, site_map=on())
     assert bench.board[FLIGHT_HEIGHT] == 1.2
     climb = bench.proposed
     assert isinstance(climb, MoveByCommand)
     assert climb.down_m == pytest.approx(0.3)
-    assert fly(bench, on(), height_m=1.2, movement=done(bench)) is Status.SUCCESS
+    assert live(bench, site_map=on(), height_m=1.2, movement=done(bench)) is Status.SUCCESS
 
 
 def test_a_place_of_the_drawing_needs_the_take_off_pose_there() -> None:
     bench = LeafBench(GoTo, to="lab:1,0")
     with pytest.raises(InputError, match="take-off pose"):
-        fly(bench, on())
+        live(bench, site_map=on())
 
 
 YARD = Area((((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)),))
@@ -193,20 +188,20 @@ def test_it_turns_to_the_place(at: str, *, right: bool) -> None:
     box = MapObject(class_id=4, x_m=0.0, y_m=-1.0, size_m=0.4, std_m=0.1, seen_s=1.0, id=2)
     mark = MapMark(x_m=0.0, y_m=1.0, std_m=0.1, seen_s=1.0)
     bench = LeafBench(Face, at=at)
-    fly(bench, replace(on(), objects=(box,), mark=mark))
+    live(bench, site_map=replace(on(), objects=(box,), mark=mark))
     assert (velocity(bench).yaw_rate_radps > 0.3) == right
     assert abs(velocity(bench).yaw_rate_radps) > 0.3
 
 
 def test_it_faces_the_place_for_a_moment() -> None:
     bench = LeafBench(Face, at="0")
-    assert fly(bench, on()) is Status.RUNNING
-    assert [fly(bench, on(), seconds=0.2) for _ in range(2)][-1] is Status.SUCCESS
+    assert live(bench, site_map=on()) is Status.RUNNING
+    assert [live(bench, site_map=on(), seconds=0.2) for _ in range(2)][-1] is Status.SUCCESS
 
 
 def test_it_gives_up_when_it_is_kept_from_turning() -> None:
     bench = LeafBench(Face, at="180", give_up_s=1.0)
-    assert [fly(bench, on(), seconds=0.4) for _ in range(4)][-1] is Status.FAILURE
+    assert [live(bench, site_map=on(), seconds=0.4) for _ in range(4)][-1] is Status.FAILURE
 
 
 # --- MoveBy ---------------------------------------------------------------------------------------
@@ -214,28 +209,28 @@ def test_it_gives_up_when_it_is_kept_from_turning() -> None:
 
 def test_it_moves_where_the_map_shows_free_ground() -> None:
     bench = LeafBench(MoveBy, right_m=0.5)
-    fly(bench, on())
+    live(bench, site_map=on())
     step = bench.proposed
     assert isinstance(step, MoveByCommand)
     assert (step.forward_m, step.right_m) == (0.0, 0.5)
-    assert fly(bench, on(0.0, 0.5), movement=done(bench)) is Status.SUCCESS
+    assert live(bench, site_map=on(0.0, 0.5), movement=done(bench)) is Status.SUCCESS
 
 
 def test_it_does_not_move_towards_a_wall() -> None:
     bench = LeafBench(MoveBy, forward_m=0.7)
-    assert fly(bench, on(walls=[0.9])) is Status.FAILURE
+    assert live(bench, site_map=on(walls=[0.9])) is Status.FAILURE
     assert bench.proposed is None
 
 
 def test_it_stops_for_a_wall_that_appears() -> None:
     bench = LeafBench(MoveBy, forward_m=1.0)
-    assert fly(bench, on()) is Status.RUNNING
-    assert fly(bench, on(0.2, walls=[1.2]), seconds=0.3) is Status.FAILURE
+    assert live(bench, site_map=on()) is Status.RUNNING
+    assert live(bench, site_map=on(0.2, walls=[1.2]), seconds=0.3) is Status.FAILURE
 
 
 def test_up_needs_no_map() -> None:
     bench = LeafBench(MoveBy, up_m=0.3)
-    assert fly(bench, None) is Status.RUNNING
+    assert live(bench) is Status.RUNNING
     climb = bench.proposed
     assert isinstance(climb, MoveByCommand)
     assert climb.down_m == -0.3
@@ -246,9 +241,9 @@ def test_up_needs_no_map() -> None:
 
 def test_it_climbs_and_the_flight_goes_on_at_that_height() -> None:
     bench = LeafBench(ClimbTo, height_m=1.8)
-    fly(bench, None)
+    live(bench)
     climb = bench.proposed
     assert isinstance(climb, MoveByCommand)
     assert climb.down_m == pytest.approx(-0.3)
     assert bench.board[FLIGHT_HEIGHT] == 1.8
-    assert fly(bench, None, height_m=1.8, movement=done(bench)) is Status.SUCCESS
+    assert live(bench, height_m=1.8, movement=done(bench)) is Status.SUCCESS

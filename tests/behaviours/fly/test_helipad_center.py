@@ -8,9 +8,10 @@ from dataclasses import replace
 import pytest
 
 from behaviours.fly.helipad_center import HelipadCenter
-from tests.behaviours.leaf_world import halted_proposals, show
+from tests.behaviours.leaf_world import halted_proposals
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
 from uav_bt.testing import LeafBench
+from uav_bt.testing.world import show
 from uav_bt.tree import Status
 from uav_bt.types import GimbalTo, HelipadFix, MoveBy, MovementState, MovementStatus, Velocity
 

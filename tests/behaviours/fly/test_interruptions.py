@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT, Says, carpet
+from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
@@ -19,6 +19,7 @@ from uav_bt.protocols import LeafPolicy
 from uav_bt.testing import ScriptedDrone
 from uav_bt.testing.drone import ScriptedDroneConfig
 from uav_bt.testing.faults import Fault, FaultyDrone
+from uav_bt.testing.world import Says, carpet
 from uav_bt.tree import Leaf, NodeRegistry, Status, parse_tree
 from uav_bt.types import ClassMap, HelipadFix, MoveBy
 from uav_bt.types.mission_rules import LandOn

@@ -10,10 +10,11 @@ import pytest
 
 from behaviours.fly.land import EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
-from tests.behaviours.leaf_world import carpet, halted_proposals, live, show
+from tests.behaviours.leaf_world import halted_proposals
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
 from uav_bt.classes import BACKGROUND, BOXES, CARPET
 from uav_bt.testing import LeafBench
+from uav_bt.testing.world import carpet, live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,

@@ -7,9 +7,10 @@ import math
 import pytest
 
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
-from tests.behaviours.leaf_world import halted_proposals, live, show, wait
+from tests.behaviours.leaf_world import halted_proposals, wait
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
 from uav_bt.testing import LeafBench
+from uav_bt.testing.world import live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from behaviours.fly.objects import VISITED, NextObject, ObjectSeen, ViewPoints
-from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.board import SITE_MAP
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench, parse_tree
+from uav_bt.testing.maps import drawn_map
 from uav_bt.tree import Status
 from uav_bt.types import Pose2D
 from uav_bt.types.place import parse_places

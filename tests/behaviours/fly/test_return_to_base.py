@@ -18,17 +18,17 @@ from tests.behaviours.leaf_world import (
     ADVANCE,
     TURN_LEFT,
     TURN_RIGHT,
-    Says,
     halted_proposals,
     map_with,
-    show,
     steering_bench,
 )
 from tests.behaviours.path.test_passages import MARK, corner
-from tests.behaviours.path.test_survey import drawn_map, where
+from tests.behaviours.path.test_survey import where
 from uav_bt.answers import Done, FollowLeg
 from uav_bt.board import HELIPAD, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.testing import LeafBench
+from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import Says, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,

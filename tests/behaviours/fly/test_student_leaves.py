@@ -13,16 +13,7 @@ from behaviours.fly.explore import Explore
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.recent_views import RememberViews
-from tests.behaviours.leaf_world import (
-    ADVANCE,
-    TURN_LEFT,
-    TURN_RIGHT,
-    Says,
-    live,
-    map_with,
-    show,
-    steering_bench,
-)
+from tests.behaviours.leaf_world import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
 from uav_bt.answers import Advance, Blocked, Done, FollowLeg
 from uav_bt.board import (
     ADVICE,
@@ -36,6 +27,7 @@ from uav_bt.board import (
 )
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
+from uav_bt.testing.world import Says, live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,
@@ -375,7 +367,7 @@ def test_a_detour_goes_to_the_side_of_the_last_one() -> None:
     for _ in range(2):
         fly(bench, (2.0, 0.0))
     assert bench.proposed == Velocity(yaw_rate_radps=0.6)
-    policy.decisions = [FREE]
+    policy.answers = [FREE]
     for _ in range(30):
         if isinstance(bench.proposed, Velocity):
             yaw_rad += 0.3 * bench.proposed.yaw_rate_radps
@@ -387,7 +379,7 @@ def test_a_detour_goes_to_the_side_of_the_last_one() -> None:
             bench.tick()
             if stepped:
                 break
-    policy.decisions = [replace(NO_WAY, yaw_rad=-0.5)]
+    policy.answers = [replace(NO_WAY, yaw_rad=-0.5)]
     for _ in range(3):
         fly(bench, (2.0, 0.0))
     assert bench.proposed == Velocity(yaw_rate_radps=0.6)

@@ -7,9 +7,10 @@ import math
 import pytest
 
 from behaviours.fly.take_off import TakeOff
-from tests.behaviours.leaf_world import halted_proposals, live, show, wait
+from tests.behaviours.leaf_world import halted_proposals, wait
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, PHASE, STATE
 from uav_bt.testing import LeafBench
+from uav_bt.testing.world import live, show
 from uav_bt.tree import Status
 from uav_bt.types import FlyingState, GimbalTo, MoveBy, MovementState, MovementStatus
 from uav_bt.types import TakeOff as TakeOffCommand

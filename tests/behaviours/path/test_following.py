@@ -13,8 +13,9 @@ from behaviours.path.following import FollowConfig, follow
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles, recent_obstacles
 from behaviours.path.survey import best_route
-from tests.behaviours.path.test_survey import drawn_map, where
+from tests.behaviours.path.test_survey import where
 from uav_bt.answers import FollowLeg, Rotate
+from uav_bt.testing.maps import drawn_map
 from uav_bt.types import Corridor, NearObstacles
 
 MARGINS = Margins()

@@ -13,8 +13,8 @@ from behaviours.path.gimbal_pointing import (
     ground_share,
     mark_pitch_rad,
 )
-from tests.behaviours.path.test_survey import drawn_map
 from tests.behaviours.policies.cast_world import CAMERA
+from uav_bt.testing.maps import drawn_map
 from uav_bt.types import NearObstacles
 
 FLIGHT_RAD = math.radians(-30)

@@ -9,8 +9,8 @@ import numpy as np
 
 from behaviours.path.map_search import Aim, Course, MapSearch, MapSearchConfig
 from tests.behaviours.path.drawn_hall import SIGHT, DrawnHall
-from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.answers import Done, FollowLeg, Rotate
+from uav_bt.testing.maps import drawn_map
 from uav_bt.types import Corridor, NearObstacles, Pose2D
 from uav_bt.types.site_map import MapMark
 

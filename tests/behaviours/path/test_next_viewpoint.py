@@ -19,7 +19,8 @@ from behaviours.path.next_viewpoint import (
     still_shows_m2,
     unseen,
 )
-from tests.behaviours.path.test_survey import drawn_map, where
+from tests.behaviours.path.test_survey import where
+from uav_bt.testing.maps import drawn_map
 from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Flags
 from uav_bt.types.site_map import SiteMap

@@ -16,36 +16,11 @@ from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.survey import best_route
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Pose2D
+from uav_bt.testing.maps import drawn_map
 from uav_bt.types.site_map import MapObject, SiteMap
 
 MARGINS = Margins()
 NOTHING = np.empty((0, 2))
-
-
-def drawn_map(
-    *,
-    passed: NDArray[np.bool_] | None = None,
-    known: NDArray[np.bool_] | None = None,
-    obstacles: NDArray[np.float64] = NOTHING,
-    pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> SiteMap:
-    """Return ground of 4 x 4 m around the origin in a grid of 6 x 6 m, beyond it the outside."""
-    places = np.moveaxis(np.indices((61, 61)), 0, -1) * 0.1 - 3.0
-    ground = np.abs(places).max(axis=-1) <= 2.0
-    seen = ground if known is None else ground & known
-    return SiteMap(
-        pose=Pose2D(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2]),
-        corner_m=(-3.0, -3.0),
-        cell_m=0.1,
-        seen_s=np.where(seen, 1.0, -math.inf),
-        free=seen,
-        outside=~ground,
-        passed=np.zeros_like(ground) if passed is None else passed,
-        obstacles_m=obstacles,
-        edges_m=NOTHING,
-        captured_s=1.0,
-    )
 
 
 def where(condition: str) -> NDArray[np.bool_]:

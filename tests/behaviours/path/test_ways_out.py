@@ -22,7 +22,8 @@ from behaviours.path.ways_out import (
     standing_alone,
     way_out,
 )
-from tests.behaviours.path.test_survey import drawn_map, where
+from tests.behaviours.path.test_survey import where
+from uav_bt.testing.maps import drawn_map
 from uav_bt.types.site_map import MapMover, SiteMap
 
 CONFIG, MOVING = WayOutConfig(), MoversAheadConfig()

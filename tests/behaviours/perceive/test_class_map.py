@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from behaviours.perceive.class_map import FindHelipad, Segment
-from tests.behaviours.leaf_world import carpet, live, replace_tree, show
-from tests.behaviours.path.test_survey import drawn_map
+from tests.behaviours.leaf_world import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, ODOMETRY, SITE_MAP, STATE
 from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
 from uav_bt.testing import LeafBench, pinhole
+from uav_bt.testing.maps import drawn_map
+from uav_bt.testing.world import carpet, live, show
 from uav_bt.tree import Status
 from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame, LandingMark
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose

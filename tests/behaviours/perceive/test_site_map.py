@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from behaviours.perceive.site_map import MapSite
-from tests.behaviours.leaf_world import replace_tree, show
+from tests.behaviours.leaf_world import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, SITE_MAP
 from uav_bt.classes import BOXES
 from uav_bt.errors import TreeError
 from uav_bt.testing import LeafBench, pinhole
+from uav_bt.testing.world import show
 from uav_bt.tree import NodeRegistry, Status, parse_tree
 from uav_bt.types import BodyVelocity
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose

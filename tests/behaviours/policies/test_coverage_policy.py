@@ -10,10 +10,11 @@ import pytest
 
 from behaviours.policies.coverage_policy import CoveragePolicy
 from tests.behaviours.path.test_passages import corner
-from tests.behaviours.path.test_survey import drawn_map, where
+from tests.behaviours.path.test_survey import where
 from tests.behaviours.policies.cast_world import cast, view
 from uav_bt.answers import Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import MissionError
+from uav_bt.testing.maps import drawn_map
 from uav_bt.types import Clearances, Corridor
 from uav_bt.types.site_map import SiteMap
 

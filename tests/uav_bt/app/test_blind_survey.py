@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.twin import TwinConfig
+from sim_bridge.plain import PlainConfig
 from uav_bt import app
 from uav_bt.classes import BACKGROUND
 from uav_bt.mission.drone_wrapper import DroneWrapper
@@ -43,7 +43,7 @@ class OverUnknownGround(DroneWrapper):
 
 
 def test_a_survey_without_ground_lands_where_it_is() -> None:
-    drone = OverUnknownGround(TwinConfig(seed=1, image_size_px=(160, 90)).create())
+    drone = OverUnknownGround(PlainConfig(seed=1).create())
     options = app.FlightOptions(drone=drone, seed=1, exact_masks=True)
     report = app.fly("survey_and_land", options)
 

@@ -19,6 +19,7 @@ import pytest
 from numpy.typing import NDArray
 
 from behaviours.policies.segmentation_rule import SegmentationRule
+from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
 from uav_bt import app, plugins
@@ -659,9 +660,7 @@ def test_the_same_seed_gives_the_same_report_but_for_the_timings(
 
 def test_another_seed_gives_another_flight(tmp_path: Path) -> None:
     hop = tree_file(tmp_path, HOP)
-    reports = [
-        app.fly(hop, app.FlightOptions(seed=seed, image_size_px=(160, 90))) for seed in (1, 2)
-    ]
+    reports = [app.fly(hop, app.FlightOptions(drone="plain", seed=seed)) for seed in (1, 2)]
     assert reports[0].landing_error_m != reports[1].landing_error_m
 
 
@@ -709,6 +708,6 @@ def test_a_live_mission_is_not_stopped_to_collect_what_was_loaded_before_it(
             return super().send(command)
 
     tree = tree_file(tmp_path, "<Sequence><TakeOff/><Land/></Sequence>")
-    app.fly(tree, app.FlightOptions(drone=Live(TwinConfig(image_size_px=(160, 90)).create())))
+    app.fly(tree, app.FlightOptions(drone=Live(PlainConfig().create())))
     assert min(frozen) > 10_000
     assert gc.get_freeze_count() == 0

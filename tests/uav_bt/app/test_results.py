@@ -14,8 +14,7 @@ from uav_bt.app.view.recorded import RecordedFlight
 
 def test_a_flight_and_its_record_have_the_same_path_and_map(tmp_path: Path) -> None:
     options = app.FlightOptions(
-        exact_masks=True,
-        image_size_px=(160, 90),
+        drone="plain",
         profile="ideal",
         judge=app.JudgeConfig(time_limit_s=6.0),
         record=tmp_path / "flight.mcap",
@@ -42,4 +41,4 @@ def test_a_tree_without_a_map_has_none() -> None:
         '<root BTCPP_format="4"><BehaviorTree ID="M">'
         '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence></BehaviorTree></root>'
     )
-    assert app.fly(text, image_size_px=(160, 90), profile="ideal").site_map is None
+    assert app.fly(text, drone="plain", profile="ideal").site_map is None

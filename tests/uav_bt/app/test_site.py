@@ -310,7 +310,7 @@ take_off: {from: helipad, yaw_deg: -125}
 def test_it_lands_on_the_mat_of_a_scene(tmp_path: Path) -> None:
     scene = tmp_path / "mat.yaml"
     scene.write_text(MAT_SCENE, encoding="utf-8")
-    report = app.fly("land_only", scene=scene, exact_masks=True, image_size_px=(320, 180), seed=1)
+    report = app.fly("land_only", drone="plain", scene=scene, seed=1)
     assert report.outcome == "success"
     assert report.landing_error_m is not None
     assert report.landing_error_m < 0.15

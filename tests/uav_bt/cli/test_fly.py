@@ -27,6 +27,7 @@ from uav_bt.tree import Status
 from uav_bt.types.site_map import SiteMap
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
+PLAIN = ("--drone", "plain", "--profile", "ideal")
 
 PAD = "helipad: {position_m: [0, 0]}\n"
 SCENE = PAD + "boxes:\n  - {pattern: 1, position_m: [1.0, 1.0], size_m: [0.4, 0.4, 1.5]}\n"
@@ -69,7 +70,7 @@ def test_a_mission_that_succeeds_leaves_report_and_video(tmp_path: Path) -> None
 def test_a_mission_that_fails_exits_with_1_and_still_reports(tmp_path: Path) -> None:
     body = f"<Sequence>{HOP}<AlwaysFailure/></Sequence>"
     report = tmp_path / "report.json"
-    result = run("fly", tree_file(tmp_path, body), *SMALL, "--report", report)
+    result = run("fly", tree_file(tmp_path, body), *PLAIN, "--report", report)
     assert result.exit_code == 1, result.output
     assert "aborted" in result.stdout
     told = json.loads(report.read_text())
@@ -86,12 +87,12 @@ def test_a_fault_in_a_leaf_is_told_in_a_line_and_reported(
     monkeypatch.setattr("behaviours.fly.land.Land.update", break_down)
     report = tmp_path / "report.json"
     tree = tree_file(tmp_path, HOP)
-    result = run("fly", tree, *SMALL, "--report", report)
+    result = run("fly", tree, *PLAIN, "--report", report)
     assert result.exit_code == 1
     assert "Error: node 'Main/Sequence/Land' failed: KeyError: 'gimbal'" in result.stderr
     assert "Traceback" not in result.stderr
     assert json.loads(report.read_text())["outcome"] == "error"
-    assert "Traceback" in run("--debug", "fly", tree, *SMALL).stderr
+    assert "Traceback" in run("--debug", "fly", tree, *PLAIN).stderr
 
 
 def test_a_scene_file_of_ones_own_can_be_flown(tmp_path: Path) -> None:
@@ -378,7 +379,7 @@ def test_a_reader_that_goes_away_does_not_end_the_flight(tmp_path: Path) -> None
 def test_a_drone_left_in_the_air_is_the_last_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    report = app.fly(tree_file(tmp_path, HOP), app.FlightOptions(image_size_px=(160, 90)))
+    report = app.fly(tree_file(tmp_path, HOP), app.FlightOptions(drone="plain"))
     left = replace(report, outcome="aborted", airborne_at_end=True)
 
     def fly(tree: str, options: app.FlightOptions, *, listeners: list[Any], **_: object) -> object:
@@ -398,8 +399,7 @@ def test_a_drone_left_in_the_air_is_the_last_line(
 
 def test_a_flight_leaves_a_log(tmp_path: Path) -> None:
     path = tmp_path / "flight.btlog"
-    options = ("--image-size", "160x90", "--profile", "ideal")
-    result = run("fly", tree_file(tmp_path, HOP), *options, "--btlog", path)
+    result = run("fly", tree_file(tmp_path, HOP), *PLAIN, "--btlog", path)
     assert result.exit_code == 0, result.output
     assert f"btlog: {path}" in result.stdout
     with BtlogReader(path) as log:

@@ -1,4 +1,4 @@
-"""Short flights of the twin: a landing continues if video or telemetry stops."""
+"""Short flights: a landing continues if video or telemetry stops."""
 
 from __future__ import annotations
 
@@ -39,12 +39,11 @@ class Landing:
 @pytest.mark.parametrize("fault", ["video-lost@land+2", "late=1@land+2", "no-telemetry@land+2~2"])
 def test_a_landing_goes_on_when_data_stop(fault: str) -> None:
     """At 0.5 m the data stop; the drone neither hovers nor waits for their return."""
-    twin = app.make_drone(app.FlightOptions(scene="train-a", seed=1, image_size_px=(160, 90)))
-    drone, landing = FaultyDrone(twin, Fault.parse(fault)), Landing()
+    plain = app.make_drone(app.FlightOptions(drone="plain", scene="train-a", seed=1))
+    drone, landing = FaultyDrone(plain, Fault.parse(fault)), Landing()
     options = app.FlightOptions(
         drone=drone,
         seed=1,
-        exact_masks=True,
         judge=JudgeConfig(time_limit_s=40.0, land_on=LandOn.ANY),
     )
     report = app.fly(TREE, options, listeners=[lambda _: [drone, landing]])

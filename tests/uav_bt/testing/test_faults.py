@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
 from tests.sim_bridge.olympe.fake_olympe import FakeWorld, bridge
 from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
@@ -340,8 +341,8 @@ def test_faults_of_the_air_need_a_drone_that_is_in_it() -> None:
 
 
 def hovering_off_m(text: str | None) -> tuple[float, float]:
-    """Return the twin's distance from its take-off along x, m: the truth and its estimate."""
-    drone: Drone = TwinConfig(profile="ideal", image_size_px=(160, 90)).create()
+    """Return a drone's distance from its take-off along x, m: the truth and its estimate."""
+    drone: Drone = PlainConfig(profile="ideal").create()
     if text is not None:
         drone = FaultyDrone(drone, Fault.parse(text))
     drone.connect()

@@ -9,7 +9,7 @@ import pytest
 from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.errors import BoardAccessError, NodeFailedError, TreeError, ValueRangeError
 from uav_bt.testing import TreeBench, load_tree, parse_tree
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, TreeFolders
 from uav_bt.tree.scripted import ScriptedLeaf
 from uav_bt.types import GimbalTo, Hover, MoveBy
 
@@ -84,6 +84,23 @@ def test_access_that_is_not_declared_fails_the_test() -> None:
     with pytest.raises(NodeFailedError, match="'Main/Late' reads board key 'elapsed_s'") as error:
         parse_tree(text_of("<Late/>"), REGISTRY).tick()
     assert isinstance(error.value.__cause__, BoardAccessError)
+
+
+def test_subtrees_of_another_folder_are_mocked_like_the_rest(tmp_path: Path) -> None:
+    parts, path = tmp_path / "parts", tmp_path / "missions" / "mission.xml"
+    for folder in (parts, path.parent):
+        folder.mkdir()
+    path.write_text(text_of('<Sequence><SubTree ID="Up"/><Late/></Sequence>'), encoding="utf-8")
+    (parts / "up.xml").write_text(text_of("<Climb/>").replace("Main", "Up"), encoding="utf-8")
+    mocks = {"Main/Sequence/Up/Climb": "RS", "Late": "S"}
+    lookup = TreeFolders(trees=[parts]).lookup()
+    bench = load_tree(path, REGISTRY, lookup=lookup, mocks=mocks)
+    assert bench.tick_until(Status.SUCCESS, max_ticks=5) == 2
+    bench.log.assert_order("Climb succeeded", "Late started")
+    text = path.read_text(encoding="utf-8")
+    assert parse_tree(text, REGISTRY, lookup=lookup, mocks=mocks).tick() is Status.RUNNING
+    with pytest.raises(TreeError, match="Up"):
+        load_tree(path, REGISTRY, mocks=mocks)
 
 
 def test_waiting_in_vain_tells_what_happened() -> None:

@@ -1,0 +1,52 @@
+"""Drawn maps: ground, walls, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.testing import drawn_map
+
+
+@pytest.mark.parametrize("ground_m", [2.0, 4.0, 5.0])
+def test_the_ground_is_a_square_around_the_origin(ground_m: float) -> None:
+    site_map = drawn_map(ground_m=ground_m)
+    inside, beyond = ground_m / 2 - 0.05, ground_m / 2 + 0.15
+    for x_m, y_m in ((inside, inside), (-inside, inside), (0.0, -inside)):
+        assert site_map.ground[site_map.cell_of(x_m, y_m)]
+        assert not site_map.outside[site_map.cell_of(x_m, y_m)]
+    for x_m, y_m in ((beyond, 0.0), (0.0, -beyond)):
+        assert not site_map.ground[site_map.cell_of(x_m, y_m)]
+        assert site_map.outside[site_map.cell_of(x_m, y_m)]
+    corner = site_map.places_m()[0, 0]
+    assert tuple(corner) == pytest.approx((-ground_m / 2 - 1.0,) * 2)
+
+
+def test_walls_have_points_from_end_to_end() -> None:
+    points = drawn_map(
+        walls=[((1.0, -0.5), (1.0, 0.5)), ((0.0, 1.0), (0.0, 1.0))], obstacles=np.array([[-1, 0]])
+    ).obstacles_m
+    assert points[0] == pytest.approx((-1.0, 0.0))
+    wall = points[points[:, 0] == 1.0]
+    assert (wall[0, 1], wall[-1, 1]) == pytest.approx((-0.5, 0.5))
+    assert np.diff(wall[:, 1]).max() <= 0.05 + 1e-9
+    assert (points[-2:] == (0.0, 1.0)).all()
+
+
+def test_unknown_ground_is_neither_seen_nor_free() -> None:
+    known = drawn_map().places_m()[..., 0] < 0.5
+    site_map = drawn_map(known=known)
+    ahead = site_map.cell_of(1.0, 0.0)
+    assert not site_map.ground[ahead]
+    assert not site_map.free[ahead]
+    assert not site_map.outside[ahead]
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    with pytest.raises(ShapeError, match="known"):
+        drawn_map(known=np.ones((3, 3), dtype=bool))
+    with pytest.raises(ShapeError, match="obstacles"):
+        drawn_map(obstacles=np.zeros(2))
+    with pytest.raises(ValueRangeError, match="ground_m must be positive"):
+        drawn_map(ground_m=0.0)

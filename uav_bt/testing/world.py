@@ -1,0 +1,133 @@
+"""A drone in flight around one steering leaf: its state, its views and its policy's answers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TypedDict, Unpack
+
+import numpy as np
+
+from uav_bt.answers import Answer
+from uav_bt.board import CLASS_MAP, SITE_MAP
+from uav_bt.classes import CARPET
+from uav_bt.protocols import PolicyView
+from uav_bt.testing.bench import LeafBench
+from uav_bt.tree import Status
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    ClassMap,
+    DroneState,
+    FlyingState,
+    MovementStatus,
+    SiteMap,
+)
+from uav_bt.types.arrays import Image
+
+
+class InFlight(TypedDict, total=False):
+    """Keyword arguments of `live`; `show` describes them."""
+
+    seconds: float
+    site_map: SiteMap | None
+    ids: Image | None
+    flying: FlyingState
+    height_m: float
+    yaw_rad: float | None
+    gimbal_deg: float
+    movement: MovementStatus | None
+    velocity: BodyVelocity | None
+
+
+class Says:
+    """A policy that gives its answers in turn, the last one for ever.
+
+        bench = LeafBench(Explore, policy="says")
+        bench.policies["says"] = Says(Advance(forward_m=0.3, reason="clear"))
+
+    Args:
+        first: the first answer.
+        others: the answers after it.
+
+    Attributes:
+        answers: the answers that are still to come; a test may replace them.
+        views: the views that the policy was asked about, in order.
+    """
+
+    def __init__(self, first: Answer, *others: Answer) -> None:
+        self.answers = [first, *others]
+        self.views: list[PolicyView] = []
+
+    def decide(self, view: PolicyView) -> Answer:
+        """Return the next answer."""
+        self.views.append(view)
+        return self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
+
+
+def carpet() -> Image:
+    """Return class ids of nothing but carpet, (18, 32) uint8."""
+    return np.full((18, 32), CARPET, dtype=np.uint8)
+
+
+def show(
+    bench: LeafBench,
+    *,
+    seconds: float = 0.1,
+    site_map: SiteMap | None = None,
+    ids: Image | None = None,
+    flying: FlyingState = FlyingState.HOVERING,
+    height_m: float = 1.5,
+    yaw_rad: float | None = None,
+    gimbal_deg: float = -30.0,
+    movement: MovementStatus | None = None,
+    velocity: BodyVelocity | None = None,
+) -> None:
+    """Let time pass, then write telemetry, a black frame, a class map and a site map of now.
+
+    Args:
+        bench: the bench of the leaf.
+        seconds: time that passes before, s.
+        site_map: the map, such as a `drawn_map`. Default: the board's map stays as it is.
+        ids: (H, W) uint8 class ids. Default: `carpet()`.
+        flying: flying state in the telemetry.
+        height_m: height above the ground and above the take-off point, m.
+        yaw_rad: heading in the telemetry. Default: that of the map's pose, 0 without a map.
+        gimbal_deg: pitch of the camera, 0 level, negative down.
+        movement: state of the last movement, as the drone reports it.
+        velocity: velocity in the body frame. Default: 0.
+    """
+    bench.clock.advance(seconds)
+    now_s = bench.clock.now()
+    if yaw_rad is None:
+        yaw_rad = 0.0 if site_map is None else site_map.pose.yaw_rad
+    bench.observe(
+        DroneState(
+            captured_s=now_s,
+            flying=flying,
+            attitude=Attitude(yaw_rad=yaw_rad),
+            altitude_m=height_m,
+            height_m=height_m,
+            height_above_carpet_m=height_m,
+            gimbal_pitch_rad=math.radians(gimbal_deg),
+            movement=movement,
+            velocity=velocity or BodyVelocity(),
+        )
+    )
+    bench.board[CLASS_MAP] = ClassMap(ids=carpet() if ids is None else ids, captured_s=now_s)
+    if site_map is not None:
+        bench.board[SITE_MAP] = replace(site_map, captured_s=now_s)
+
+
+def live(bench: LeafBench, **world: Unpack[InFlight]) -> Status:
+    """Show the leaf the drone in flight, tick it once and return its answer.
+
+    Args:
+        bench: the bench of the leaf.
+        world: keyword arguments of `show`.
+
+    Raises:
+        NodeFailedError: the leaf raised.
+    """
+    show(bench, **world)
+    return bench.tick()
