@@ -161,14 +161,14 @@ def test_a_place_outside_the_area_is_refused_before_the_take_off() -> None:
     bench = LeafBench(GoTo, to="start:1.5,0")
     bench.area = YARD
     with pytest.raises(InputError, match=r"lies 0\.5 m outside"):
-        fly(bench, on())
+        live(bench, site_map=on())
 
 
 def test_a_place_that_turns_out_to_lie_outside_fails() -> None:
     mark = MapMark(x_m=0.0, y_m=1.5, std_m=0.1, seen_s=1.0)
     bench = LeafBench(GoTo, to="mark")
     bench.area = YARD
-    assert fly(bench, replace(on(), mark=mark)) is Status.FAILURE
+    assert live(bench, site_map=replace(on(), mark=mark)) is Status.FAILURE
     assert "outside the mission's area" in bench.leaf.feedback_message
 
 
