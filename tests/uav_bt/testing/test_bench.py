@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from uav_bt.answers import Advance, Answer
+from uav_bt.answers import Advance
 from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, HEIGHT, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import (
@@ -17,8 +17,8 @@ from uav_bt.errors import (
     NodeFailedError,
     ValueRangeError,
 )
-from uav_bt.protocols import LeafPolicy, PolicyView
-from uav_bt.testing import LeafBench
+from uav_bt.protocols import LeafPolicy
+from uav_bt.testing import LeafBench, Says
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import (
     Attitude,
@@ -28,15 +28,6 @@ from uav_bt.types import (
     MoveBy,
     MovementState,
 )
-
-
-class AlwaysOn:
-    """A policy that always advances."""
-
-    def decide(self, view: PolicyView) -> Answer:
-        """Advance by a step."""
-        del view
-        return Advance(forward_m=0.3)
 
 
 class Step(Leaf):
@@ -77,7 +68,7 @@ class Step(Leaf):
 
 def bench_of(**attributes: object) -> LeafBench:
     bench = LeafBench(Step, **attributes)
-    bench.policies["always"] = AlwaysOn()
+    bench.policies["always"] = Says(Advance(forward_m=0.3))
     return bench
 
 
