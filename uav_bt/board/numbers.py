@@ -45,10 +45,12 @@ LOCALISED: Final = _number(
 BLIND: Final = _number(
     "blind_s", "time without a new frame, or without ground in the map's views; -1: no frame", "s"
 )
+UNHEARD: Final = _number("unheard_s", "time since the newest telemetry", "s")
 COVERAGE_SHARE: Final = _number(
     "coverage_share", "share of the map's ground within 0.5 m of the flown path; -1: no map"
 )
 OBJECTS_COUNT: Final = _number("objects_count", "number of objects on the map; -1: no map")
+PHOTOS_COUNT: Final = _number("photos_count", "number of photographs that were stored")
 AREA_MARGIN: Final = _number(
     "area_margin_m",
     "distance to the boundary of the area of `Rules`, negative outside; 9999: no area; "
@@ -69,8 +71,10 @@ QUIET: Final[tuple[tuple[Key[float], float], ...]] = (
     (MARK_KNOWN, 0.0),
     (LOCALISED, 1.0),
     (BLIND, 0.0),
+    (UNHEARD, 0.0),
     (COVERAGE_SHARE, 0.0),
     (OBJECTS_COUNT, 0.0),
+    (PHOTOS_COUNT, 0.0),
     (AREA_MARGIN, UNKNOWN_PLACE),
 )
 """The numbers of a dry run, unless its script gives others: without faults and progress."""

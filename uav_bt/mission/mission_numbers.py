@@ -10,6 +10,7 @@ import numpy as np
 from uav_bt.board import HELIPAD, ODOMETRY, SITE_MAP
 from uav_bt.board import numbers as keys
 from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.numbers import UNKNOWN, UNKNOWN_PLACE
 from uav_bt.mission.battery_use import BatteryUse
 from uav_bt.mission.hold_model import HoldConfig
@@ -29,12 +30,15 @@ class MissionNumbers:
 
     Args:
         board: The mission's board.
+        notes: Photographs of the flight.
         whereabouts: Of the drone, updated in every tick.
         judge: Knows the time limit.
     """
 
-    def __init__(self, board: Blackboard, whereabouts: Whereabouts, judge: Judge) -> None:
-        self._board = board
+    def __init__(
+        self, board: Blackboard, notes: FlightNotes, whereabouts: Whereabouts, judge: Judge
+    ) -> None:
+        self._board, self._notes = board, notes
         self._whereabouts = whereabouts
         self._judge = judge
         self._battery = BatteryUse()
@@ -60,6 +64,8 @@ class MissionNumbers:
         frame = observation.frame
         captured_s = None if frame is None else frame.captured_s
         write(keys.BLIND, self._blind.update(captured_s, self._whereabouts.site_map, now_s))
+        write(keys.UNHEARD, max(now_s - state.captured_s, 0.0))
+        write(keys.PHOTOS_COUNT, len(self._notes.photos))
         self._write_place()
         self._write_map(now_s)
 

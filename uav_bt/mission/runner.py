@@ -103,7 +103,7 @@ class MissionRunner:
         limits = limits or Limits()
         self._arbiter = Arbiter(limits, drone.airframe, area=area, grounded=judge.stays_grounded)
         self._whereabouts = Whereabouts(context.board, area)
-        self._numbers = MissionNumbers(context.board, self._whereabouts, judge)
+        self._numbers = MissionNumbers(context.board, context.notes, self._whereabouts, judge)
         self.listeners = TickListeners(listeners)
         self._clock = clock
         self._timer = timer

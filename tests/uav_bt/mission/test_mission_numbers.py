@@ -11,6 +11,7 @@ import pytest
 
 from uav_bt.board import HELIPAD, MISSION_KEYS, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.numbers import NUMBER_KEYS
 from uav_bt.clock import ManualClock
 from uav_bt.mission.judge import Judge, JudgeConfig
@@ -31,6 +32,7 @@ from uav_bt.types import (
 )
 from uav_bt.types.area import Area
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.flight_results import Photo
 
 AREA = Area((((-2.0, -2.0), (4.0, -2.0), (4.0, 2.0), (-2.0, 2.0)),))
 CAMERA = CameraModel(width_px=8, height_px=6, fx_px=8.0, fy_px=8.0, cx_px=4.0, cy_px=3.0)
@@ -42,8 +44,9 @@ class World:
     def __init__(self, area: Area | None = None, judge: Judge | None = None) -> None:
         self.clock = ManualClock()
         self.board = Blackboard(self.clock, MISSION_KEYS)
+        self.notes = FlightNotes()
         self.whereabouts = Whereabouts(self.board, area)
-        self.numbers = MissionNumbers(self.board, self.whereabouts, judge or Judge())
+        self.numbers = MissionNumbers(self.board, self.notes, self.whereabouts, judge or Judge())
 
     def tick(
         self, state: DroneState | None = None, *, frame_s: float | None = None
@@ -112,10 +115,31 @@ def test_a_mission_without_perception_knows_the_drone_alone() -> None:
         "mark_known": 0.0,
         "localised": 0.0,
         "blind_s": -1.0,
+        "unheard_s": 0.0,
         "coverage_share": -1.0,
         "objects_count": -1.0,
+        "photos_count": 0.0,
         "area_margin_m": -9999.0,
     }
+
+
+def test_old_telemetry_and_photographs_are_counted() -> None:
+    world = World()
+    heard = DroneState(captured_s=world.clock.now(), flying=FlyingState.FLYING)
+    world.clock.advance(4.0)
+    world.notes.photos.append(
+        Photo(
+            label="",
+            file=None,
+            class_map=None,
+            time_s=1.0,
+            pose=None,
+            height_m=1.5,
+            gimbal_pitch_deg=-30.0,
+        )
+    )
+    numbers = world.tick(heard)
+    assert (numbers["unheard_s"], numbers["photos_count"]) == (4.0, 1.0)
 
 
 def test_the_place_counts_from_the_take_off_pose() -> None:
