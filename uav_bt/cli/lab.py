@@ -42,8 +42,9 @@ _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach 
 def scenes(*, shown: str | None, tree: str | None, out: Path | None) -> None:
     """List the scenes that ship with uav-bt, or list the boxes of one and draw its map."""
     if shown is None:
-        if out is not None or tree is not None:
-            raise click.UsageError("--out and --tree need --show SCENE")
+        given = "--out" if out is not None else "--tree" if tree is not None else None
+        if given is not None:
+            raise click.UsageError(f"{given} needs --show SCENE")
         for name in scene_names():
             click.echo(f"{name:<10}{_line(load_scene(name))}")
         return
