@@ -65,6 +65,7 @@ class GoTo(PlaceLeaf):
         self.write(PHASE, MissionPhase.GO_TO)
         self._planned_s = self._best_m = math.inf
         self._steps = 0
+        self._below = False  # whether the drone looks at ground below the view in flight
         self._trouble = "no map yet"
 
     def work(self, state: DroneState) -> Status:
@@ -118,7 +119,10 @@ class GoTo(PlaceLeaf):
         if shorter or way.left_m > self._best_m + self.config.progress_m:  # a new way counts anew
             self._best_m = way.left_m
         self.feedback_message = self._trouble = way.reason
-        if way.course is None:
+        self._below = way.course is None and way.left_m <= self.config.below_m
+        if self._below:  # the ground there is below the view in flight
+            self.fly_on(state, Rotate(yaw_rad=way.bearing_rad, reason="looks down"))
+        elif way.course is None:
             self.fly_on(state, Rotate(yaw_rad=self.config.look_rad, reason="looks"))
         elif isinstance(way.course, StepTo):
             self._steps += 1
@@ -126,6 +130,10 @@ class GoTo(PlaceLeaf):
         else:
             self.fly_on(state, way.course)
         return Status.RUNNING
+
+    def gimbal_pitch_rad(self) -> float | None:
+        """Return the camera's pitch, lower while the ground of a near place is looked for."""
+        return self.config.below_rad if self._below else super().gimbal_pitch_rad()
 
     def _arrived(self, state: DroneState, site_map: SiteMap, goal: Goal) -> Status:
         """Turn to the heading of the place and climb to its height."""

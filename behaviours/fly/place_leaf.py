@@ -31,6 +31,8 @@ class PlaceConfig:
         height_m: Largest error of a height.
         steps: Last steps that are flown before the drone counts as arrived where it is.
         progress_m: A way that is shorter by this is progress.
+        below_m: A place nearer than this may lie below the view in flight.
+        below_rad: The camera's pitch that shows it.
         look_rad: Turn that is ordered while the drone looks for a way.
     """
 
@@ -40,6 +42,8 @@ class PlaceConfig:
     height_m: float = 0.1
     steps: int = 2
     progress_m: float = 0.1
+    below_m: float = 1.0
+    below_rad: float = math.radians(-55)  # the map takes no steeper views
     look_rad: float = math.radians(60)
 
 

@@ -59,11 +59,13 @@ class WayTo:
     Attributes:
         course: What to fly; None while nothing can be flown.
         left_m: Length of the way that is left.
+        bearing_rad: Direction of the place, clockwise from the heading.
         reason: One or two words for the status line.
     """
 
     course: FollowLeg | Rotate | StepTo | None
     left_m: float
+    bearing_rad: float
     reason: str
 
 
@@ -94,23 +96,26 @@ def way_to(
     """
     config = config or ToPlaceConfig()
     forward_m, right_m = site_map.pose.to_body(*place)
-    apart_m = math.hypot(forward_m, right_m)
+    apart_m, bearing_rad = math.hypot(forward_m, right_m), math.atan2(right_m, forward_m)
     recent = recent_obstacles(obstacles, site_map, unmapped_s=config.follow.unmapped_s)
     maps = ClearanceMaps(site_map, recent, margins, crossing=True)
     if apart_m <= config.step_m and maps[Passage.TIGHT].is_open_to(*place):
         step = StepTo(forward_m=forward_m, right_m=right_m)
-        return WayTo(course=step, left_m=apart_m, reason="last step")
+        return WayTo(course=step, left_m=apart_m, bearing_rad=bearing_rad, reason="last step")
     route = maps.route_to(place, near_m=min(arrive_m, site_map.cell_m), far_m=arrive_m)
     trouble = "" if route is not None else _trouble(place, maps)
     if trouble == _UNSEEN:  # fly as near as known ground leads; from there more is seen
         far_m = apart_m - config.nearer_m
         route = maps[Passage.ORDINARY].route_to(place, near_m=arrive_m, far_m=far_m)
     if route is None or len(route.path_m) == 1:
-        return WayTo(course=None, left_m=apart_m, reason=trouble or _NO_WAY)
+        return WayTo(
+            course=None, left_m=apart_m, bearing_rad=bearing_rad, reason=trouble or _NO_WAY
+        )
     left_m = route.length_m + math.dist(route.path_m[-1], place)
     return WayTo(
         course=_course(route, site_map, corridor, config, most_mps),
         left_m=left_m,
+        bearing_rad=bearing_rad,
         reason=f"{left_m:.1f} m left",
     )
 

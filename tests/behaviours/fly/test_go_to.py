@@ -18,8 +18,8 @@ from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import live
 from uav_bt.tree import Status
+from uav_bt.types import GimbalTo, MovementState, MovementStatus, Pose2D, Velocity
 from uav_bt.types import MoveBy as MoveByCommand
-from uav_bt.types import MovementState, MovementStatus, Pose2D, Velocity
 from uav_bt.types.area import Area
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
@@ -95,6 +95,17 @@ def test_it_flies_as_near_as_the_ground_is_known() -> None:
     bench = LeafBench(GoTo, to="start:1.9,0")
     live(bench, site_map=known)
     assert velocity(bench).forward_mps > 0.2
+
+
+def test_it_looks_down_at_unseen_ground_nearby() -> None:
+    """That ground is below the view in flight."""
+    x_m, y_m = np.moveaxis(np.moveaxis(np.indices((61, 61)), 0, -1) * 0.1 - 3.0, -1, 0)
+    known = drawn_map(known=np.hypot(x_m, y_m - 0.6) > 0.3)
+    bench = LeafBench(GoTo, to="start:0,0.6")
+    live(bench, site_map=known)
+    assert velocity(bench).forward_mps == 0.0
+    assert velocity(bench).yaw_rate_radps > 0.3
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-55))
 
 
 @pytest.mark.parametrize(
