@@ -130,7 +130,7 @@ def mission_of(places: list[tuple[float, float]], take_off: Pose2D) -> str:
 
 
 def main() -> None:
-    """Fly what is missing and print the table."""
+    """Fly the missing flights and print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--drone", default="twin")
     parser.add_argument("--scenes", default="val-a,val-b")

@@ -54,8 +54,8 @@ class Errors:
         without_height: Number of objects of unknown height.
         false: Number of objects of the map that are none.
         duplicates: Number of further objects of the map for a true one.
-        most_false: The same in the worst tick.
-        most_duplicates: The same in the worst tick.
+        worst_false: The same in the worst tick.
+        worst_duplicates: The same in the worst tick.
     """
 
     position_m: list[float] = field(default_factory=list)
@@ -66,8 +66,8 @@ class Errors:
     without_height: int = 0
     false: int = 0
     duplicates: int = 0
-    most_false: int = 0
-    most_duplicates: int = 0
+    worst_false: int = 0
+    worst_duplicates: int = 0
 
     def add(self, other: Errors) -> None:
         """Add the errors of further flights."""
@@ -93,7 +93,7 @@ class ObjectLog:
         self._ticks = 0  # with a map
         self._first: dict[int, int] = {}  # tick in which a true object was first on the map
         self._newest: dict[int, tuple[float, MapObject]] = {}  # the same: distance, and object
-        self._false = self._duplicates = self._most_false = self._most_duplicates = 0
+        self._false = self._duplicates = self._worst_false = self._worst_duplicates = 0
 
     def on_tick(self, record: TickRecord) -> None:
         """Compare."""
@@ -119,8 +119,8 @@ class ObjectLog:
             )
             self._first.setdefault(index, self._ticks)
             self._ids[index][item.id] += 1
-        self._most_false = max(self._most_false, self._false)
-        self._most_duplicates = max(self._most_duplicates, self._duplicates)
+        self._worst_false = max(self._worst_false, self._false)
+        self._worst_duplicates = max(self._worst_duplicates, self._duplicates)
 
     def _nearest(self, item: MapObject, placement: MapPlacement) -> tuple[float, int]:
         """Return distance and index of the nearest true object of the same class."""
@@ -150,8 +150,8 @@ class ObjectLog:
             without_height=len(pairs) - len(heights_m),
             false=self._false,
             duplicates=self._duplicates,
-            most_false=self._most_false,
-            most_duplicates=self._most_duplicates,
+            worst_false=self._worst_false,
+            worst_duplicates=self._worst_duplicates,
         )
 
 
@@ -197,8 +197,8 @@ def report(errors: Errors) -> str:
             *lines,
             f"one id     at least {100 * least:.1f} %, {rare} objects below {100 * SAME_ID:.0f} %",
             f"missing    {errors.missing}; without height {errors.without_height}",
-            f"false      {errors.false} (worst tick {errors.most_false})",
-            f"duplicates {errors.duplicates} (worst tick {errors.most_duplicates})",
+            f"false      {errors.false} (worst tick {errors.worst_false})",
+            f"duplicates {errors.duplicates} (worst tick {errors.worst_duplicates})",
         ]
     )
 

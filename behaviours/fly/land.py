@@ -107,6 +107,10 @@ _RADIUS: Final = Port(
 )
 
 
+def _look_s(doc: str) -> Port[float]:
+    return Port("look_s", float, default=6.0, least=0, most=600, doc=doc)
+
+
 class SpotLandingLeaf(LandingLeaf):
     """Base of the leaves that land on the nearest surface in view that holds the hull.
 
@@ -194,17 +198,7 @@ class EmergencyLand(SpotLandingLeaf):
     and the drone may not be able to fly any longer.
     """
 
-    ports = (
-        _RADIUS,
-        Port(
-            "look_s",
-            float,
-            default=6.0,
-            least=0,
-            most=600,
-            doc="seconds to look for such a place before landing without a margin",
-        ),
-    )
+    ports = (_RADIUS, _look_s("seconds to look for such a place before landing without a margin"))
     answers = (Status.FAILURE, Status.RUNNING)
     phase = MissionPhase.EMERGENCY_LANDING
     landed = Status.FAILURE
@@ -222,17 +216,7 @@ class LandHere(SpotLandingLeaf):
     FAILURE in the air when no free ground was in view for `look_s`; the tree may fly elsewhere.
     """
 
-    ports = (
-        _RADIUS,
-        Port(
-            "look_s",
-            float,
-            default=6.0,
-            least=0,
-            most=600,
-            doc="seconds to look for such a place until it fails",
-        ),
-    )
+    ports = (_RADIUS, _look_s("seconds to look for such a place until it fails"))
     phase = MissionPhase.LAND
     landed = Status.SUCCESS
 

@@ -150,8 +150,8 @@ class ViewPoints(Leaf):
     """List places around an object that face it and have room and a free view; FAILURE without.
 
     The list begins with the place that is reached first, and each place is followed by the nearest
-    one that is left. A place beside the wanted one is taken where that one has no room or no free
-    view. The list has fewer places than `count` where there are none. An object hides what is
+    one that is left. If the wanted place has no room or no free view, a place beside it is
+    taken. The list has fewer places than `count` where there are none. An object hides what is
     behind it, whatever its height. FAILURE also without a map, and while the map does not know
     the object.
     """

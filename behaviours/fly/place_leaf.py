@@ -92,7 +92,7 @@ class PlaceLeaf(CourseLeaf):
         self._progress_s = self.leaf_clock.now()
 
     def gimbal_pitch_rad(self) -> float | None:
-        """Return the camera's pitch in flight, or lower where that would show little ground."""
+        """Return the camera's pitch in flight, or a lower one to show more ground."""
         flight_rad = self.read(FLIGHT_PITCH).value
         return None if flight_rad is None else self.ground_pitch_rad(flight_rad)
 

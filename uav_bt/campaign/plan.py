@@ -43,7 +43,7 @@ class PlannedFile:
 class PlannedTree(PlannedFile):
     """A tree with the values that only its flights have.
 
-    A variant of the campaign's parameters is a tree of its own: `patrol[fast].xml`.
+    A variant of the campaign's parameters is a separate tree: `patrol[fast].xml`.
     """
 
     ports: dict[str, str] = field(default_factory=dict)  # before those of the plan's options

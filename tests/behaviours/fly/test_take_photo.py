@@ -1,4 +1,4 @@
-"""Photographs: when a frame is stored, what is stored beside it, and why none is."""
+"""Photographs: stored frames and the files beside them, and reasons for none."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def test_what_is_given_counts_before_the_parameter_file(tmp_path: Path) -> None:
     options = FlightOptions(params=file, variables={"wait_s": 3, "laps": 4})
     tree = load_mission(text, options)
     assert [tree.find(name).port_value(port) for name, port in PORTS] == [1.1, 3.0, 4]
-    file.unlink()  # the options hold what it said
+    file.unlink()  # the options hold its values
     assert replace(options, seed=1).parameters == options.parameters
 
 

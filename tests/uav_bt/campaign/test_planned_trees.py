@@ -43,7 +43,7 @@ def params(tmp_path: Path) -> Path:
 
 
 def flown(plan: CampaignPlan) -> dict[str, tuple[object, object]]:
-    """Return height and wait of each tree's flights, as their workers are told."""
+    """Return height and wait of each tree's flights, as their workers get them."""
     options = {task.tree: task.flight_options() for task in plan.tasks()}
     return {
         tree: (how.ports.get("TakeOff.height_m"), how.variables.get("wait_s"))

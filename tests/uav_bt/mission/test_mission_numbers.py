@@ -1,4 +1,4 @@
-"""The numbers of a mission: what they say, and what they say when they know nothing."""
+"""The numbers of a mission: their values, and the values of unknown numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drawn maps: ground, walls, and what is refused."""
+"""Drawn maps: ground, walls, and refused arguments."""
 
 from __future__ import annotations
 

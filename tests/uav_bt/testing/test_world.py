@@ -1,4 +1,4 @@
-"""A state in flight on the bench, and a policy that answers as told."""
+"""A state in flight on the bench, and a policy with given answers."""
 
 from __future__ import annotations
 
