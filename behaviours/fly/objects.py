@@ -6,7 +6,8 @@ They do not move the drone.
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Final
+from abc import abstractmethod
+from typing import Any, ClassVar, Final
 
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
@@ -69,7 +70,33 @@ def _seen(site_map: SiteMap, names: str) -> list[MapObject]:
     ]
 
 
-class ObjectSeen(Leaf):
+class MapLeaf(Leaf):
+    """Base of the leaves that answer by the site map; FAILURE without one."""
+
+    reads: ClassVar[tuple[Key[Any], ...]] = (SITE_MAP,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Take the margins of the place."""
+        self._margins = Margins().within(mission.clearances)
+
+    def update(self) -> Status:
+        """Answer by the newest map."""
+        site_map = self.read(SITE_MAP).value
+        if site_map is None:
+            self.feedback_message = _NO_MAP
+            return Status.FAILURE
+        return self.work(site_map)
+
+    @abstractmethod
+    def work(self, site_map: SiteMap) -> Status:
+        """Return the answer.
+
+        Args:
+            site_map: The newest map.
+        """
+
+
+class ObjectSeen(MapLeaf):
     """SUCCESS while the map has an object of a class, placed precisely enough; FAILURE otherwise.
 
     FAILURE also without a map. Objects of which the map has few points do not count.
@@ -87,21 +114,16 @@ class ObjectSeen(Leaf):
             doc="largest standard deviation of the object's position, m",
         ),
     )
-    reads = (SITE_MAP,)
 
-    def update(self) -> Status:
+    def work(self, site_map: SiteMap) -> Status:
         """Look at the objects of the map."""
-        site_map = self.read(SITE_MAP).value
-        if site_map is None:
-            self.feedback_message = _NO_MAP
-            return Status.FAILURE
         most_m = self.port_value("std_m")
         seen = [each for each in _seen(site_map, self.port(CLASS)) if each.std_m <= most_m]
         self.feedback_message = ", ".join(f"object:{each.id}" for each in seen)
         return Status.SUCCESS if seen else Status.FAILURE
 
 
-class NextObject(Leaf):
+class NextObject(MapLeaf):
     """Choose the nearest object of the map that this mission has not chosen yet; FAILURE without.
 
     The nearest is the one with the shortest route. Objects without a known route come last, the
@@ -116,16 +138,8 @@ class NextObject(Leaf):
     reads = (SITE_MAP, VISITED)
     writes = (VISITED,)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Take the margins of the place."""
-        self._margins = Margins().within(mission.clearances)
-
-    def update(self) -> Status:
+    def work(self, site_map: SiteMap) -> Status:
         """Choose an object."""
-        site_map = self.read(SITE_MAP).value
-        if site_map is None:
-            self.feedback_message = _NO_MAP
-            return Status.FAILURE
         visited = self.read(VISITED).value or ""
         chosen = set(visited.split(SEPARATOR))
         left = {
@@ -146,7 +160,7 @@ class NextObject(Leaf):
         return Status.SUCCESS
 
 
-class ViewPoints(Leaf):
+class ViewPoints(MapLeaf):
     """List places around an object that face it and have room and a free view; FAILURE without.
 
     The list begins with the place that is reached first, and each place is followed by the nearest
@@ -179,18 +193,9 @@ class ViewPoints(Leaf):
         Port("count", int, default=4, least=1, most=36, doc="wanted number of places"),
         PLACES,
     )
-    reads = (SITE_MAP,)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Take the margins of the place."""
-        self._margins = Margins().within(mission.clearances)
-
-    def update(self) -> Status:
+    def work(self, site_map: SiteMap) -> Status:
         """Find the places."""
-        site_map = self.read(SITE_MAP).value
-        if site_map is None:
-            self.feedback_message = _NO_MAP
-            return Status.FAILURE
         of = self.port(self.OF)
         target = _target(site_map, Place.parse(of))
         if isinstance(target, Unresolved):
