@@ -340,10 +340,10 @@ def test_faults_of_the_air_need_a_drone_that_is_in_it() -> None:
         faulty("wind")
 
 
-def hovering_off_m(text: str | None) -> tuple[float, float]:
+def hovering_off_m(*faults: str) -> tuple[float, float]:
     """Return a drone's distance from its take-off along x, m: the truth and its estimate."""
     drone: Drone = PlainConfig(profile="ideal").create()
-    if text is not None:
+    for text in faults:
         drone = FaultyDrone(drone, Fault.parse(text))
     drone.connect()
     assert drone.referee is not None
@@ -361,11 +361,18 @@ def hovering_off_m(text: str | None) -> tuple[float, float]:
 
 
 def test_wind_pushes_and_drift_is_not_noticed() -> None:
-    calm, wind, drift = map(hovering_off_m, (None, "wind=0.8@start+4", "drift=0.2@start+4"))
+    calm, wind = hovering_off_m(), hovering_off_m("wind=0.8@start+4")
+    drift = hovering_off_m("drift=0.2@start+4")
     assert calm[0] == pytest.approx(0.0, abs=0.02)
     assert wind[0] == pytest.approx(0.2, abs=0.05)  # the drone tilts against the wind
     assert drift[0] == pytest.approx(1.2, abs=0.15)
     assert drift[1] == pytest.approx(0.0, abs=0.1)
+
+
+def test_disturbances_of_several_faults_add_up() -> None:
+    """An image fault in between passes them on, and one that is over takes nothing away."""
+    both = hovering_off_m("drift=0.2@start+4", "video-black", "drift=0.1@start+4", "wind=0.8~1")
+    assert both[0] == pytest.approx(1.8, abs=0.3)
 
 
 def test_exact_masks_are_of_what_a_frame_shows() -> None:

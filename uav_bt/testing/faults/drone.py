@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
@@ -43,6 +43,32 @@ class Disturbed(Protocol):
         ...
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Disturbance:
+    wind_mps2: tuple[float, float] = (0.0, 0.0)
+    drift_mps: tuple[float, float] = (0.0, 0.0)
+
+    def plus(self, other: _Disturbance) -> _Disturbance:
+        """Return the sum of two disturbances."""
+        return _Disturbance(
+            wind_mps2=_sum(self.wind_mps2, other.wind_mps2),
+            drift_mps=_sum(self.drift_mps, other.drift_mps),
+        )
+
+
+_CALM: Final = _Disturbance()
+
+
+def _sum(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    return one[0] + other[0], one[1] + other[1]
+
+
+def _innermost(drone: Drone) -> Drone:
+    while isinstance(drone, FaultyDrone):
+        drone = drone.inner
+    return drone
+
+
 class FaultyDrone(DroneWrapper):
     """Flies another drone with one fault.
 
@@ -55,21 +81,28 @@ class FaultyDrone(DroneWrapper):
     """
 
     def __init__(self, drone: Drone, fault: Fault) -> None:
-        if fault.kind.disturb is not None and not isinstance(drone, Disturbed):
+        innermost = _innermost(drone)
+        if fault.kind.disturb is not None and not isinstance(innermost, Disturbed):
             raise InputError(
                 f"fault '{fault.kind.name}' needs a drone with a method 'disturb', such as the "
-                f"twin; {type(drone).__name__} has none"
+                f"twin; {type(innermost).__name__} has none"
             )
         self.fault = fault
         self.began_s: float | None = None  # mission time of the first effect; None before it
         super().__init__(drone)
         self._phase_s: float | None = None
         self._before: Observation | None = None
+        self._outer = self._own = _CALM  # disturbances by the faults around this drone, and by it
         self._past: deque[Observation] = deque(maxlen=_PAST)
         self._command: Command | None = None
         self._shown: tuple[Frame, Frame] | None = (
             None  # the delivered frame, and the camera's frame of the same image
         )
+
+    @property
+    def inner(self) -> Drone:
+        """The drone that the fault is added to."""
+        return self._drone
 
     @property
     def referee(self) -> Referee | None:
@@ -102,8 +135,9 @@ class FaultyDrone(DroneWrapper):
         seen = self._drone.observe()
         self._past.append(seen)
         at, kind = self._moment(), self.fault.kind
-        if kind.disturb is not None and isinstance(self._drone, Disturbed):
-            self._drone.disturb(**({} if at is None else kind.disturb(at.level)))
+        if kind.disturb is not None:
+            self._own = _Disturbance(**({} if at is None else kind.disturb(at.level)))
+            self._pass_on()
         shown = seen
         if at is None:
             self._before = seen
@@ -111,6 +145,21 @@ class FaultyDrone(DroneWrapper):
             shown = kind.observe(seen, at)
         self._shown = None if shown.frame is None else (shown.frame, self._source(shown.frame))
         return shown
+
+    def disturb(
+        self,
+        *,
+        wind_mps2: tuple[float, float] = (0.0, 0.0),
+        drift_mps: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Add the disturbance of a fault around this drone to its fault's own."""
+        self._outer = _Disturbance(wind_mps2=wind_mps2, drift_mps=drift_mps)
+        self._pass_on()
+
+    def _pass_on(self) -> None:
+        if isinstance(self._drone, Disturbed):
+            both = self._own.plus(self._outer)
+            self._drone.disturb(wind_mps2=both.wind_mps2, drift_mps=both.drift_mps)
 
     def send(self, command: Command) -> Command:
         """Send a command as the fault changes it; return the mission's own command.

@@ -1,0 +1,221 @@
+"""The classes of a lab: their names, roles and colours.
+
+A class map holds class ids. What an id means is a property of the lab, so that code which flies
+works on roles. Tables are arrays of 256 entries, indexed by class id.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.lab.roles import GROUND, MARK, NO_ROLE, OBSTACLE, ROLE_NAMES, RoleName
+
+Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
+
+MAX_CLASSES: Final = 64
+_ROLE_COLOURS: Final[dict[RoleName, Colour]] = {
+    "outside": (40, 40, 48),
+    "ground": (126, 158, 120),
+    "mark": (255, 196, 0),
+    "obstacle": (214, 39, 40),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabClass:
+    """One class of a lab.
+
+    Attributes:
+        name: Name in files, reports and messages.
+        role: Meaning for a mission.
+        colour: Colour in images of class maps, RGB.
+        top: Name of the class of the level upper face; None if the class has no other one.
+    """
+
+    name: str
+    role: RoleName
+    colour: Colour
+    top: str | None = None
+
+
+class LabClasses:
+    """The classes of a lab in the order of their ids.
+
+    Args:
+        classes: The classes; the first one has id 0 and must lie outside.
+
+    Raises:
+        ValueRangeError: A name comes twice, a top is unknown or has another role, the first class
+            does not lie outside, or there are too many classes.
+    """
+
+    def __init__(self, classes: Iterable[LabClass]) -> None:
+        self._classes = tuple(classes)
+        self.names: Final = tuple(each.name for each in self._classes)
+        self._check()
+
+    @classmethod
+    def by_role(cls) -> Self:
+        """Return one class for each role, with the ids and names of the roles."""
+        return cls(
+            LabClass(name=role, role=role, colour=_ROLE_COLOURS[role]) for role in ROLE_NAMES
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LabClasses) and self._classes == other._classes
+
+    def __hash__(self) -> int:
+        return hash(self._classes)
+
+    def __len__(self) -> int:
+        return len(self._classes)
+
+    def __iter__(self) -> Iterator[LabClass]:
+        return iter(self._classes)
+
+    def __repr__(self) -> str:
+        return f"LabClasses({', '.join(self.names)})"
+
+    def id_of(self, name: str) -> int:
+        """Return the id of a class.
+
+        Raises:
+            UnknownNameError: There is no such class; the message suggests the closest one.
+        """
+        if name not in self.names:
+            raise UnknownNameError("class", name, self.names)
+        return self.names.index(name)
+
+    def of_role(self, role: int) -> tuple[int, ...]:
+        """Return the ids of the classes with a role."""
+        return tuple(np.flatnonzero(self._roles[: len(self)] == role).tolist())
+
+    @cached_property
+    def colours(self) -> NDArray[np.uint8]:
+        """(number of classes, 3) uint8 RGB: the colour of each class."""
+        return _frozen(np.array([each.colour for each in self._classes], dtype=np.uint8))
+
+    @cached_property
+    def top_of(self) -> NDArray[np.uint8]:
+        """(number of classes,) uint8: the class of the upper face of each class; 0 without one."""
+        ids = [0 if each.top is None else self.id_of(each.top) for each in self._classes]
+        return _frozen(np.array(ids, dtype=np.uint8))
+
+    @cached_property
+    def tops(self) -> tuple[int, ...]:
+        """The ids of the classes of upper faces."""
+        return tuple(sorted({int(each) for each in self.top_of if each}))
+
+    @cached_property
+    def standing(self) -> tuple[int, ...]:
+        """The ids of the obstacles whose base meets the ground: all but upper faces."""
+        return tuple(each for each in self.of_role(OBSTACLE) if each not in self.tops)
+
+    @cached_property
+    def mark_sides(self) -> int | None:
+        """The id of the sides of the box that carries the mark; None without such a class."""
+        return next((each for each in self.of_role(MARK) if self.top_of[each]), None)
+
+    @cached_property
+    def mark_top(self) -> int | None:
+        """The id of the top of the landing mark; None without a class for it."""
+        if self.mark_sides is not None:
+            return int(self.top_of[self.mark_sides])
+        return next(iter(self.of_role(MARK)), None)
+
+    @cached_property
+    def ground(self) -> int:
+        """The id of the first class that is ground.
+
+        Raises:
+            ValueRangeError: No class is ground.
+        """
+        ids = self.of_role(GROUND)
+        if not ids:
+            raise ValueRangeError("no class has the role ground")
+        return ids[0]
+
+    def roles(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the roles of class ids.
+
+        Args:
+            ids: Class ids, uint8, any shape.
+
+        Returns:
+            Role ids, uint8, of the same shape.
+
+        Raises:
+            ValueRangeError: An id is not that of a class, or the array is not uint8.
+        """
+        if ids.dtype != np.uint8:
+            raise ValueRangeError(f"class ids must be uint8, got {ids.dtype}")
+        roles = self._roles.take(ids)
+        if roles.size and int(roles.max()) == NO_ROLE:
+            raise ValueRangeError(
+                f"class ids must lie within 0 and {len(self) - 1}, got {int(ids.max())}"
+            )
+        return roles
+
+    def is_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return where class ids, uint8 of any shape, are ground."""
+        return np.asarray(self.roles(ids) == GROUND)
+
+    def is_above_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return where class ids, uint8 of any shape, are obstacles or the landing mark."""
+        return np.asarray(self.roles(ids) >= MARK)
+
+    def colourise(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return a class map as a colour image.
+
+        Args:
+            ids: (H, W) uint8 class ids.
+
+        Returns:
+            (H, W, 3) uint8 RGB.
+
+        Raises:
+            ValueRangeError: An id is not that of a class.
+        """
+        self.roles(ids)  # refuses bad ids
+        return self.colours[ids]
+
+    @cached_property
+    def _roles(self) -> NDArray[np.uint8]:
+        """(256,) uint8: a bad id is found after the look-up, without a second pass over a map."""
+        table = np.full(256, NO_ROLE, dtype=np.uint8)
+        table[: len(self)] = [ROLE_NAMES.index(each.role) for each in self._classes]
+        return _frozen(table)
+
+    def _check(self) -> None:
+        if not 1 <= len(self._classes) <= MAX_CLASSES:
+            raise ValueRangeError(f"expected 1 to {MAX_CLASSES} classes, got {len(self._classes)}")
+        twice = [name for name in self.names if self.names.count(name) > 1]
+        if twice:
+            raise ValueRangeError(f"the class '{twice[0]}' is listed twice")
+        first = self._classes[0]
+        if first.role != "outside":
+            raise ValueRangeError(
+                f"the first class must have the role outside, because unknown pixels become it; "
+                f"'{first.name}' has the role {first.role}"
+            )
+        for each in self._classes:
+            if each.top is None:
+                continue
+            top = self._classes[self.id_of(each.top)]
+            if top.role != each.role or top.top is not None or top is each:
+                raise ValueRangeError(
+                    f"'{top.name}' cannot be the top of '{each.name}': it must have the same role "
+                    "and no top"
+                )
+
+
+def _frozen(array: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,23 @@
+"""A lab: a place to fly in, real or simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from uav_bt.lab.classes import LabClasses
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lab:
+    """A place with its classes; `read_lab` reads one from its folder.
+
+    Attributes:
+        name: Name of the folder.
+        folder: Folder of the lab file, with the scenes and networks.
+        classes: Classes of the place.
+    """
+
+    name: str
+    folder: Path
+    classes: LabClasses

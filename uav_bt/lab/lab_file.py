@@ -1,0 +1,80 @@
+"""Reader of lab files: strict YAML; each mistake is reported with its file and line."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.lab.classes import Colour, LabClass, LabClasses
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.roles import RoleName
+from uav_bt.yaml_file import YamlFile, read_yaml
+
+LAB_FILE: Final = "lab.yaml"
+VERSION: Final = 1
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def read_lab(path: Path) -> Lab:
+    """Read the lab file of a folder.
+
+    Args:
+        path: The folder, or the lab file.
+
+    Raises:
+        FileError: The file is absent, malformed, or of a newer version.
+    """
+    path = path / LAB_FILE if path.is_dir() else path
+    file = read_yaml(path, _LabFile, "lab file", remedy="`uav-bt lab new NAME` makes one")
+    if file.value.version > VERSION:
+        raise file.error(
+            f"this lab is of version {file.value.version}, and this program reads versions up to "
+            f"{VERSION}: update uav-bt",
+            "version",
+        )
+    return Lab(name=path.parent.resolve().name, folder=path.parent, classes=_classes(file))
+
+
+def _classes(file: YamlFile[_LabFile]) -> LabClasses:
+    for name in file.value.classes:
+        if not _NAME.fullmatch(name):
+            raise file.error(
+                "a class name consists of small letters, digits and _, and begins with a letter",
+                "classes",
+                name,
+            )
+    listed = [
+        LabClass(name=name, role=each.role, colour=_colour(each.colour), top=each.top)
+        for name, each in file.value.classes.items()
+    ]
+    try:
+        return LabClasses(listed)
+    except ValueRangeError as error:
+        raise file.error(str(error), "classes") from error
+
+
+def _colour(text: str) -> Colour:
+    red, green, blue = bytes.fromhex(text.removeprefix("#"))
+    return red, green, blue
+
+
+# --- the form of the file -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Class:
+    role: RoleName
+    colour: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
+    top: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _LabFile:
+    version: Annotated[int, Field(ge=1)]
+    classes: Annotated[dict[str, _Class], Field(min_length=1)]

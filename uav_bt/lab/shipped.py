@@ -1,0 +1,60 @@
+"""Labs by name: those that ship with the project, and the folders of a user."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.lab_file import LAB_FILE, read_lab
+
+DEFAULT_LAB: Final = "paper"
+
+
+def shipped_labs() -> dict[str, Path]:
+    """Return the folders of the labs that ship with the project, by name.
+
+    A wheel has them inside the package, a checkout beside it.
+    """
+    package = Path(__file__).parents[1]
+    folders = (package / "labs", package.parent / "labs")
+    found = next((each for each in folders if each.is_dir()), folders[0])
+    return {path.parent.name: path.parent for path in sorted(found.glob(f"*/{LAB_FILE}"))}
+
+
+def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
+    """Read a lab.
+
+    Args:
+        name_or_path: Name of a lab that ships, or the path of a folder with a lab file. A name may
+            also be that of a folder in `labs/` below the working directory.
+
+    Raises:
+        UnknownNameError: The name is neither a lab nor a folder.
+        InputError: The name fits a shipped lab and another folder.
+        FileError: The lab file is absent or malformed.
+    """
+    name, path, shipped = str(name_or_path), Path(name_or_path), shipped_labs()
+    if len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
+        return read_lab(path)
+    own = Path("labs") / name
+    ours = shipped.get(name)
+    if ours is None:
+        if (own / LAB_FILE).is_file():
+            return read_lab(own)
+        if path.is_dir():
+            return read_lab(path)
+        raise UnknownNameError("lab", name, shipped)
+    if (own / LAB_FILE).is_file() and own.resolve() != ours.resolve():
+        raise InputError(
+            f"the lab '{name}' ships with uav-bt, and there is another one in {own}: "
+            f"give the path ./{own} for yours, or rename its folder"
+        )
+    return _shipped_lab(ours)
+
+
+@cache
+def _shipped_lab(folder: Path) -> Lab:
+    return read_lab(folder)
