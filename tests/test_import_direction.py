@@ -29,6 +29,7 @@ FLOOR_ONE = {
         "files",
         "inputs",
         "json_text",
+        "lab",
         "plugins",
         "progress",
         "protocols",

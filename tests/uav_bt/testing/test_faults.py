@@ -371,7 +371,7 @@ def test_wind_pushes_and_drift_is_not_noticed() -> None:
 
 def test_disturbances_of_several_faults_add_up() -> None:
     """An image fault in between passes them on, and one that is over takes nothing away."""
-    both = hovering_off_m("drift=0.2@start+4", "video-black", "drift=0.1@start+4", "wind=0.8~1")
+    both = hovering_off_m("drift=0.2@start+4", "frozen", "drift=0.1@start+4", "wind=0.8~1")
     assert both[0] == pytest.approx(1.8, abs=0.3)
 
 
