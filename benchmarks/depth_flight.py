@@ -28,9 +28,9 @@ from perception.depth.evaluation.scores import (
 from uav_bt import app
 from uav_bt.board import CAMERA, CORRIDOR, FRAME, METRIC_DEPTH
 from uav_bt.board.context import MissionContext
-from uav_bt.classes import BOXES, CARPET
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
+from uav_bt.types import ClassMap
 
 NEAR_M = 5.0
 FLYING_M = 1.0  # lower than this it takes off or lands
@@ -70,30 +70,33 @@ class Comparison:
         height_px, width_px = depth.depth.shape
         ids = referee.class_ids(frame, width_px, height_px)
         true = referee.depth(frame, width_px, height_px)
-        cut = np.isin(ids, [box for box in BOXES if (ids[-1] == box).any()])
-        sides = np.isin(ids, BOXES) & (true < NEAR_M)
+        classes = self._mission.classes
+        boxes = classes.standing
+        cut = np.isin(ids, [box for box in boxes if (ids[-1] == box).any()])
+        sides = np.isin(ids, boxes) & (true < NEAR_M)
         error = depth.depth - true
         for name, where in (
             ("sides, standing", sides & ~cut),
             ("sides, cut off", sides & cut),
-            ("carpet", ids == CARPET),
+            ("ground", classes.is_ground(ids)),
         ):
             self.errors[name].append(error[where])
-        self._measure(ids, true, depth.depth)
+        exact = ClassMap(ids=ids, classes=classes, captured_s=frame.captured_s)
+        self._measure(exact, true, depth.depth)
         corridor = board.read(CORRIDOR).value
         if corridor is not None and corridor.captured_s == depth.captured_s:
             self.free_m.append(corridor.free_distance_m)
 
     def _measure(
-        self, ids: NDArray[np.uint8], true: NDArray[np.float32], depth: NDArray[np.float32]
+        self, exact: ClassMap, true: NDArray[np.float32], depth: NDArray[np.float32]
     ) -> None:
         """Ask for the distances of some points."""
         camera = None if self._mission is None else self._mission.board.read(CAMERA).value
         if camera is None:
             return
-        camera = camera.resized(ids.shape[1], ids.shape[0])
+        camera = camera.resized(exact.ids.shape[1], exact.ids.shape[0])
         generator = np.random.default_rng((0, self._last))
-        points = draw_points(ids, true, camera, generator)
+        points = draw_points(exact, true, camera, generator)
         self.points.append(points)
         self.ranges_m.append(ranges_at(depth, points, camera))
 

@@ -31,6 +31,7 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
+from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.views import VALIDATION_SCENES
 from uav_bt.types import ClassMap, Frame
 
@@ -43,7 +44,8 @@ Points = NDArray[np.float64]
 def points_of(ids: NDArray[np.uint8], frame: Frame) -> tuple[Points, Points]:
     """Return the bases of obstacles and the edges of the ground in a class map, (N, 2) m each."""
     camera = anafi_camera(640, 360).resized(*ids.shape[::-1])
-    found = find_bases(scan_ground(ClassMap(ids=ids, captured_s=frame.captured_s), frame, camera))
+    class_map = ClassMap(ids=ids, classes=load_lab().classes, captured_s=frame.captured_s)
+    found = find_bases(scan_ground(class_map, frame, camera))
     return found.placed_m, found.edges_m
 
 

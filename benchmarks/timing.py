@@ -47,6 +47,7 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline
+from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.teacher import draw_twin_picks
 from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
 from uav_bt.types import Frame
@@ -220,7 +221,7 @@ def teacher(given: Options) -> None:
     picks = draw_twin_picks(plan, config)
     wanted = {pick.image for pick in picks}
     shown = ((name, rgb) for name, rgb, _ in twin_views(plan) if name in wanted)
-    patches = gather_patches(picks, shown, config.patch_px)
+    patches = gather_patches(picks, shown, config.patch_px, load_lab().classes)
     fast = fit_teacher(patches, config)
     svm = LinearSVC(C=config.cost, max_iter=config.max_iterations, random_state=0)
     model = OneVsRestClassifier(svm).fit(patches.features, patches.labels)

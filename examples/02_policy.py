@@ -6,7 +6,6 @@ import numpy as np
 
 from uav_bt import app
 from uav_bt.answers import Advance, Answer, Blocked
-from uav_bt.classes import GROUP_CARPET, group_of
 from uav_bt.protocols import PolicyView
 
 MISSION = """
@@ -39,23 +38,23 @@ MISSION = """
 """
 
 
-class FollowTheCarpet:
-    """Advance over carpet; otherwise turn to the side with more carpet."""
+class FollowTheGround:
+    """Advance over ground; otherwise turn to the side with more ground."""
 
     def decide(self, view: PolicyView) -> Answer:
-        carpet = group_of(view.class_map.ids) == GROUP_CARPET
-        near = carpet[carpet.shape[0] // 2 :]
+        ground = view.class_map.is_ground
+        near = ground[ground.shape[0] // 2 :]
         left, middle, right = (part.mean() for part in np.array_split(near, 3, axis=1))
         if middle > 0.95:
-            return Advance(forward_m=0.3, reason="carpet")
+            return Advance(forward_m=0.3, reason="ground")
         clockwise = 1 if right > left else -1
-        return Blocked(yaw_rad=clockwise * math.radians(30), reason="no carpet")
+        return Blocked(yaw_rad=clockwise * math.radians(30), reason="no ground")
 
 
 if __name__ == "__main__":
     options = app.FlightOptions(
         scene="train-b",
-        policies={"Explore": FollowTheCarpet(), "Avoid": FollowTheCarpet()},
+        policies={"Explore": FollowTheGround(), "Avoid": FollowTheGround()},
         exact_masks=True,  # the simulator's class maps instead of a network's: faster
         image_size_px=(320, 180),
     )

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import signal
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
+
+from uav_bt.lab import shipped
+from uav_bt.lab.lab_file import read_lab
 
 # Examples have no time limit: only benchmarks measure speed.
 settings.register_profile("uav-bt", deadline=None)
@@ -18,3 +23,16 @@ for number, handler in (
 ):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, handler)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that replaces the paper's lab, to find code that relies on its classes."""
+    parser.addoption("--lab", metavar="FOLDER", help="lab that stands for the paper's in all tests")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Replace the paper's lab before tests are collected, because they read its classes."""
+    folder = config.getoption("--lab")
+    if folder is not None:
+        lab = read_lab(Path(folder))
+        shipped._shipped_lab = lambda _: lab  # type: ignore[assignment]

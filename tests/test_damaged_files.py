@@ -6,6 +6,7 @@ import contextlib
 import json
 import random
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 from perception.camera.camera_file import load_camera
 from perception.segmentation.mapping import read_mapping
 from sim_bridge.twin.scene_file import load_scene, scene_text
+from tests.paper_lab import CLASSES
 from uav_bt import app
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import load_site
@@ -78,7 +80,7 @@ TEXTS: Final[dict[str, tuple[Callable[[Path], Any], str, str]]] = {
     "scene": (load_scene, ".yaml", scene_text(load_scene("train-a"))),
     "site": (load_site, ".yaml", SITE),
     "camera": (load_camera, ".yaml", CAMERA),
-    "mapping": (read_mapping, ".yaml", MAPPING),
+    "mapping": (partial(read_mapping, classes=CLASSES), ".yaml", MAPPING),
     "parameters": (read_parameters, ".yaml", PARAMETERS),
     "script": (read_script, ".yaml", SCRIPT),
     "flights": (read_flights, ".jsonl", FLIGHT),

@@ -19,6 +19,7 @@ from perception.segmentation.runtime import shipped_unet
 from perception.segmentation.teacher import load_teacher
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt import __version__
+from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.teacher import SHIPPED_TEACHER
 from uav_bt.learning.views import TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
 from uav_bt.tree.loading.loader import check_file
@@ -70,7 +71,7 @@ def test_every_shipped_scene_loads_under_its_own_name() -> None:
 
 
 def test_the_shipped_weights_load() -> None:
-    assert load_teacher(SHIPPED_TEACHER).known == tuple(range(17))
+    assert load_teacher(SHIPPED_TEACHER, load_lab().classes).known == tuple(range(17))
     assert shipped_unet().size_px == (224, 112)
 
 

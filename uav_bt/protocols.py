@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.answers import Answer
+from uav_bt.lab.classes import LabClasses
 from uav_bt.types import (
     Airframe,
     CameraModel,
@@ -53,6 +54,11 @@ class Scene(Protocol):
     @property
     def mark(self) -> LandingMark | None:
         """Size of the landing mark; None without one."""
+        ...
+
+    @property
+    def classes(self) -> LabClasses:
+        """Classes of the lab that the scene belongs to."""
         ...
 
     @property

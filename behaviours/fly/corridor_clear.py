@@ -10,7 +10,6 @@ from behaviours.policies.corridor_rule import CorridorRuleConfig, carpet_reach
 from behaviours.policies.view import VIEW_KEYS, current_view, policy_view
 from uav_bt.board import CORRIDOR, HELIPAD, SITE_MAP
 from uav_bt.board.context import MissionContext
-from uav_bt.classes import group_of
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import HeldTurn
 
@@ -111,7 +110,7 @@ class CorridorClear(Leaf):
         seen = current_view(self)
         if seen is not None:
             view = policy_view(self, *seen, held=HeldTurn(), tie_break=0.5)
-            reach_m = carpet_reach(group_of(view.class_map.ids), view, self.config.rule)
+            reach_m = carpet_reach(view.class_map.roles, view, self.config.rule)
             reach_m += view.camera.forward_offset_m
             self._carpet_ends = reach_m < self.port_value("carpet_m")
         return self._carpet_ends

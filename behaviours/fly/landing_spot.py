@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import GROUP_CARPET, GROUP_HELIPAD, group_of
+from uav_bt.lab.roles import GROUND, MARK
 from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel, ClassMap, Frame
 from uav_bt.types.projection import ground_points, project
 
@@ -48,12 +48,12 @@ def nearest_landing_spot(
         radius_m: Radius of the disc.
         mark_m: Height of the landing mark's top above the ground.
     """
-    groups = group_of(class_map.ids)
+    roles = class_map.roles
     height_m = max(frame.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
-    surfaces = [(groups == GROUP_CARPET, height_m)]
+    surfaces = [(roles == GROUND, height_m)]
     above_pad_m = height_m - mark_m
     if above_pad_m >= MIN_VIEW_HEIGHT_M:
-        top = _pad_top(groups == GROUP_HELIPAD, camera, frame, above_pad_m / height_m)
+        top = _pad_top(roles == MARK, camera, frame, above_pad_m / height_m)
         surfaces.append((top, above_pad_m))
     found = [
         spot

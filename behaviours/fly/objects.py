@@ -16,8 +16,8 @@ from behaviours.path.view_points import view_points
 from uav_bt.board import SITE_MAP
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
-from uav_bt.classes import CLASS_NAMES, standing_classes
 from uav_bt.errors import UnknownNameError
+from uav_bt.lab.classes import LabClasses
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types.place import SEPARATOR, Place, PlaceFrame
 from uav_bt.types.place_frames import Unresolved, resolve, start_place
@@ -36,33 +36,31 @@ _BESIDE_M: Final = 0.15  # a route ends this far beyond the margin of the object
 _MIN_POINTS: Final = 6  # of an object on the map; fewer may be an error of a network. Chosen.
 
 
-def _class_ids(names: str) -> tuple[int, ...]:
+def _class_ids(names: str, classes: LabClasses) -> tuple[int, ...]:
     """Return the classes of a port's value; all that stand on the ground for an empty one.
 
     Raises:
         UnknownNameError: No object of the map has such a class.
     """
-    standing = standing_classes()
-    by_name = {CLASS_NAMES[class_id]: class_id for class_id in standing}
+    by_name = {classes.names[class_id]: class_id for class_id in classes.standing}
     given = [name.strip() for name in names.split(SEPARATOR) if name.strip()]
     for name in given:
         if name not in by_name:
             raise UnknownNameError("class of an object", name, tuple(by_name))
-    return tuple(by_name[name] for name in given) or standing
+    return tuple(by_name[name] for name in given) or classes.standing
 
 
 CLASS: Final = Port(
     "class",
     str,
     default="",
-    check=_class_ids,
     doc="class of the object, such as box_5, or several with ; between them; empty: any",
 )
 
 
 def _seen(site_map: SiteMap, names: str) -> list[MapObject]:
     """Return the objects of some classes that the map has enough points of."""
-    class_ids = _class_ids(names)
+    class_ids = _class_ids(names, site_map.classes)
     return [
         each
         for each in site_map.objects
@@ -76,8 +74,10 @@ class MapLeaf(Leaf):
     reads: ClassVar[tuple[Key[Any], ...]] = (SITE_MAP,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Take the margins of the place."""
+        """Take the margins of the place; raises UnknownNameError for a class that the lab lacks."""
         self._margins = Margins().within(mission.clearances)
+        if CLASS in self.ports and self.reference(CLASS) is None:
+            _class_ids(self.port(CLASS), mission.classes)
 
     def update(self) -> Status:
         """Answer by the newest map."""
@@ -152,7 +152,7 @@ class NextObject(MapLeaf):
             return Status.FAILURE
         maps = _clearance_maps(site_map, self._margins)
         place = min(left, key=lambda each: _route_m(maps, left[each]))
-        label = CLASS_NAMES[left[place].class_id]
+        label = site_map.classes.names[left[place].class_id]
         self.write(VISITED, SEPARATOR.join(filter(None, (visited, place))))
         self.set_port(self.PLACE, place)
         self.set_port(self.LABEL, label)

@@ -31,7 +31,7 @@ def _mapping_file(classes: str) -> None:
 
 
 class Segment(Leaf):
-    """Segment each new frame into the seventeen classes; SUCCESS always.
+    """Segment each new frame into the classes of the lab; SUCCESS always.
 
     The age of the class map on the board shows staleness.
     """
@@ -60,11 +60,11 @@ class Segment(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError or FileError when it cannot be loaded."""
-        self._segmenter = mission.segmenter or self._load(mission.inference_threads)
+        self._segmenter = mission.segmenter or self._load(mission)
         if mission.ground:
-            from perception.segmentation.mapping import CountedAsCarpet  # noqa: PLC0415 - late, as below
+            from perception.segmentation.mapping import CountedAsGround  # noqa: PLC0415 - late, as below
 
-            self._segmenter = CountedAsCarpet(self._segmenter, mission.ground)
+            self._segmenter = CountedAsGround(self._segmenter, mission.classes, mission.ground)
         self._timer = StageTimer(mission, "segmentation")
         self._last_index = -1
 
@@ -78,7 +78,7 @@ class Segment(Leaf):
             self.write(CLASS_MAP, class_map, captured_s=frame.captured_s)
         return Status.SUCCESS
 
-    def _load(self, threads: int) -> Segmenter:
+    def _load(self, mission: MissionContext) -> Segmenter:
         # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
         from perception.segmentation import runtime  # noqa: PLC0415
         from perception.segmentation.mapping import read_mapping  # noqa: PLC0415
@@ -87,8 +87,9 @@ class Segment(Leaf):
         path = segmentation_file(model)
         if path is None:
             return runtime.shipped_teacher()
-        mapping = read_mapping(Path(classes)) if classes else None
-        return runtime.OnnxSegmenter(path, mapping=mapping, threads=threads)
+        mapping = read_mapping(Path(classes), mission.classes) if classes else None
+        threads = mission.inference_threads
+        return runtime.OnnxSegmenter(path, mission.classes, mapping, threads=threads)
 
 
 class FindHelipad(Leaf):

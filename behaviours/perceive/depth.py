@@ -22,7 +22,6 @@ from uav_bt.board import (
     STATE,
 )
 from uav_bt.board.context import MissionContext
-from uav_bt.classes import is_above_ground, is_ground
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
 
@@ -215,8 +214,8 @@ class BuildCorridor(Leaf):
             return Status.SUCCESS
         self._last_s = depth.captured_s
         height_px, width_px = depth.depth.shape
-        ids = class_map.ids
-        things = ~is_ground(ids) if self.port_value("background") else is_above_ground(ids)
+        beside = self.port_value("background")
+        things = ~class_map.is_ground if beside else class_map.is_above_ground
         with self._timer:
             corridor = self._builder.build(
                 depth,

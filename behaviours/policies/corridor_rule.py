@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.answers import Advance, Blocked
-from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
 from uav_bt.types import MIN_VIEW_HEIGHT_M
 from uav_bt.types.projection import project
@@ -65,15 +65,15 @@ class CorridorRuleConfig:
             raise ValueRangeError(f"a turn must lie within 0 and pi, got {self.turn_rad} rad")
 
 
-def carpet_reach(groups: NDArray[np.uint8], view: PolicyView, config: CorridorRuleConfig) -> float:
+def carpet_reach(roles: NDArray[np.uint8], view: PolicyView, config: CorridorRuleConfig) -> float:
     """Return the length of the carpet ahead of the camera, metres; inf when no end is in view.
 
     Boxes and the helipad stand on the carpet, so they count as carpet. The floor below the image's
     lower edge counts as carpet if the lowest visible rows show carpet.
 
     Args:
-        groups: (H, W) uint8, group ids.
-        view: the view of these groups.
+        roles: (H, W) uint8, role ids.
+        view: the view of these roles.
         config: width, share and range.
     """
     height_m = max(view.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
@@ -84,11 +84,11 @@ def carpet_reach(groups: NDArray[np.uint8], view: PolicyView, config: CorridorRu
     pixels = project(points, view.camera, view.gimbal_pitch_rad)
     with np.errstate(invalid="ignore"):
         columns, rows = np.rint(pixels[..., 0]), np.rint(pixels[..., 1])
-        inside = (columns >= 0) & (columns < groups.shape[1]) & (rows >= 0)
-        inside &= rows < groups.shape[0]
+        inside = (columns >= 0) & (columns < roles.shape[1]) & (rows >= 0)
+        inside &= rows < roles.shape[0]
     is_background = np.zeros(inside.shape, dtype=bool)
-    seen = groups[rows[inside].astype(int), columns[inside].astype(int)]
-    is_background[inside] = seen == GROUP_BACKGROUND
+    seen = roles[rows[inside].astype(int), columns[inside].astype(int)]
+    is_background[inside] = seen == OUTSIDE
     visible = inside.any(axis=1)
     allowed = (1.0 - config.carpet_share) * np.maximum(inside.sum(axis=1), 1)
     ends = is_background.sum(axis=1) > allowed
@@ -112,8 +112,8 @@ class CorridorRule:
             return Blocked(
                 yaw_rad=self._held(view, view.tie_break - 0.5), reason="no depth", free_m=0.0
             )
-        groups = group_of(view.class_map.ids)
-        reach_m = carpet_reach(groups, view, cfg) + view.camera.forward_offset_m
+        roles = view.class_map.roles
+        reach_m = carpet_reach(roles, view, cfg) + view.camera.forward_offset_m
         by_carpet_m = reach_m - cfg.edge_margin_m + relief_m
         by_corridor_m = view.corridor.free_distance_m - cfg.front_margin_m + relief_m
         min_step_m = cfg.shortest_step_m + (cfg.hysteresis_m if view.turning else 0.0)
@@ -127,10 +127,10 @@ class CorridorRule:
         if step_m >= cfg.shortest_step_m and not ground_ends and by_corridor_m >= min_step_m:
             return Advance(forward_m=step_m, reason="clear", free_m=free_m)
         if ground_ends:
-            side = self._more(groups, view, GROUP_CARPET)
+            side = self._more(roles, view, GROUND)
             reason = "edge" if by_corridor_m >= min_step_m else "corner"
         else:
-            side = self._away(groups, view)
+            side = self._away(roles, view)
             reason = "obstacle"
         return Blocked(
             yaw_rad=self._held(view, side), ground_ends=ground_ends, reason=reason, free_m=free_m
@@ -155,18 +155,18 @@ class CorridorRule:
         """Return a turn to `side` (positive: clockwise), or on in the direction under way."""
         return math.copysign(self.config.turn_rad, view.turning or side)
 
-    def _away(self, groups: NDArray[np.uint8], view: PolicyView) -> float:
+    def _away(self, roles: NDArray[np.uint8], view: PolicyView) -> float:
         """Return the side to turn to: away from the intrusion, or to the emptier half."""
         nearest = view.corridor.nearest_side if view.corridor is not None else None
         if nearest in {"left", "right"}:
             return 1.0 if nearest == "left" else -1.0
-        return -self._more(groups, view, GROUP_OBSTACLE)
+        return -self._more(roles, view, OBSTACLE)
 
-    def _more(self, groups: NDArray[np.uint8], view: PolicyView, group: int) -> float:
-        """Return the side that shows more of a group; the random sample decides a tie."""
-        middle = groups.shape[1] // 2
-        left = int(np.count_nonzero(groups[:, :middle] == group))
-        right = int(np.count_nonzero(groups[:, middle:] == group))
+    def _more(self, roles: NDArray[np.uint8], view: PolicyView, role: int) -> float:
+        """Return the side that shows more of a role; the random sample decides a tie."""
+        middle = roles.shape[1] // 2
+        left = int(np.count_nonzero(roles[:, :middle] == role))
+        right = int(np.count_nonzero(roles[:, middle:] == role))
         if abs(left - right) <= self.config.tie_ratio * max(left, right):
             return view.tie_break - 0.5
         return 1.0 if right > left else -1.0

@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.answers import Advance, Blocked
-from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
 from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel
 from uav_bt.types.projection import ground_range_to_row
@@ -96,8 +96,8 @@ class SegmentationRuleConfig:
             raise ValueRangeError(f"step and turn must be positive, got {self}")
 
 
-def _count(region: NDArray[np.uint8], group: int) -> int:
-    return int(np.count_nonzero(region == group))
+def _count(region: NDArray[np.uint8], role: int) -> int:
+    return int(np.count_nonzero(region == role))
 
 
 class SegmentationRule:
@@ -116,11 +116,11 @@ class SegmentationRule:
     def decide(self, view: PolicyView) -> Advance | Blocked:
         """Return an advance or a turn. A turn keeps its direction until the path is free."""
         cfg = self.config
-        groups = group_of(view.class_map.ids)
+        roles = view.class_map.roles
         high, low = self.rectangles(view)
-        scale = groups.size / _REFERENCE_PIXELS
-        obstacles = _count(high.of(groups), GROUP_OBSTACLE) / scale
-        ground = np.count_nonzero(low.of(groups) != GROUP_BACKGROUND) / scale
+        scale = roles.size / _REFERENCE_PIXELS
+        obstacles = _count(high.of(roles), OBSTACLE) / scale
+        ground = np.count_nonzero(low.of(roles) != OUTSIDE) / scale
 
         relief = min(view.full_turns, cfg.max_full_turns)
         obstacle_limit = cfg.obstacle_threshold_px * (1.0 + cfg.obstacle_relief * relief)
@@ -136,10 +136,10 @@ class SegmentationRule:
         if view.turning:
             yaw_rad = math.copysign(cfg.turn_rad, view.turning)
         elif carpet_goes_on:
-            left, right = (_count(half, GROUP_OBSTACLE) for half in high.halves(groups))
+            left, right = (_count(half, OBSTACLE) for half in high.halves(roles))
             yaw_rad = self._turn(right, left, view.tie_break)
         elif way_is_free:
-            left, right = (_count(half, GROUP_CARPET) for half in high.halves(groups))
+            left, right = (_count(half, GROUND) for half in high.halves(roles))
             yaw_rad = self._turn(left, right, view.tie_break)
         return Blocked(yaw_rad=yaw_rad, ground_ends=not carpet_goes_on, reason=reason)
 

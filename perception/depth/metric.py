@@ -19,9 +19,8 @@ from perception.depth.scale import (
     Scale,
     ScaleConfig,
     ScaleEstimator,
-    sample_carpet,
+    sample_ground,
 )
-from uav_bt.classes import is_above_ground
 from uav_bt.errors import UnknownNameError
 from uav_bt.types import (
     CameraModel,
@@ -126,7 +125,7 @@ class MetricDepthMaker:
         ground, captured_s = GroundPlane.of(view), frame.captured_s
         contact = None
         if self._source != "network":
-            contact = ContactEstimation(class_map.ids, ground, self._config.contact, remembered)
+            contact = ContactEstimation(class_map, ground, self._config.contact, remembered)
             measured = contact.result()
             if self._source == "contact" or self._suffices(measured, class_map, ground):
                 return _contact_only(measured, captured_s, "")
@@ -151,7 +150,7 @@ class MetricDepthMaker:
         ahead_m, aside_m = self._config.network_ahead_m, self._config.network_aside_m
         if ahead_m >= self._config.max_m:
             return False
-        unknown = ~np.isfinite(contact.depth) & is_above_ground(class_map.ids)
+        unknown = ~np.isfinite(contact.depth) & class_map.is_above_ground
         forward_m, right_m, down_m = contact.at_most[unknown] * ground.rays[:, unknown]
         near = (forward_m < ahead_m) & (np.abs(right_m) < aside_m)
         near &= down_m < self._config.network_below_m
@@ -162,7 +161,9 @@ class MetricDepthMaker:
     ) -> tuple[Scale | None, str]:
         """Return the scale of a network's depth, or None and the reason."""
         fitting, sampling = _resized(relative.depth, ground.view), self._config.sampling
-        sample = sample_carpet(fitting, class_map.ids, ground.depth_m, self._generator, sampling)
+        sample = sample_ground(
+            fitting, class_map.is_ground, ground.depth_m, self._generator, sampling
+        )
         scale = self._scale.update(sample, class_map.captured_s)
         if scale is not None:
             return scale, ""

@@ -21,9 +21,8 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
-from uav_bt.classes import CARPET
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.types.arrays import Floats32
+from uav_bt.types.arrays import Flags, Floats32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +70,9 @@ class CarpetSample:
         return len(self.known_m)
 
 
-def sample_carpet(
+def sample_ground(
     relative: Floats32,
-    ids: NDArray[np.uint8],
+    is_ground: Flags,
     ground_m: Floats32,
     generator: np.random.Generator,
     config: ScaleConfig | None = None,
@@ -82,7 +81,7 @@ def sample_carpet(
 
     Args:
         relative: (H, W) relative depth along the optical axis.
-        ids: (H, W) class ids of the same size.
+        is_ground: (H, W) whether a pixel shows the ground.
         ground_m: (H, W) depth of the ground plane, metres; NaN where a ray does not meet it.
         generator: samples the pixels, without replacement.
         config: number of pixels and distance from the border.
@@ -94,16 +93,16 @@ def sample_carpet(
         ShapeError: the sizes differ.
     """
     config = config or ScaleConfig()
-    if relative.shape != ids.shape:
-        expected = f"{ids.shape[0]}x{ids.shape[1]}, as the class map"
+    if relative.shape != is_ground.shape:
+        expected = f"{is_ground.shape[0]}x{is_ground.shape[1]}, as the class map"
         raise ShapeError("relative depth", expected=expected, actual=relative.shape)
-    if ground_m.shape != ids.shape:
-        expected = f"{ids.shape[0]}x{ids.shape[1]}, as the class map"
+    if ground_m.shape != is_ground.shape:
+        expected = f"{is_ground.shape[0]}x{is_ground.shape[1]}, as the class map"
         raise ShapeError("depth of the ground", expected=expected, actual=ground_m.shape)
-    reach = max(1, round(config.margin_share * ids.shape[0]))
+    reach = max(1, round(config.margin_share * is_ground.shape[0]))
     # The image's edge is not a border of the carpet.
     padded = cv2.copyMakeBorder(
-        (ids == CARPET).astype(np.uint8), reach, reach, reach, reach, cv2.BORDER_REPLICATE
+        is_ground.astype(np.uint8), reach, reach, reach, reach, cv2.BORDER_REPLICATE
     )
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     inner = cv2.erode(padded, kernel)[reach:-reach, reach:-reach]
@@ -113,7 +112,7 @@ def sample_carpet(
     if places.size < config.min_points:
         return None
     chosen = generator.choice(places, size=min(config.points, places.size), replace=False)
-    rows, columns = np.divmod(chosen, ids.shape[1])
+    rows, columns = np.divmod(chosen, is_ground.shape[1])
     return CarpetSample(
         pixels=np.stack([columns, rows], axis=-1),
         known_m=ground_m[rows, columns],

@@ -15,7 +15,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
 from uav_bt.types import CameraModel, ClassMap, LandingMark
 from uav_bt.types.projection import ground_points
 
@@ -89,14 +88,14 @@ class HelipadDetector:
         height, width = class_map.ids.shape
         scale = (width * height) / (224.0 * 112.0)
         h_parts = _components(
-            (class_map.ids == HELIPAD_H).astype(np.uint8),
+            (class_map.ids == class_map.classes.mark_top).astype(np.uint8),
             cfg.min_h_area_px * scale,
             cfg.max_components,
         )
         if not h_parts:
             return None
         box_parts = _components(
-            (class_map.ids == HELIPAD_BOX).astype(np.uint8),
+            (class_map.ids == class_map.classes.mark_sides).astype(np.uint8),
             cfg.min_box_area_px * scale,
             cfg.max_components,
         )

@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.mapping import scan_loops
-from uav_bt.classes import (
-    GROUP_BACKGROUND,
-    GROUP_CARPET,
-    GROUP_OBSTACLE,
-    NO_CLASS,
-    ROOF_OF_CLASS,
-    group_of,
-)
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.roles import (
+    GROUND,
+    NO_ROLE,
+    OBSTACLE,
+    OUTSIDE,
+)
 from uav_bt.types import CameraModel, ClassMap, Frame
 from uav_bt.types.projection import camera_axes
 
@@ -46,9 +44,10 @@ class GroundScan:
     """A class map sampled at points of the ground along bearings."""
 
     level_m: NDArray[np.float64]  # (B, E, 2) forward, right of the point below the camera
-    ids: NDArray[np.uint8]  # (B, E) class ids; `NO_CLASS` for samples below the image
-    groups: NDArray[np.uint8]  # (B, E) group ids; `NO_CLASS` for samples below the image
-    image_groups: NDArray[np.uint8]  # (H, W) group ids of the whole class map
+    ids: NDArray[np.uint8]  # (B, E) class ids; `NO_ROLE` for samples below the image
+    roles: NDArray[np.uint8]  # (B, E) role ids; `NO_ROLE` for samples below the image
+    image_roles: NDArray[np.uint8]  # (H, W) role ids of the whole class map
+    top_of: NDArray[np.uint8]  # (C,) class of the upper face of each class; 0 without one
     height_m: float  # of the camera above the ground
     min_run: int  # samples above a base
 
@@ -90,33 +89,32 @@ def scan_ground(
     bearings = np.arange(-widest, widest, config.bearing_step_rad)
     end = min(config.max_elevation_rad, pitch_rad + 0.6)
     elevations = np.arange(lowest, end, config.elevation_step_rad)
-    image_groups = group_of(class_map.ids)
-    level_m, ids, groups = scan_loops.sampled(
+    image_roles = class_map.roles
+    level_m, ids, roles = scan_loops.sampled(
         np.ascontiguousarray(class_map.ids),
-        image_groups,
+        image_roles,
         np.column_stack([np.cos(bearings), np.sin(bearings)]),
         height_m / np.tan(-elevations),
         height_m,
         camera_axes(pitch_rad),
         camera.pinhole_px,
     )
-    return GroundScan(level_m, ids, groups, image_groups, height_m, config.min_run)
+    top_of = class_map.classes.top_of
+    return GroundScan(level_m, ids, roles, image_roles, top_of, height_m, config.min_run)
 
 
 def find_bases(scan: GroundScan) -> Bases:
     """Find the first obstacle on the carpet on each bearing of a scan, and the carpet's edge."""
-    rows, first, before = scan_loops.first_runs(scan.groups, GROUP_OBSTACLE, scan.min_run)
-    stands, hides = before == GROUP_CARPET, before == NO_CLASS
-    edge_rows, edge, edge_before = scan_loops.first_runs(
-        scan.groups, GROUP_BACKGROUND, scan.min_run
-    )
-    ends, ended = edge_before == GROUP_CARPET, edge_before == NO_CLASS
+    rows, first, before = scan_loops.first_runs(scan.roles, OBSTACLE, scan.min_run)
+    stands, hides = before == GROUND, before == NO_ROLE
+    edge_rows, edge, edge_before = scan_loops.first_runs(scan.roles, OUTSIDE, scan.min_run)
+    ends, ended = edge_before == GROUND, edge_before == NO_ROLE
     placed = rows[stands], first[stands]
     return Bases(
         placed_m=_borders_m(scan, *placed),
         placed_ids=scan.ids[placed],
         placed_heights_m=scan_loops.upper_edges(
-            scan.level_m, scan.ids, *placed, ROOF_OF_CLASS, scan.height_m
+            scan.level_m, scan.ids, *placed, scan.top_of, scan.height_m
         ),
         hidden_m=scan.level_m[rows[hides], first[hides]],
         edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.mapping.view import View
-from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_HELIPAD, NO_CLASS
 from uav_bt.compiled import compiled
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.roles import GROUND, MARK, NO_ROLE, OUTSIDE
 from uav_bt.types.arrays import Flags, Floats, Indices
 from uav_bt.types.site_map import is_beyond_edge
 
@@ -70,7 +70,7 @@ class GroundGrid:
         lens_at = (lens.x_m, lens.y_m, math.cos(lens.yaw_rad), math.sin(lens.yaw_rad))
         used, outside = _vote(
             scan.level_m,
-            scan.groups,
+            scan.roles,
             lens_at,
             (view.captured_s, cfg.max_range_m, cfg.cell_m),
             cfg.max_votes,
@@ -83,7 +83,7 @@ class GroundGrid:
             self._use(used)
         _clear_below(
             scan.level_m,
-            scan.groups,
+            scan.roles,
             lens_at,
             (cfg.near_step_m, cfg.max_range_m, cfg.cell_m),
             cfg.near_bearings,
@@ -200,7 +200,7 @@ class GroundGrid:
 )
 def _vote(  # noqa: PLR0917 - Numba passes arguments by position
     level_m: Floats,
-    groups: NDArray[np.uint8],
+    roles: NDArray[np.uint8],
     lens_at: tuple[float, float, float, float],
     limits: tuple[float, float, float],
     max_votes: int,
@@ -212,7 +212,7 @@ def _vote(  # noqa: PLR0917 - Numba passes arguments by position
 
     Args:
         level_m: (B, E, 2) samples, forward and right of the point below the camera.
-        groups: (B, E) their group ids.
+        roles: (B, E) their role ids.
         lens_at: x and y of the camera in the map's frame, m; cosine and sine of its heading.
         limits: capture time, s; range of samples that count, m; side of a cell, m.
         max_votes: limit of the votes.
@@ -231,21 +231,19 @@ def _vote(  # noqa: PLR0917 - Numba passes arguments by position
     more_ground = np.zeros((side, side), dtype=np.int32)  # samples of ground less those beyond
     used = np.array([[side, side], [-1, -1]], dtype=np.intp)
     outside = False
-    for bearing in range(groups.shape[0]):
-        for sample in range(groups.shape[1]):
-            group = groups[bearing, sample]
+    for bearing in range(roles.shape[0]):
+        for sample in range(roles.shape[1]):
+            role = roles[bearing, sample]
             forward_m, right_m = level_m[bearing, sample, 0], level_m[bearing, sample, 1]
-            if group not in (GROUP_CARPET, GROUP_BACKGROUND) or (
-                np.hypot(forward_m, right_m) > max_range_m
-            ):
+            if role not in (GROUND, OUTSIDE) or (np.hypot(forward_m, right_m) > max_range_m):
                 continue
             row = int(np.rint((forward_m * cos - right_m * sin + x_m) / cell_m)) + middle
             column = int(np.rint((forward_m * sin + right_m * cos + y_m) / cell_m)) + middle
             if 0 <= row < side and 0 <= column < side:
-                more_ground[row, column] += 1 if group == GROUP_CARPET else -1
+                more_ground[row, column] += 1 if role == GROUND else -1
                 used[0, 0], used[0, 1] = min(used[0, 0], row), min(used[0, 1], column)
                 used[1, 0], used[1, 1] = max(used[1, 0], row), max(used[1, 1], column)
-            elif group == GROUP_CARPET:
+            elif role == GROUND:
                 outside = True
     for row in range(used[0, 0], used[1, 0] + 1):
         for column in range(used[0, 1], used[1, 1] + 1):
@@ -264,7 +262,7 @@ def _vote(  # noqa: PLR0917 - Numba passes arguments by position
 )
 def _clear_below(  # noqa: PLR0917 - Numba passes arguments by position
     level_m: Floats,
-    groups: NDArray[np.uint8],
+    roles: NDArray[np.uint8],
     lens_at: tuple[float, float, float, float],
     limits: tuple[float, float, float],
     every: int,
@@ -276,7 +274,7 @@ def _clear_below(  # noqa: PLR0917 - Numba passes arguments by position
 
     Args:
         level_m: (B, E, 2) samples, forward and right of the point below the camera.
-        groups: (B, E) their group ids.
+        roles: (B, E) their role ids.
         lens_at: x and y of the camera in the map's frame, m; cosine and sine of its heading.
         limits: step along a bearing, greatest range, side of a cell, m.
         every: the number of bearings of which one is cleared.
@@ -287,13 +285,11 @@ def _clear_below(  # noqa: PLR0917 - Numba passes arguments by position
     side = free.shape[0]
     middle = side // 2
     steps = int(np.ceil((max_range_m - step_m) / step_m))
-    for bearing in range(0, groups.shape[0], every):
+    for bearing in range(0, roles.shape[0], every):
         nearest = 0
-        while nearest < groups.shape[1] and groups[bearing, nearest] == NO_CLASS:
+        while nearest < roles.shape[1] and roles[bearing, nearest] == NO_ROLE:
             nearest += 1
-        if nearest == groups.shape[1] or (
-            groups[bearing, nearest] not in (GROUP_CARPET, GROUP_HELIPAD)
-        ):
+        if nearest == roles.shape[1] or (roles[bearing, nearest] not in (GROUND, MARK)):
             continue
         forward_m, right_m = level_m[bearing, nearest, 0], level_m[bearing, nearest, 1]
         length_m = max(np.hypot(forward_m, right_m), step_m)

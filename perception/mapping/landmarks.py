@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from perception.mapping.tables import PointTable, first_in_cells, nearest_circles
 from perception.mapping.view import View
-from uav_bt.classes import BACKGROUND
+from uav_bt.lab.roles import OUTSIDE
 from uav_bt.types.arrays import Flags, Floats
 
 
@@ -89,7 +89,7 @@ def bases_of(view: View, config: LandmarkConfig) -> Landmarks:
 
 def edges_of(view: View, config: LandmarkConfig) -> Landmarks:
     """Return the edges of the ground in a view, placed by its pose."""
-    ids = np.full(len(view.edges_m), BACKGROUND, dtype=np.uint8)
+    ids = np.full(len(view.edges_m), OUTSIDE, dtype=np.uint8)
     return _placed(view, view.edges_m, ids, config)
 
 

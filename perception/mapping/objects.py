@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
@@ -11,7 +12,6 @@ import numpy as np
 
 from perception.mapping.landmarks import Landmarks
 from perception.mapping.tables import clusters
-from uav_bt.classes import standing_classes
 from uav_bt.compiled import compiled
 from uav_bt.types import rotation
 from uav_bt.types.arrays import Floats
@@ -32,17 +32,20 @@ class ObjectConfig:
     near_m: float = 0.02  # points this near to a side lie on it; chosen
 
 
-def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple[MapObject, ...]:
+def find_objects(
+    points: Landmarks, standing: Iterable[int], config: ObjectConfig | None = None
+) -> tuple[MapObject, ...]:
     """Return the objects that stand in the place, by class and then by position.
 
     Args:
         points: points where obstacles meet the ground.
+        standing: ids of the classes that stand on the ground.
         config: which points form an object.
     """
     config = config or ObjectConfig()
     found: list[MapObject] = []
     lasting = points.take(points.seen_s - points.first_s >= config.min_seen_s)
-    for class_id in standing_classes():
+    for class_id in standing:
         of_class = lasting.take(lasting.ids == class_id)
         if len(of_class) < config.min_points:
             continue

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from perception.mapping.tables import PointTable, first_in_cells
 from perception.mapping.view import View
-from uav_bt.classes import GROUP_CARPET, NO_CLASS
+from uav_bt.lab.roles import GROUND, NO_ROLE
 from uav_bt.types import NearObstacles, wrap_angles
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.dead_reckoning import OdometryPose
@@ -172,16 +172,16 @@ class RecentLayer:
         An obstacle there that reached up to the drone would hide the nearest ground.
         """
         scan, assumed = view.scan, self._points.kinds == _Kind.ASSUMED
-        if not assumed.any() or not scan.groups.size:
+        if not assumed.any() or not scan.roles.size:
             return
-        first = np.arange(len(scan.groups)), (scan.groups != NO_CLASS).argmax(axis=1)
+        first = np.arange(len(scan.roles)), (scan.roles != NO_ROLE).argmax(axis=1)
         bearings = np.arctan2(scan.level_m[:, 0, 1], scan.level_m[:, 0, 0])
         local_m = view.pose.points_to_body(self._points.xy_m[assumed]) - view.body_m(np.zeros(2))
         azimuths = np.arctan2(local_m[:, 1], local_m[:, 0])
         nearest = np.abs(azimuths[:, None] - bearings).argmin(axis=1)
         hidden = np.hypot(*local_m.T) < np.hypot(*scan.level_m[first].T)[nearest]
         in_view = (azimuths >= bearings[0]) & (azimuths <= bearings[-1])
-        ground = scan.groups[first][nearest] == GROUP_CARPET
+        ground = scan.roles[first][nearest] == GROUND
         kept = ~assumed
         kept[assumed] = ~(hidden & in_view & ground)
         self._points = self._points.take(kept)

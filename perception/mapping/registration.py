@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from perception.mapping.view import View
-from uav_bt.classes import BACKGROUND
 from uav_bt.compiled import compiled
+from uav_bt.lab.roles import OUTSIDE
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Floats, Indices
 
@@ -109,7 +109,7 @@ class Registration:
         if min(len(local_m), len(known_m)) < cfg.min_points:
             return None
         seen_m = view.pose.points_to_world(view.body_m(local_m))
-        edge_ids = np.full(len(view.edges_m), BACKGROUND, dtype=np.uint8)
+        edge_ids = np.full(len(view.edges_m), OUTSIDE, dtype=np.uint8)
         ids = np.concatenate([view.base_ids, edge_ids])
         tree = cKDTree(_apart(known_m, known_ids))
         std_m = np.hypot(cfg.point_std_m, cfg.range_std_ratio * np.hypot(*local_m.T))

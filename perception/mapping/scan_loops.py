@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import GROUP_CARPET, NO_CLASS
 from uav_bt.compiled import compiled
+from uav_bt.lab.roles import GROUND, NO_ROLE
 from uav_bt.types.arrays import Flags, Floats
 
 
@@ -20,7 +20,7 @@ from uav_bt.types.arrays import Flags, Floats
 )
 def sampled(  # noqa: PLR0917 - Numba passes arguments by position
     image_ids: NDArray[np.uint8],
-    image_groups: NDArray[np.uint8],
+    image_roles: NDArray[np.uint8],
     directions: NDArray[np.float64],
     ranges_m: NDArray[np.float64],
     height_m: float,
@@ -31,7 +31,7 @@ def sampled(  # noqa: PLR0917 - Numba passes arguments by position
 
     Args:
         image_ids: (H, W) class ids.
-        image_groups: (H, W) group ids.
+        image_roles: (H, W) role ids.
         directions: (B, 2) cosine and sine of each bearing.
         ranges_m: (E,) horizontal range of the samples on a bearing.
         height_m: height of the camera.
@@ -39,14 +39,14 @@ def sampled(  # noqa: PLR0917 - Numba passes arguments by position
         pinhole_px: focal lengths and principal point: fx, fy, cx, cy.
 
     Returns:
-        (B, E, 2) samples, metres forward and right; (B, E) their class ids and (B, E) group ids,
-        `NO_CLASS` outside the image.
+        (B, E, 2) samples, metres forward and right; (B, E) their class ids and (B, E) role ids,
+        `NO_ROLE` outside the image.
     """
     fx, fy, cx, cy = pinhole_px
     shape = len(directions), len(ranges_m)
     level_m = np.empty((shape[0], shape[1], 2))
-    ids = np.full(shape, NO_CLASS, dtype=np.uint8)
-    groups = np.full(shape, NO_CLASS, dtype=np.uint8)
+    ids = np.full(shape, NO_ROLE, dtype=np.uint8)
+    roles = np.full(shape, NO_ROLE, dtype=np.uint8)
     for bearing in range(shape[0]):
         for sample in range(shape[1]):
             forward_m = directions[bearing, 0] * ranges_m[sample]
@@ -62,25 +62,25 @@ def sampled(  # noqa: PLR0917 - Numba passes arguments by position
             inside = 0 <= column < image_ids.shape[1] and 0 <= row < image_ids.shape[0]
             if inside:
                 ids[bearing, sample] = image_ids[int(row), int(column)]
-                groups[bearing, sample] = image_groups[int(row), int(column)]
-    return level_m, ids, groups
+                roles[bearing, sample] = image_roles[int(row), int(column)]
+    return level_m, ids, roles
 
 
 @compiled(
     "Tuple((intp[::1], intp[::1], uint8[::1]))(Array(uint8, 2, 'C', readonly=True), int64, int64)"
 )
 def first_runs(
-    sampled: NDArray[np.uint8], group: int, min_run: int
+    sampled: NDArray[np.uint8], role: int, min_run: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint8]]:
-    """Find the nearest run of a group on each bearing; samples go from near to far.
+    """Find the nearest run of a role on each bearing; samples go from near to far.
 
     Args:
-        sampled: (B, E) group ids.
-        group: the group id.
+        sampled: (B, E) role ids.
+        role: the role id.
         min_run: samples of a run at least.
 
     Returns:
-        The bearings with a run, the index of its first sample, and the group before it.
+        The bearings with a run, the index of its first sample, and the role before it.
     """
     rows = np.empty(len(sampled), dtype=np.intp)
     first = np.empty(len(sampled), dtype=np.intp)
@@ -89,11 +89,11 @@ def first_runs(
     for bearing in range(sampled.shape[0]):
         run = 0
         for sample in range(sampled.shape[1]):
-            run = run + 1 if sampled[bearing, sample] == group else 0
+            run = run + 1 if sampled[bearing, sample] == role else 0
             if run == min_run:
                 begin = sample - run + 1
                 rows[found], first[found] = bearing, begin
-                before[found] = sampled[bearing, begin - 1] if begin > 0 else NO_CLASS
+                before[found] = sampled[bearing, begin - 1] if begin > 0 else NO_ROLE
                 found += 1
                 break
     return rows[:found], first[:found], before[:found]
@@ -151,16 +151,16 @@ def upper_edges(  # noqa: PLR0917 - Numba passes arguments by position
 def looked_up(
     points_m: Floats,
     height_m: float,
-    image_groups: NDArray[np.uint8],
+    image_roles: NDArray[np.uint8],
     axes: Floats,
     pinhole_px: tuple[float, float, float, float],
 ) -> tuple[Flags, Flags]:
-    """Look up points of the ground in an image of group ids.
+    """Look up points of the ground in an image of role ids.
 
     Args:
         points_m: (N, 2) forward and right of the point below the camera.
         height_m: height of the camera.
-        image_groups: (H, W) group ids.
+        image_roles: (H, W) role ids.
         axes: (3, 3) rotation from the camera frame to the level frame.
         pinhole_px: focal lengths and principal point: fx, fy, cx, cy.
 
@@ -168,7 +168,7 @@ def looked_up(
         (N,) whether a point lies in the image, and (N,) whether the image shows ground there.
     """
     fx, fy, cx, cy = pinhole_px
-    last_row, last_column = image_groups.shape[0] - 1, image_groups.shape[1] - 1
+    last_row, last_column = image_roles.shape[0] - 1, image_roles.shape[1] - 1
     inside = np.zeros(len(points_m), dtype=np.bool_)
     shows = np.zeros(len(points_m), dtype=np.bool_)
     for place in range(len(points_m)):
@@ -181,6 +181,6 @@ def looked_up(
         column, row = fx * x / depth + cx, fy * y / depth + cy
         if 0 <= column <= last_column and 0 <= row <= last_row:
             inside[place] = True
-            group = image_groups[int(np.rint(row)), int(np.rint(column))]
-            shows[place] = group == GROUP_CARPET
+            role = image_roles[int(np.rint(row)), int(np.rint(column))]
+            shows[place] = role == GROUND
     return inside, shows

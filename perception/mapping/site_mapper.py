@@ -32,6 +32,7 @@ from perception.mapping.objects import find_objects
 from perception.mapping.recent import RecentLayer, RecentLayerConfig
 from perception.mapping.registration import Registration, RegistrationConfig
 from perception.mapping.view import View, ViewConfig
+from uav_bt.lab.classes import LabClasses
 from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix, Pose2D
 from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import MotionEstimate
@@ -69,10 +70,12 @@ class SiteMapper:
     """Makes one map of the views of a mission.
 
     Args:
+        classes: classes of the lab.
         config: how the map is kept.
     """
 
-    def __init__(self, config: SiteMapperConfig | None = None) -> None:
+    def __init__(self, classes: LabClasses, config: SiteMapperConfig | None = None) -> None:
+        self._classes = classes
         self.config = config or SiteMapperConfig()
         self.restarts = 0  # number of times that the map was restarted
         self._motion: MotionEstimate | None = None
@@ -147,7 +150,9 @@ class SiteMapper:
         # Bases of a mover are kept for as long as the map keeps the mover.
         self._recent.forget_trails(time_s + cfg.movers.life_s, self._trails_m())
         if time_s - self._objects_s >= cfg.objects_s:
-            self._objects = self._known_objects.named(find_objects(self._bases))
+            self._objects = self._known_objects.named(
+                find_objects(self._bases, self._classes.standing)
+            )
             self._objects_s = time_s
 
     def see_mark(self, fix: HelipadFix) -> None:
@@ -163,6 +168,7 @@ class SiteMapper:
         """
         grid, window = self._grid, self._grid.window()
         return SiteMap(
+            classes=self._classes,
             pose=self._registration.corrected(motion.pose),
             corner_m=grid.corner_m(window),
             cell_m=grid.config.cell_m,

@@ -157,7 +157,7 @@ class View:
         inside, shows = scan_loops.looked_up(
             np.ascontiguousarray(points_m.reshape(-1, 2)),
             max(self.height_m, MIN_HEIGHT_M),
-            self.scan.image_groups,
+            self.scan.image_roles,
             camera_axes(self.pitch_rad),
             self.camera.pinhole_px,
         )

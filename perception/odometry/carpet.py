@@ -20,7 +20,6 @@ from perception.odometry.visual import (
     OdometryConfig,
     ground_motion,
 )
-from uav_bt.classes import CARPET
 from uav_bt.types import (
     BodyVelocity,
     CameraModel,
@@ -255,7 +254,7 @@ class CarpetOdometry:
         # Converting to grey after shrinking is faster.
         small = cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA)
         carpet = cv2.resize(
-            (class_map.ids == CARPET).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT
+            class_map.is_ground.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT
         )
         around = np.ones((2 * self._config.border_px + 1,) * 2, dtype=np.uint8)
         return _Sight(

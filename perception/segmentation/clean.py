@@ -21,10 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.segmentation.features import colour_codes
-from uav_bt.classes import BACKGROUND, CARPET, CLASS_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.lab.roles import NO_ROLE
 
-_WITHOUT_COMPONENTS: Final = (BACKGROUND, CARPET)  # many separate pieces of these are normal
 _MIN_SHARE: Final = 1e-4  # added to the prior to keep its logarithm finite
 
 
@@ -33,8 +32,8 @@ def dilated_grid(
 ) -> NDArray[np.uint8]:
     """Return the class map after sampling a grid of dots and dilating them.
 
-    Classes are painted in the order of their ids, so that objects cover the margin of background
-    and carpet; the paper accepts these additional pixels.
+    Classes are painted in the order of their ids, so that objects cover the margin of what
+    lies around them; the paper accepts these additional pixels.
 
     Args:
         ids: (H, W) uint8, the class of each window.
@@ -52,7 +51,7 @@ def dilated_grid(
     dots = np.zeros(ids.shape, dtype=bool)
     dots[step_px // 2 :: step_px, step_px // 2 :: step_px] = True
     kernel = np.ones((dilation_px, dilation_px), dtype=np.uint8)
-    empty = CLASS_COUNT
+    empty = NO_ROLE
     painted = np.full(ids.shape, empty, dtype=np.uint8)
     for class_id in np.unique(ids[dots]).tolist():
         mask = (dots & (ids == class_id)).astype(np.uint8)
@@ -60,17 +59,18 @@ def dilated_grid(
     return _absorbed(painted, painted == empty)
 
 
-def keep_largest_components(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def keep_largest_components(
+    ids: NDArray[np.uint8], scattered: Collection[int]
+) -> NDArray[np.uint8]:
     """Return the map with one component per class; other pieces take the surrounding class.
-
-    Background and carpet keep all their pieces.
 
     Args:
         ids: (H, W) uint8 class ids.
+        scattered: the classes that keep all their pieces, such as the ground.
     """
     stray = np.zeros(ids.shape, dtype=bool)
     for class_id in np.unique(ids).tolist():
-        if class_id in _WITHOUT_COMPONENTS:
+        if class_id in scattered:
             continue
         count, labels, stats, _ = cv2.connectedComponentsWithStats(
             (ids == class_id).astype(np.uint8), connectivity=8
@@ -133,7 +133,7 @@ def filled_holes(
             columns = slice(max(left - 1, 0), left + width + 1)
             piece = (labels[rows, columns] == label).astype(np.uint8)
             rim = ids[rows, columns][(cv2.dilate(piece, around) > piece)]
-            counts = np.bincount(rim, minlength=CLASS_COUNT)
+            counts = np.bincount(rim)
             outer = int(counts.argmax())
             if outer in inside and counts[outer] >= surround * rim.size:
                 filled[rows, columns][piece.astype(bool)] = outer

@@ -1,4 +1,4 @@
-"""Scores of class maps: confusion matrix and intersection over union, by class and by group."""
+"""Scores of class maps: confusion matrix and intersection over union, by class and by role."""
 
 from __future__ import annotations
 
@@ -9,30 +9,34 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import CLASS_COUNT, CLASS_TO_GROUP, GROUP_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.roles import ROLE_NAMES
 
 
-def confusion(predicted: NDArray[np.uint8], exact: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return the (17, 17) counts of pixels by exact class (row) and predicted class (column).
+def confusion(
+    predicted: NDArray[np.uint8], exact: NDArray[np.uint8], classes: int
+) -> NDArray[np.int64]:
+    """Return the (C, C) counts of pixels by exact class (row) and predicted class (column).
 
     Args:
         predicted: (H, W) uint8 class ids.
         exact: (H, W) uint8 class ids.
+        classes: number C of classes.
 
     Raises:
         ShapeError: the maps differ in size.
-        ValueRangeError: an id is not one of the seventeen.
+        ValueRangeError: an id is not that of a class.
     """
     if predicted.shape != exact.shape:
         height, width = exact.shape[:2]
         raise ShapeError("predicted ids", expected=f"{height}x{width}", actual=predicted.shape)
-    if max(int(predicted.max(initial=0)), int(exact.max(initial=0))) >= CLASS_COUNT:
-        raise ValueRangeError("class ids must lie within 0 and 16")
+    if max(int(predicted.max(initial=0)), int(exact.max(initial=0))) >= classes:
+        raise ValueRangeError(f"class ids must lie within 0 and {classes - 1}")
     # sklearn.metrics.confusion_matrix counts the same in 2.9 ms a mask where this takes 0.08 ms.
-    pairs = exact.ravel().astype(np.int64) * CLASS_COUNT + predicted.ravel()
-    counts = np.bincount(pairs, minlength=CLASS_COUNT * CLASS_COUNT)
-    return counts.reshape(CLASS_COUNT, CLASS_COUNT)
+    pairs = exact.ravel().astype(np.int64) * classes + predicted.ravel()
+    counts = np.bincount(pairs, minlength=classes * classes)
+    return counts.reshape(classes, classes)
 
 
 def _iou(counts: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -52,25 +56,27 @@ class SegmentationScore:
     Pixels wrongly given to it count against their exact classes.
     """
 
-    counts: NDArray[np.int64]  # (17, 17), exact class by predicted class
+    counts: NDArray[np.int64]  # (C, C), exact class by predicted class
     images: int
+    classes: LabClasses
 
     @property
     def iou(self) -> NDArray[np.float64]:
-        """(17,) intersection over union of each class, nan where the class is absent."""
+        """(C,) intersection over union of each class, nan where the class is absent."""
         return _iou(self.counts)
 
     @property
-    def group_counts(self) -> NDArray[np.int64]:
-        """(4, 4) counts by exact group and predicted group."""
-        to_group = np.zeros((CLASS_COUNT, GROUP_COUNT), dtype=np.int64)
-        to_group[np.arange(CLASS_COUNT), CLASS_TO_GROUP] = 1
-        return np.asarray(to_group.T @ self.counts @ to_group)
+    def role_counts(self) -> NDArray[np.int64]:
+        """(4, 4) counts by exact role and predicted role."""
+        ids = np.arange(len(self.classes), dtype=np.uint8)
+        to_role = np.zeros((len(ids), len(ROLE_NAMES)), dtype=np.int64)
+        to_role[ids, self.classes.roles(ids)] = 1
+        return np.asarray(to_role.T @ self.counts @ to_role)
 
     @property
-    def group_iou(self) -> NDArray[np.float64]:
-        """(4,) intersection over union of each group, nan where the group is absent."""
-        return _iou(self.group_counts)
+    def role_iou(self) -> NDArray[np.float64]:
+        """(4,) intersection over union of each role, nan where the role is absent."""
+        return _iou(self.role_counts)
 
     @property
     def miou(self) -> float:
@@ -78,9 +84,9 @@ class SegmentationScore:
         return float(np.nanmean(self.iou))
 
     @property
-    def group_miou(self) -> float:
-        """Mean over the groups."""
-        return float(np.nanmean(self.group_iou))
+    def role_miou(self) -> float:
+        """Mean over the roles."""
+        return float(np.nanmean(self.role_iou))
 
     @property
     def accuracy(self) -> float:
@@ -89,25 +95,27 @@ class SegmentationScore:
 
 
 def score_segmentation(
-    pairs: Iterable[tuple[NDArray[np.uint8], NDArray[np.uint8]]],
+    pairs: Iterable[tuple[NDArray[np.uint8], NDArray[np.uint8]]], classes: LabClasses
 ) -> SegmentationScore:
     """Score predicted maps against exact ones.
 
     Args:
         pairs: predicted and exact (H, W) ids. An exact map of another size is resized to the
             predicted one's (nearest pixel), so each network is scored at its resolution.
+        classes: classes of the lab.
 
     Raises:
-        ValueRangeError: `pairs` is empty, or an id is not one of the seventeen.
+        ValueRangeError: `pairs` is empty, or an id is not that of a class.
     """
-    counts = np.zeros((CLASS_COUNT, CLASS_COUNT), dtype=np.int64)
+    count = len(classes)
+    counts = np.zeros((count, count), dtype=np.int64)
     images = 0
     for predicted, exact in pairs:
         same = exact.shape == predicted.shape
         size = (predicted.shape[1], predicted.shape[0])
         truth = exact if same else cv2.resize(exact, size, interpolation=cv2.INTER_NEAREST_EXACT)
-        counts += confusion(predicted, np.asarray(truth, dtype=np.uint8))
+        counts += confusion(predicted, np.asarray(truth, dtype=np.uint8), count)
         images += 1
     if images == 0:
         raise ValueRangeError("cannot score a segmentation on no images")
-    return SegmentationScore(counts=counts, images=images)
+    return SegmentationScore(counts=counts, images=images, classes=classes)

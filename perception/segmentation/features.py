@@ -19,7 +19,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import CLASS_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
 
 HUE_BINS: Final = 90
@@ -211,19 +210,19 @@ def palette_of_counts(counts: NDArray[np.int64]) -> NDArray[np.float32]:
     variation of light and noise between images.
 
     Args:
-        counts: (17, 32768) pixels by class and colour.
+        counts: (C, 32768) pixels by class and colour.
 
     Returns:
-        (17, 32768) float32, natural logarithms; uniform for a class without pixels.
+        (C, 32768) float32, natural logarithms; uniform for a class without pixels.
     """
-    if counts.shape != (CLASS_COUNT, COLOUR_COUNT):
-        raise ShapeError("counts", expected=f"17x{COLOUR_COUNT}", actual=counts.shape)
-    cube = counts.reshape(CLASS_COUNT, _SIDE, _SIDE, _SIDE).astype(np.float64)
+    if counts.ndim != 2 or counts.shape[1] != COLOUR_COUNT:
+        raise ShapeError("counts", expected=f"Cx{COLOUR_COUNT}", actual=counts.shape)
+    cube = counts.reshape(-1, _SIDE, _SIDE, _SIDE).astype(np.float64)
     for axis in (1, 2, 3):
         padding = [(1, 1) if other == axis else (0, 0) for other in range(4)]
         wide = np.moveaxis(np.pad(cube, padding, mode="edge"), axis, 0)
         cube = np.moveaxis(0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:], 0, axis)
-    spread = cube.reshape(CLASS_COUNT, COLOUR_COUNT)
+    spread = cube.reshape(-1, COLOUR_COUNT)
     total = spread.sum(axis=1, keepdims=True)
     share = np.divide(spread, total, out=np.zeros_like(spread), where=total > 0.0)
     seen = np.where(total > 0.0, 1.0 - _UNSEEN_SHARE, 0.0)

@@ -12,11 +12,11 @@ A mapping is a YAML (or JSON) file beside the network:
       size: [224, 112]        # width, height; where the file leaves them open
     output: nchw              # or nhwc; where the sizes do not show it
     threshold: 0.5            # of a network of one class, class 0; other pixels become the default
-    default: background       # optional: what classes become that are not listed
-    classes:                  # the network's class number: our class, or one of the four groups
-      0: background
+    default: outside          # optional: what classes become that are not listed
+    classes:                  # the network's class number: a class of the lab, or a role
+      0: outside
       5: obstacle
-      11: carpet
+      11: ground
 """
 
 from __future__ import annotations
@@ -24,47 +24,56 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
-from typing import Annotated, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import PlainValidator
 
 from perception.networks.input_format import InputFormat
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, CLASS_NAMES, HELIPAD_BOX, class_id
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.roles import GROUND
 from uav_bt.protocols import Segmenter
 from uav_bt.types import ClassMap, Frame
 from uav_bt.yaml_file import read_yaml
 
-GROUP_ALIASES: Final[Mapping[str, int]] = MappingProxyType(
-    {
-        "background": BACKGROUND,
-        "carpet": CARPET,
-        "helipad": HELIPAD_BOX,
-        "obstacle": BOXES[0],
-    }
-)
-"""The class used for a group when a network does not distinguish the group's classes."""
-
 _MAX_CLASSES: Final = 65536  # larger class numbers are mistakes
+_SUCCESSORS: Final = {"background": ("outside",), "carpet": ("ground",), "helipad": ("mark",)}
 
 
-def _class_of(name: object) -> int:
-    alias = GROUP_ALIASES.get(name) if isinstance(name, str) else None
-    return class_id(str(name)) if alias is None else alias
+def class_id_of(name: str, classes: LabClasses) -> int:
+    """Return the id of a class, or that of the first suitable class of a role.
 
+    A network may not distinguish the classes of a role. Its obstacles become the first class that
+    stands on the ground, its landing mark becomes the sides of the mark.
 
-_OurClass = Annotated[int, PlainValidator(_class_of)]  # files have names
+    Args:
+        name: Name of a class or of a role.
+        classes: Classes of the lab.
+
+    Raises:
+        UnknownNameError: There is no such class or role.
+    """
+    if name in classes.names:
+        return classes.id_of(name)
+    of_role = {
+        "outside": (0,),
+        "ground": classes.of_role(GROUND),
+        "mark": [each for each in (classes.mark_sides, classes.mark_top) if each is not None],
+        "obstacle": classes.standing,
+    }
+    if not of_role.get(name):
+        names = (*classes.names, *(role for role, ids in of_role.items() if ids))
+        raise UnknownNameError("class or role", name, names, _SUCCESSORS.get(name, ()))
+    return of_role[name][0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClassMapping:
-    """Mapping of a network's class numbers to our class ids."""
+    """Mapping of a network's class numbers to the classes of a lab."""
 
-    classes: Mapping[int, _OurClass]  # the network's class number -> our class id
-    default: _OurClass = BACKGROUND  # our class id for unlisted class numbers
+    classes: Mapping[int, str]  # the network's class number -> our class or role
+    default: str = "outside"  # our class or role for unlisted class numbers
     input: InputFormat = field(default_factory=InputFormat)
     output: Literal["nchw", "nhwc"] | None = None  # layout of scores; None: found from the sizes
     # Of the output of a network of one class. None: 0.5, and the output must be a probability.
@@ -78,53 +87,72 @@ class ClassMapping:
                 raise ValueRangeError(f"a class number must lie within 0 and 65535, got {theirs}")
 
     @staticmethod
-    def identity() -> ClassMapping:
-        """Return the mapping of a network with our seventeen classes."""
-        return ClassMapping(classes={number: number for number in range(len(CLASS_NAMES))})
+    def identity(classes: LabClasses) -> ClassMapping:
+        """Return the mapping of a network with the classes of the lab."""
+        return ClassMapping(classes=dict(enumerate(classes.names)))
 
-    def table(self, count: int) -> NDArray[np.uint8]:
-        """Return our class id of each of the network's `count` classes.
+    def table(self, count: int, classes: LabClasses) -> NDArray[np.uint8]:
+        """Return our class id of each of the network's classes.
+
+        Args:
+            count: number of the network's classes.
+            classes: classes of the lab.
 
         Raises:
             ValueRangeError: the mapping names a class the network does not have.
+            UnknownNameError: the lab does not have a class.
         """
         beyond = [number for number in self.classes if number >= count]
         if beyond:
             raise ValueRangeError(
                 f"the mapping names class {max(beyond)}, the network has classes 0 to {count - 1}"
             )
-        table = np.full(count, self.default, dtype=np.uint8)
+        table = np.full(count, class_id_of(self.default, classes), dtype=np.uint8)
         for theirs, ours in self.classes.items():
-            table[theirs] = ours
+            table[theirs] = class_id_of(ours, classes)
         return table
 
 
-def read_mapping(path: Path) -> ClassMapping:
+def read_mapping(path: Path, classes: LabClasses) -> ClassMapping:
     """Read a mapping file.
 
+    Args:
+        path: the file.
+        classes: classes of the lab.
+
     Raises:
-        FileError: the file is absent or malformed.
+        FileError: the file is absent or malformed, or the lab does not have a class.
     """
-    return read_yaml(path, ClassMapping, "class mapping").value
+    file = read_yaml(path, ClassMapping, "class mapping")
+    for name, *steps in (
+        (file.value.default, "default"),
+        *((ours, "classes", theirs) for theirs, ours in file.value.classes.items()),
+    ):
+        try:
+            class_id_of(str(name), classes)
+        except UnknownNameError as error:
+            raise file.error(str(error), *steps) from error
+    return file.value
 
 
-class CountedAsCarpet:
-    """A segmenter that replaces all classes of ground with carpet, the ground of missions.
+class CountedAsGround:
+    """A segmenter that replaces further classes with the ground of the lab.
 
     Args:
         segmenter: gives the classes.
+        classes: classes of the lab.
         ground: names of the classes over which a drone may fly and by which depth is scaled.
 
     Raises:
         UnknownNameError: a name is not that of a class.
     """
 
-    def __init__(self, segmenter: Segmenter, ground: Iterable[str]) -> None:
+    def __init__(self, segmenter: Segmenter, classes: LabClasses, ground: Iterable[str]) -> None:
         self._segmenter = segmenter
         self._table = np.arange(256, dtype=np.uint8)
-        self._table[[class_id(name) for name in ground]] = CARPET
+        self._table[[classes.id_of(name) for name in ground]] = classes.ground
 
     def segment(self, frame: Frame) -> ClassMap:
-        """Return the class map with ground as carpet."""
+        """Return the class map with the further classes as ground."""
         class_map = self._segmenter.segment(frame)
         return replace(class_map, ids=self._table[class_map.ids])

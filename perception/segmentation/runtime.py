@@ -20,10 +20,12 @@ from perception.networks.onnx_runtime import (
 )
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.clean import RefineConfig
-from perception.segmentation.mapping import ClassMapping, read_mapping
+from perception.segmentation.mapping import ClassMapping, class_id_of, read_mapping
 from perception.segmentation.output_form import OutputForm, output_form
 from perception.segmentation.teacher import Teacher, load_teacher
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.shipped import load_lab
 from uav_bt.types import ClassMap, Frame
 
 _SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
@@ -39,8 +41,9 @@ class OnnxSegmenter:
 
     Args:
         path: the ONNX file.
-        mapping: meaning of its classes, or a mapping file; None for a network of our seventeen
-            classes.
+        classes: classes of the lab.
+        mapping: meaning of its classes, or a mapping file; None for a network with the classes of
+            the lab.
         threads: number of inference threads.
 
     Raises:
@@ -50,10 +53,16 @@ class OnnxSegmenter:
     """
 
     def __init__(
-        self, path: Path, mapping: ClassMapping | Path | None = None, *, threads: int = 1
+        self,
+        path: Path,
+        classes: LabClasses,
+        mapping: ClassMapping | Path | None = None,
+        *,
+        threads: int = 1,
     ) -> None:
-        self._path = path
-        self._mapping = _mapping_of(mapping)
+        self._path, self._classes = path, classes
+        self._mapping = _mapping_of(mapping, classes)
+        self._default = class_id_of(self._mapping.default, classes)
         model = read_model(path, "`uav-bt net train segmentation`")
         wanted = self._mapping.input
         planar = wanted.layout == "nchw"
@@ -79,7 +88,7 @@ class OnnxSegmenter:
             if self._scores
             else max(self._mapping.classes) + 1
         )
-        self._table = self._mapping.table(count)
+        self._table = self._mapping.table(count, classes)
         if self._scores:
             model = class_numbers(model, planar=planar_output)
         self._request = compile_model(model, threads, path).create_infer_request()
@@ -96,7 +105,8 @@ class OnnxSegmenter:
         Raises:
             WeightsError: the network's output is not usable, for example NaN.
         """
-        return ClassMap(ids=self.ids(frame.image), captured_s=frame.captured_s)
+        ids = self.ids(frame.image)
+        return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
 
     def ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return class ids, (h, w) uint8, of an image, (H, W, 3) uint8 RGB."""
@@ -107,7 +117,7 @@ class OnnxSegmenter:
             return np.asarray(self._table[numbers], dtype=np.uint8)
         known = (numbers >= 0) & (numbers < len(self._table))
         ours = self._table[np.where(known, numbers, 0)]
-        return np.where(known, ours, np.uint8(self._mapping.default))
+        return np.where(known, ours, np.uint8(self._default))
 
     def _output_form(self, shape: list[int], model: Any) -> OutputForm:
         kind = model.output(0).get_element_type()
@@ -170,8 +180,7 @@ class TeacherSegmenter:
         *,
         size_px: tuple[int, int] = (224, 112),
     ) -> None:
-        self._teacher = teacher
-        self._refine = refine
+        self._teacher, self._refine = teacher, refine
         self._size = size_px
 
     def segment(self, frame: Frame) -> ClassMap:
@@ -182,11 +191,15 @@ class TeacherSegmenter:
         else:
             ids = self._teacher.refined_ids(rgb, self._refine)
         small = cv2.resize(ids, self._size, interpolation=cv2.INTER_NEAREST_EXACT)
-        return ClassMap(ids=np.asarray(small, dtype=np.uint8), captured_s=frame.captured_s)
+        return ClassMap(
+            ids=np.asarray(small, dtype=np.uint8),
+            classes=self._teacher.classes,
+            captured_s=frame.captured_s,
+        )
 
 
 def shipped_unet(name: str = "unet", *, threads: int = 1) -> OnnxSegmenter:
-    """Return a shipped segmentation U-Net.
+    """Return a shipped segmentation U-Net; its classes are those of the paper's lab.
 
     Args:
         name: one of `SHIPPED_UNETS`.
@@ -197,15 +210,15 @@ def shipped_unet(name: str = "unet", *, threads: int = 1) -> OnnxSegmenter:
     """
     if name not in SHIPPED_UNETS:
         raise UnknownNameError("shipped U-Net", name, SHIPPED_UNETS)
-    return OnnxSegmenter(SHIPPED_WEIGHTS / f"{name}.onnx", threads=threads)
+    return OnnxSegmenter(SHIPPED_WEIGHTS / f"{name}.onnx", load_lab().classes, threads=threads)
 
 
 def shipped_teacher(*, refine: RefineConfig | None = _SHARP) -> TeacherSegmenter:
     """Return the shipped teacher; with `refine` None, by the paper's procedure."""
-    return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER), refine)
+    return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER, load_lab().classes), refine)
 
 
-def _mapping_of(mapping: ClassMapping | Path | None) -> ClassMapping:
+def _mapping_of(mapping: ClassMapping | Path | None, classes: LabClasses) -> ClassMapping:
     if mapping is None:
-        return ClassMapping.identity()
-    return read_mapping(mapping) if isinstance(mapping, Path) else mapping
+        return ClassMapping.identity(classes)
+    return read_mapping(mapping, classes) if isinstance(mapping, Path) else mapping

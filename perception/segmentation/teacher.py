@@ -36,8 +36,9 @@ from perception.segmentation.features import (
     spread_to_border,
 )
 from perception.segmentation.training.picks import PickedPatches
-from uav_bt.classes import CLASS_COUNT, CLASS_NAMES, HELIPAD_H, OBSTACLES
 from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
 
 _KIND: Final = "hsv-histogram-svm"
 
@@ -67,20 +68,23 @@ class TeacherConfig:
 class Teacher:
     """The trained linear model: a score for each class is ``weights @ features + bias``."""
 
-    weights: NDArray[np.float64]  # (17, 190)
-    bias: NDArray[np.float64]  # (17,); -inf for a class without picks, so that it never wins
+    classes: LabClasses  # C classes
+    weights: NDArray[np.float64]  # (C, 190)
+    bias: NDArray[np.float64]  # (C,); -inf for a class without picks, so that it never wins
     config: TeacherConfig = field(default_factory=TeacherConfig)
-    # (17, 32768), `features.palette_of_counts`; needed only for sharp borders.
+    # (C, 32768), `features.palette_of_counts`; needed only for sharp borders.
     palette: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
-        if self.weights.shape != (CLASS_COUNT, FEATURE_COUNT):
-            raise ShapeError("weights", expected="17x190", actual=self.weights.shape)
-        if self.bias.shape != (CLASS_COUNT,):
-            raise ShapeError("bias", expected="17", actual=self.bias.shape)
-        wanted = (CLASS_COUNT, COLOUR_COUNT)
-        if self.palette is not None and self.palette.shape != wanted:
-            raise ShapeError("palette", expected="17x32768", actual=self.palette.shape)
+        count = len(self.classes)
+        if self.weights.shape != (count, FEATURE_COUNT):
+            expected = f"{count}x{FEATURE_COUNT}"
+            raise ShapeError("weights", expected=expected, actual=self.weights.shape)
+        if self.bias.shape != (count,):
+            raise ShapeError("bias", expected=str(count), actual=self.bias.shape)
+        if self.palette is not None and self.palette.shape != (count, COLOUR_COUNT):
+            expected = f"{count}x{COLOUR_COUNT}"
+            raise ShapeError("palette", expected=expected, actual=self.palette.shape)
 
     @property
     def known(self) -> tuple[int, ...]:
@@ -139,7 +143,8 @@ class Teacher:
             (H, W) uint8 class ids.
         """
         dots = dilated_grid(self.window_ids(rgb), step_px=step_px, dilation_px=step_px + 2)
-        return keep_largest_components(dots)
+        scattered = self.classes.of_role(OUTSIDE) + self.classes.of_role(GROUND)
+        return keep_largest_components(dots, scattered)
 
     def refined_ids(self, rgb: NDArray[np.uint8], config: RefineConfig) -> NDArray[np.uint8]:
         """Return the class map with sharp borders, and without holes in the sides of boxes.
@@ -161,8 +166,14 @@ class Teacher:
             raise ValueRangeError("this teacher has no palette to sharpen with; train it anew")
         ids = sharpened(ids, rgb, self.palette, config)
         ids = drop_small_components(ids, area_px=config.smallest_px)
-        # The H inside the striped frame is not a hole, nor are objects before carpet or wall.
-        return filled_holes(ids, inside=OBSTACLES, but=(HELIPAD_H,), area_px=config.hole_px)
+        # The top of the mark inside its sides is not a hole, nor are objects before the ground.
+        top = self.classes.mark_top
+        return filled_holes(
+            ids,
+            inside=self.classes.of_role(OBSTACLE),
+            but=() if top is None else (top,),
+            area_px=config.hole_px,
+        )
 
     def _window_scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
         """Yield the scores of all whole windows; each array is valid until the next one."""
@@ -207,8 +218,9 @@ def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0)
         raise ValueRangeError(f"a teacher needs picks of two classes at least, got {len(present)}")
     svm = LinearSVC(C=config.cost, max_iter=config.max_iterations, random_state=seed)
     model = OneVsRestClassifier(svm).fit(patches.features, patches.labels)
-    weights = np.zeros((CLASS_COUNT, FEATURE_COUNT))
-    bias = np.full(CLASS_COUNT, -np.inf)
+    classes = patches.classes
+    weights = np.zeros((len(classes), FEATURE_COUNT))
+    bias = np.full(len(classes), -np.inf)
     if len(present) == 2:  # scikit-learn keeps one machine, whose positive side is the second class
         only = model.estimators_[0]
         weights[present] = np.stack([-only.coef_[0], only.coef_[0]])
@@ -218,7 +230,7 @@ def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0)
             weights[class_id] = machine.coef_[0]
             bias[class_id] = machine.intercept_[0]
     palette = palette_of_counts(patches.colour_counts)
-    return Teacher(weights=weights, bias=bias, config=config, palette=palette)
+    return Teacher(classes=classes, weights=weights, bias=bias, config=config, palette=palette)
 
 
 def save_teacher(path: Path, teacher: Teacher) -> None:
@@ -230,22 +242,36 @@ def save_teacher(path: Path, teacher: Teacher) -> None:
         path,
         tensors,
         kind=_KIND,
-        details={"config": asdict(teacher.config), "classes": list(CLASS_NAMES)},
+        details={"config": asdict(teacher.config), "classes": teacher.classes.names},
     )
 
 
-def load_teacher(path: Path) -> Teacher:
+def load_teacher(path: Path, classes: LabClasses) -> Teacher:
     """Read a teacher.
 
+    Args:
+        path: the weights file.
+        classes: classes of the lab.
+
     Raises:
-        WeightsError: the file is absent, damaged or of another kind.
+        WeightsError: the file is absent, damaged, of another kind or of a lab with other classes.
     """
     tensors, details = read_weights(path, kind=_KIND, remedy="`uav-bt net train teacher` makes one")
     try:
         config = TeacherConfig(**details["config"])
         palette = tensors["palette"].astype(np.float32) if "palette" in tensors else None
+        if list(classes.names) != details["classes"]:
+            raise WeightsError(
+                path,
+                f"expected the classes {', '.join(classes.names)} of the lab, got "
+                f"{', '.join(details['classes'])}; train a teacher on picks of this lab",
+            )
         return Teacher(
-            weights=tensors["weights"], bias=tensors["bias"], config=config, palette=palette
+            classes=classes,
+            weights=tensors["weights"],
+            bias=tensors["bias"],
+            config=config,
+            palette=palette,
         )
     except (KeyError, TypeError, ValueRangeError, ShapeError) as error:
         raise WeightsError(path, f"is not a whole teacher ({error!r}); train it anew") from error

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.movers import MoverSpec, roof_of
-from sim_bridge.twin.scene import Scene
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.scene import BoxSpec, Scene
 from uav_bt.compiled import compiled
+from uav_bt.lab.roles import OUTSIDE
 from uav_bt.types import CameraModel, MoverState
 
 H_SHARE: Final = 0.8  # side of the H panel over the side of the pad's top, as in the twin
@@ -42,13 +42,19 @@ class Caster:
         self._lens = _lens(self.camera)
         self.rays = _rays(self._lens, size_px)
         self._ground_m = np.array(scene.ground.size_m) / 2
-        self._movers = scene.movers
+        self._scene = scene
+        self.classes = scene.classes
+        self.ground_id = self.classes.ground
         solids = [
-            _solid((box.position_m, box.size_m, box.yaw_deg), _papers(box.pattern))
+            _solid((box.position_m, box.size_m, box.yaw_deg), self._papers(box))
             for box in scene.boxes
         ]
         solids += [
-            _solid((pad.position_m, pad.size_m, pad.yaw_deg), (HELIPAD_BOX, HELIPAD_H), H_SHARE)
+            _solid(
+                (pad.position_m, pad.size_m, pad.yaw_deg),
+                (scene.mark_class, scene.mark_top),
+                H_SHARE,
+            )
             for pad in scene.pads
         ]
         self._standing = np.array(solids).reshape(-1, _COLUMNS)
@@ -72,21 +78,26 @@ class Caster:
         solids = self._standing
         if movers:
             moving = [
-                _moving(spec, state) for spec, state in zip(self._movers, movers, strict=True)
+                self._moving(spec, state)
+                for spec, state in zip(self._scene.movers, movers, strict=True)
             ]
             solids = np.concatenate([solids, moving])
         width_px, height_px = self.size_px
         ids = np.empty((height_px, width_px), dtype=np.uint8)
         depth_m = np.empty((height_px, width_px), dtype=np.float32)
         place, rays = _place(pose), self.rays if rays is None else rays
-        _cast_ground(place, rays, self._ground_m, ids, depth_m)
+        _cast_ground(place, rays, (self._ground_m, self.ground_id), ids, depth_m)
         _cast_solids((place, self._lens), rays, solids, ids, depth_m)
         return ids, depth_m
 
+    def _papers(self, item: BoxSpec | MoverSpec) -> tuple[int, int]:
+        """Return the classes of the sides and of the roof of a box or mover."""
+        class_id = self._scene.class_of(item)
+        return class_id, int(self.classes.top_of[class_id])
 
-def _papers(pattern: int) -> tuple[int, int]:
-    """Return the classes of the sides and of the roof of a box or mover."""
-    return BOXES[pattern - 1], ROOFS[roof_of(pattern) - 1]
+    def _moving(self, spec: MoverSpec, state: MoverState) -> list[float]:
+        outline = (state.pose.x_m, state.pose.y_m), spec.size_m, spec.yaw_deg
+        return _solid(outline, self._papers(spec), is_round=spec.shape == "cylinder")
 
 
 def _solid(
@@ -111,11 +122,6 @@ def _solid(
     return [*position_m, *sizes_m, cos, sin, *papers, share, float(is_round)]
 
 
-def _moving(spec: MoverSpec, state: MoverState) -> list[float]:
-    outline = (state.pose.x_m, state.pose.y_m), spec.size_m, spec.yaw_deg
-    return _solid(outline, _papers(spec.pattern), is_round=spec.shape == "cylinder")
-
-
 def _place(pose: CameraPose) -> NDArray[np.float64]:
     """Return position, optical axis, and right and down of the image in the world, (4, 3)."""
     (ax, ay, az), (ux, uy, uz) = pose.axes()
@@ -134,27 +140,31 @@ def _lens(camera: CameraModel) -> NDArray[np.float64]:
     return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
 
 
-@compiled("void(float64[:, ::1], float64[:, :, ::1], float64[::1], uint8[:, ::1], float32[:, ::1])")
+@compiled(
+    "void(float64[:, ::1], float64[:, :, ::1], Tuple((float64[::1], int64)), uint8[:, ::1],"
+    " float32[:, ::1])"
+)
 def _cast_ground(
     place: NDArray[np.float64],
     rays: NDArray[np.float64],
-    half_m: NDArray[np.float64],
+    ground: tuple[NDArray[np.float64], int],
     ids: NDArray[np.uint8],
     depth_m: NDArray[np.float32],
 ) -> None:
-    """Fill a view with the ground, and with background around it.
+    """Fill a view with the ground, and with what lies outside.
 
     Args:
         place: (4, 3) position of the lens, optical axis, and right and down of the image.
         rays: (H, W, 2) right and down at unit depth.
-        half_m: (2,) half sizes of the ground along x and y.
+        ground: (2,) half sizes of the ground along x and y, and its class id.
         ids: (H, W) filled with class ids.
         depth_m: (H, W) filled with depth along the optical axis, m.
     """
+    half_m, ground_id = ground
     for row in range(ids.shape[0]):
         for column in range(ids.shape[1]):
             u, v = rays[row, column]
-            ids[row, column], depth_m[row, column] = BACKGROUND, _FAR_M
+            ids[row, column], depth_m[row, column] = OUTSIDE, _FAR_M
             down = place[1, 2] + u * place[2, 2] + v * place[3, 2]
             if down < 0.0:
                 depth = -place[0, 2] / down
@@ -162,7 +172,7 @@ def _cast_ground(
                 y_m = place[0, 1] + depth * (place[1, 1] + u * place[2, 1] + v * place[3, 1])
                 depth_m[row, column] = min(depth, _FAR_M)
                 if abs(x_m) <= half_m[0] and abs(y_m) <= half_m[1]:
-                    ids[row, column] = CARPET
+                    ids[row, column] = ground_id
 
 
 @compiled("UniTuple(int64, 4)(float64[:, ::1], float64[::1], float64[::1], UniTuple(int64, 2))")

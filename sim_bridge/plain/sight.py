@@ -13,7 +13,6 @@ from sim_bridge.plain.caster import Caster
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.simulation import Capture, Simulation
-from uav_bt.classes import CARPET
 from uav_bt.types import ClassMap, DepthMap, Frame, Pose2D
 
 
@@ -100,7 +99,7 @@ class PlainSight:
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame, (H, W) uint8 of `SIZE_PX`."""
         ids, _ = self._look(frame)
-        return ClassMap(ids=ids, captured_s=frame.captured_s)
+        return ClassMap(ids=ids, classes=self._caster.classes, captured_s=frame.captured_s)
 
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the relative depth of a frame, (H, W) float32 of `SIZE_PX`."""
@@ -139,7 +138,7 @@ class PlainSight:
                 capture.camera, capture.movers, rays + shift.reshape(rays.shape)
             )
             self._seen = frame.index, ids, depth_m
-            self._ground[frame.index] = float(np.mean(ids == CARPET))
+            self._ground[frame.index] = float(np.mean(ids == self._caster.ground_id))
             if len(self._ground) > 2:
                 del self._ground[min(self._ground)]
         return self._seen[1:]

@@ -29,7 +29,8 @@ from sim_bridge.twin.scene import (
     box_names,
 )
 from sim_bridge.twin.solids import Solid, stacked, yaw_quaternion
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.roles import OUTSIDE
 
 HULL_HALF_M = tuple(side / 2 for side in ANAFI_AIRFRAME.body_size_m)  # forward, sideways, up
 HULL_MASS_KG = 0.32  # mass of the ANAFI
@@ -64,7 +65,7 @@ def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
     Returns:
         The MuJoCo model; the free joint of the drone is the first seven coordinates.
     """
-    builder = _Builder(math.hypot(*scene.room_size_m), drawn=drawn)
+    builder = _Builder(scene, drawn=drawn)
     builder.lights(scene.lighting)
     # Geoms are drawn in this order. Things in front come first, because a software renderer
     # textures every pixel that no nearer surface covers yet.
@@ -80,8 +81,9 @@ def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
 
 
 class _Builder:
-    def __init__(self, diagonal_m: float, *, drawn: bool) -> None:
-        self._drawn = drawn
+    def __init__(self, scene: Scene, *, drawn: bool) -> None:
+        self._scene, self._drawn = scene, drawn
+        self._lab: LabClasses = scene.classes
         self.spec = mujoco.MjSpec()
         self.spec.option.timestep = PHYSICS_STEP_S
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -89,7 +91,7 @@ class _Builder:
         self.spec.stat.extent = 8.0
         self.spec.stat.center = (0.0, 0.0, 1.0)
         self.spec.visual.map.znear = 0.02 / 8.0
-        self.spec.visual.map.zfar = max(20.0, diagonal_m) / 8.0
+        self.spec.visual.map.zfar = max(20.0, math.hypot(*scene.room_size_m)) / 8.0
         self.spec.visual.map.shadowclip = 1.0
         self.spec.visual.quality.shadowsize = 2048
         self.spec.visual.headlight.active = 0
@@ -138,7 +140,7 @@ class _Builder:
         for name, (size, position) in slabs.items():
             slab = Solid(half_m=size, centre_m=position)
             kind = name.split("-")[0]
-            self._show(f"{name}/seen", slab, material=kind, class_id=BACKGROUND, tile_m=(5.0, 5.0))
+            self._show(f"{name}/seen", slab, material=kind, class_id=OUTSIDE, tile_m=(5.0, 5.0))
             self._hit(name, slab)
 
     def carpet(self, size_m: Vector2) -> None:
@@ -147,7 +149,8 @@ class _Builder:
             half_m=(size_m[0] / 2, size_m[1] / 2, -_FLOOR_M / 2),
             centre_m=(0.0, 0.0, _FLOOR_M / 2),
         )
-        self._show("carpet/seen", carpet, material="carpet", class_id=CARPET, tile_m=size_m)
+        class_id = self._lab.ground
+        self._show("carpet/seen", carpet, material="carpet", class_id=class_id, tile_m=size_m)
         self._hit("carpet", carpet)
 
     def lights(self, lighting: Lighting) -> None:
@@ -176,15 +179,16 @@ class _Builder:
         panel_m = (_H_SHARE * width, _H_SHARE * depth)
         half_m, centre_m = (panel_m[0] / 2, panel_m[1] / 2, _PAINT_M), (*pad.position_m, height)
         panel = replace(whole, half_m=half_m, centre_m=centre_m)
-        tile_m = (0.2, 0.2)
-        self._show("helipad/sides", whole, material="stripes", class_id=HELIPAD_BOX, tile_m=tile_m)
-        self._show("helipad/h", panel, material="h", class_id=HELIPAD_H, tile_m=panel_m)
+        parts = (
+            ("helipad/sides", whole, "stripes", self._scene.mark_class, (0.2, 0.2)),
+            ("helipad/h", panel, "h", self._scene.mark_top, panel_m),
+        )
+        for name, solid, material, class_id, tile_m in parts:
+            self._show(name, solid, material=material, class_id=class_id, tile_m=tile_m)
         self._hit("helipad", whole)
 
     def box(self, name: str, box: BoxSpec) -> None:
-        self._wrapped(
-            name, stacked(box.position_m, box.size_m, math.radians(box.yaw_deg)), box.pattern
-        )
+        self._wrapped(name, stacked(box.position_m, box.size_m, math.radians(box.yaw_deg)), box)
 
     def mover(self, name: str, mover: MoverSpec) -> None:
         """Add a mover as a mocap body of MuJoCo, with its origin on the ground."""
@@ -192,23 +196,28 @@ class _Builder:
         body = self.spec.worldbody.add_body(name=name, mocap=True, pos=(x, y, 0.0))
         is_round, yaw_rad = mover.shape == "cylinder", math.radians(mover.yaw_deg)
         parts = stacked((0.0, 0.0), mover.size_m, yaw_rad, is_round=is_round)
-        self._wrapped(name, parts, mover.pattern, body)
+        self._wrapped(name, parts, mover, body)
 
     def _wrapped(
-        self, name: str, parts: tuple[Solid, Solid, Solid], pattern: int, body: Any = None
+        self,
+        name: str,
+        parts: tuple[Solid, Solid, Solid],
+        item: BoxSpec | MoverSpec,
+        body: Any = None,
     ) -> None:
         """Add a body in printed paper: its contact geom, its sides and its roof."""
         whole, sides, sheet = parts
-        roof = roof_of(pattern)
+        pattern, roof = item.pattern, roof_of(item.pattern)
         side, top = partial(textures.side, pattern), partial(textures.roof, roof)
+        class_id = self._scene.class_of(item)
         papers = (
-            (f"{name}/side", sides, f"box-{pattern}", side, BOXES[pattern - 1]),
-            (f"{name}/roof", sheet, f"roof-{roof}", top, ROOFS[roof - 1]),
+            (f"{name}/side", sides, f"box-{pattern}", side, class_id),
+            (f"{name}/roof", sheet, f"roof-{roof}", top, int(self._lab.top_of[class_id])),
         )
         tile_m = (textures.TILE_M, textures.TILE_M)
-        for part, solid, paper, make, class_id in papers:
+        for part, solid, paper, make, part_class in papers:
             self._texture(paper, make)
-            self._show(part, solid, material=paper, class_id=class_id, tile_m=tile_m, body=body)
+            self._show(part, solid, material=paper, class_id=part_class, tile_m=tile_m, body=body)
         self._hit(name, whole, body)
 
     def _texture(self, name: str, make: Callable[[], NDArray[np.uint8]]) -> None:

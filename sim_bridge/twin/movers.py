@@ -12,11 +12,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import BOXES, ROOFS
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.ground import Footprint, Ground
 
 Point = tuple[float, float]
+
+PATTERN_COUNT = 8  # printed papers of sides
+_ROOF_COUNT = 5  # printed papers of roofs
 
 KEPT_FREE_M = 0.25  # least distance from the take-off point to boxes and movers
 _SPEEDS_MPS = (0.2, 1.0)
@@ -29,7 +31,7 @@ _LONGEST_PAUSE_S = 60.0
 
 def roof_of(pattern: int) -> int:
     """Return the roof pattern, 1 to 5, that belongs to a side pattern."""
-    return (pattern - 1) % len(ROOFS) + 1
+    return (pattern - 1) % _ROOF_COUNT + 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +52,9 @@ class MoverSpec:
     pauses_s: Point | None = None  # shortest and longest pause before each run of the path
 
     def __post_init__(self) -> None:
-        if not 1 <= self.pattern <= len(BOXES):
+        if not 1 <= self.pattern <= PATTERN_COUNT:
             raise ValueRangeError(
-                f"a mover's pattern must be 1 to {len(BOXES)}, got {self.pattern}"
+                f"a mover's pattern must be 1 to {PATTERN_COUNT}, got {self.pattern}"
             )
         low, high = _SPEEDS_MPS
         if not low <= self.speed_mps <= high:

@@ -8,9 +8,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_problem, roof_of
-from uav_bt.classes import BOXES
+from sim_bridge.twin.movers import (
+    KEPT_FREE_M,
+    PATTERN_COUNT,
+    MoverSpec,
+    mover_problem,
+    roof_of,
+)
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.roles import MARK
+from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.ground import Footprint, Ground, Standing
 
@@ -20,7 +28,6 @@ _BESIDE_M = 2.5  # least distance from the ground's edge to the walls
 _GROUND_SIDES_M = (2.0, 12.0)
 MAX_MOVERS = 8
 MAX_BOXES = 64  # the class masks distinguish fewer than 256 geoms; a box has two
-PATTERN_COUNT = len(BOXES)
 MAX_HEIGHT_M = 4.0  # leaves 1 m below the ceiling
 
 Vector2 = tuple[float, float]
@@ -225,6 +232,27 @@ class Scene:
     movers: tuple[MoverSpec, ...] = ()
     lighting: Lighting = field(default_factory=Lighting)
     take_off: TakeOffSpec = field(default_factory=TakeOffSpec)
+    lab: str = DEFAULT_LAB  # name of the lab that the scene belongs to
+
+    @cached_property
+    def classes(self) -> LabClasses:
+        """The classes of the lab."""
+        return load_lab(self.lab).classes
+
+    def class_of(self, item: BoxSpec | MoverSpec) -> int:
+        """Return the class of the sides of a box or mover."""
+        return self.classes.standing[item.pattern - 1]
+
+    @property
+    def mark_class(self) -> int:
+        """The class of the sides of the landing box."""
+        sides = self.classes.mark_sides
+        return self.classes.of_role(MARK)[0] if sides is None else sides
+
+    @property
+    def mark_top(self) -> int:
+        """The class of the middle of the landing box's top."""
+        return int(self.classes.top_of[self.mark_class]) or self.mark_class
 
     @property
     def mark(self) -> LandingMark | None:
@@ -297,7 +325,7 @@ class Scene:
             standing=tuple(
                 Standing(footprint=footprint, height_m=size_m[2], class_id=class_id)
                 for footprint, size_m, class_id in (
-                    *((box.footprint, box.size_m, BOXES[box.pattern - 1]) for box in self.boxes),
+                    *((box.footprint, box.size_m, self.class_of(box)) for box in self.boxes),
                     *((pad.footprint, pad.size_m, None) for pad in self.pads),
                 )
             ),

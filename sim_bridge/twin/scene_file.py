@@ -23,6 +23,7 @@ from sim_bridge.twin.scene import (
     traffic_problem,
 )
 from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError
+from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.yaml_file import read_yaml
 
 
@@ -58,6 +59,10 @@ def load_scene(name_or_path: str | Path) -> Scene:
         remedy="`uav-bt lab scenes` lists the shipped scenes",
     )
     found = file.value
+    try:
+        load_lab(found.lab)
+    except UnknownNameError as error:
+        raise file.error(str(error), "lab") from error
     problem = layout_problem(found.helipad, found.boxes, found.ground)
     if problem is not None:
         raise file.error(problem.message, *problem.place)
@@ -69,6 +74,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
             ground=found.ground,
             lighting=found.lighting,
             take_off=found.take_off.spec(),
+            lab=found.lab,
         )
     except ValueRangeError as error:
         raise file.error(str(error), "take_off") from error
@@ -85,6 +91,8 @@ def scene_text(scene: Scene) -> str:
     values["take_off"] = (
         {"from": "random"} if start.random else {"from": spot, "yaw_deg": start.yaw_deg}
     )
+    if scene.lab == DEFAULT_LAB:
+        del values["lab"]
     return yaml.safe_dump(values, sort_keys=False)
 
 
@@ -107,6 +115,7 @@ class _TakeOff:
 
 @dataclass(frozen=True, kw_only=True)
 class _SceneFile:
+    lab: str = DEFAULT_LAB
     helipad: Helipad | None = None
     # Strict mode refuses numbers as text, but a scene may have the name 7.
     name: Annotated[str | None, Field(min_length=1, strict=False, coerce_numbers_to_str=True)] = (

@@ -9,11 +9,10 @@ from typing import Final
 import numpy as np
 
 from sim_bridge.anafi import ANAFI_AIRFRAME
-from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.movers import PATTERN_COUNT, MoverSpec
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.scene import (
     MAX_MOVERS,
-    PATTERN_COUNT,
     BoxSpec,
     Lighting,
     Scene,

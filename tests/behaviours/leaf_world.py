@@ -7,6 +7,7 @@ from typing import Unpack
 
 import numpy as np
 
+from tests.paper_lab import CLASSES
 from uav_bt.answers import Advance, Blocked
 from uav_bt.board import STATE
 from uav_bt.testing import LeafBench
@@ -60,6 +61,7 @@ def map_with(near: NearObstacles) -> SiteMap:
     """Return a map that views contradict: only its near obstacles are used."""
     nothing, cells = np.empty((0, 2)), np.zeros((3, 3), dtype=bool)
     return SiteMap(
+        classes=CLASSES,
         pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
         corner_m=(-0.1, -0.1),
         cell_m=0.1,

@@ -29,6 +29,8 @@ from uav_bt.board.context import MissionContext
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.limits import Limits
@@ -119,6 +121,7 @@ class Flight(Generic[DroneT]):
             segmenter=self._segmenter or self._exact_segmenter() or sight,
             sight=sight,
             ground=() if site is None else site.ground,
+            classes=self.classes,
             airframe=self.drone.airframe,
             mark=self.mark,
             clearances=(site or Site()).clearances,
@@ -126,6 +129,12 @@ class Flight(Generic[DroneT]):
             area=self.area,
             outputs=self.outputs,
         )
+
+    @property
+    def classes(self) -> LabClasses:
+        """The classes of the scene's lab; on a real drone those of the default lab."""
+        scene = self.drone.scene
+        return load_lab().classes if scene is None else scene.classes
 
     def _policy(self, name: str) -> LeafPolicy:
         given = self.options.policy_objects.get(name)
@@ -138,7 +147,7 @@ class Flight(Generic[DroneT]):
             return None
         if self.drone.referee is None:
             raise InputError("exact masks need a simulated drone: a real one has no referee")
-        return ExactSegmenter(self.drone.referee)
+        return ExactSegmenter(self.drone.referee, self.classes)
 
     @property
     def scene_name(self) -> str | None:

@@ -25,21 +25,13 @@ from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight, Listeners
 from uav_bt.board import METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.classes import (
-    BOXES,
-    CLASS_COLOURS,
-    CLASS_NAMES,
-    HELIPAD_BOX,
-    is_above_ground,
-    is_ground,
-)
 from uav_bt.display.canvas import Colour
 from uav_bt.display.lab_map import LabMap, MapItem, MapMover
 from uav_bt.display.phrases import describe_flight, lands_on_helipad
 from uav_bt.display.status import LiveStatus
-from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.depth_panes import Intruding
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
+from uav_bt.lab.classes import LabClasses
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickListener
@@ -50,20 +42,22 @@ from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, LandingMark, Po
 
 def map_of_scene(scene: Scene) -> LabMap:
     """Return the map of a scene of the twin, boxes in the colours of their class."""
-    pad, start = scene.helipad, scene.take_off
+    classes, pad, start = scene.classes, scene.helipad, scene.take_off
     x_m, y_m = scene.start_m
     return LabMap(
         carpet_size_m=scene.ground.size_m,
         boxes=tuple(
-            _item(box.position_m, box.yaw_deg, box.size_m, BOXES[box.pattern - 1])
+            _item(classes, scene.class_of(box), box.position_m, box.yaw_deg, box.size_m)
             for box in scene.boxes
         ),
         helipad=None
         if pad is None
-        else _item(pad.position_m, pad.yaw_deg, pad.size_m, HELIPAD_BOX),
+        else _item(classes, scene.mark_class, pad.position_m, pad.yaw_deg, pad.size_m),
         movers=tuple(
             MapMover(
-                item=_item(mover.path_m[0], mover.yaw_deg, mover.size_m, BOXES[mover.pattern - 1]),
+                item=_item(
+                    classes, scene.class_of(mover), mover.path_m[0], mover.yaw_deg, mover.size_m
+                ),
                 path_m=(*mover.path_m, mover.path_m[0]) if mover.loop else mover.path_m,
                 round=mover.shape == "cylinder",
             )
@@ -76,9 +70,13 @@ def map_of_scene(scene: Scene) -> LabMap:
 
 
 def _item(
-    position_m: tuple[float, float], yaw_deg: float, size_m: tuple[float, float, float], class_: int
+    classes: LabClasses,
+    class_id: int,
+    position_m: tuple[float, float],
+    yaw_deg: float,
+    size_m: tuple[float, float, float],
 ) -> MapItem:
-    red, green, blue = (int(value) for value in CLASS_COLOURS[class_])
+    red, green, blue = (int(value) for value in classes.colours[class_id])
     colour: Colour = (red, green, blue)
     return MapItem(
         x_m=position_m[0],
@@ -86,7 +84,7 @@ def _item(
         size_m=size_m,
         yaw_rad=math.radians(yaw_deg),
         colour=colour,
-        name=CLASS_NAMES[class_],
+        name=classes.names[class_id],
     )
 
 
@@ -175,8 +173,7 @@ def panes_of(
         title: a line above the map.
         limit_s: when the flight is ended at the latest, from the take-off command.
     """
-    palette = ClassPalette(names=CLASS_NAMES, colours=CLASS_COLOURS)
-    panes = Panes(board, camera, palette=palette, lab_map=lab_map, title=title, limit_s=limit_s)
+    panes = Panes(board, camera, lab_map=lab_map, title=title, limit_s=limit_s)
     if tree is not None and makes_depth(tree):
         panes.show_depth(corridor_marker(tree, camera))
     return panes
@@ -220,8 +217,7 @@ def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
 
     def intruding(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
         height_px, width_px = depth.depth.shape
-        ids = class_map.ids
-        things = ~is_ground(ids) if background else is_above_ground(ids)
+        things = ~class_map.is_ground if background else class_map.is_above_ground
         return builder.intruding(
             depth, view_of(frame, camera, (width_px, height_px)), things=things
         )

@@ -15,7 +15,6 @@ from uav_bt.app.options import FlightOptions
 from uav_bt.board import SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.flight_folder import FlightFolder
-from uav_bt.classes import CLASS_NAMES
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, write_whole
 from uav_bt.inputs import refuse_inputs, same_file
@@ -95,9 +94,8 @@ def objects_of(site_map: SiteMap | None) -> list[FoundObject] | None:
     """Return the objects of a map as results state them. None without a map."""
     if site_map is None:
         return None
-    return [
-        found_object(seen, CLASS_NAMES[seen.class_id], site_map.start) for seen in site_map.objects
-    ]
+    names = site_map.classes.names
+    return [found_object(seen, names[seen.class_id], site_map.start) for seen in site_map.objects]
 
 
 def write_objects(report: FlightReport, folder: FlightFolder) -> None:

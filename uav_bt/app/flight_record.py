@@ -65,6 +65,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "policy_objects": list(options.policy_objects),
         "drone": options.drone_name,
         "drone_config": repr(drone) if is_dataclass(drone) else None,
+        "classes": [asdict(each) for each in flight.classes],
         "airframe": flight.drone.airframe,
         "simulated": flight.drone.referee is not None,
         "imageless": flight.context.sight is not None,

@@ -70,7 +70,7 @@ class Site:
     camera: Path | None = None
     model: str | None = None
     classes: Path | None = None
-    ground: tuple[str, ...] = ("carpet",)
+    ground: tuple[str, ...] = ()
     limits: Limits = field(default_factory=Limits)
     area: tuple[Place, ...] | None = None
     mark: LandingMark | None = None
@@ -248,7 +248,7 @@ class _SiteFile:
     take_off: _TakeOff | None = None
     camera: _FileBeside | None = None
     network: _Network | None = None
-    ground: Annotated[tuple[str, ...], Field(min_length=1)] = ("carpet",)
+    ground: Annotated[tuple[str, ...], Field(min_length=1)] = ()
     limits: _Limits | None = None
     area: Annotated[str, AfterValidator(_area)] | None = None
     mark: _Mark | None = None

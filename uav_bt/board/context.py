@@ -14,6 +14,8 @@ from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.keys import ELAPSED, MISSION_KEYS
 from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.shipped import load_lab
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
@@ -119,7 +121,8 @@ class MissionContext:
             do not depend on the load.
         segmenter: replaces the network of every Segment leaf, for flights on exact masks.
         sight: perception of a drone without images; replaces networks and optical flow.
-        ground: names of the classes that count as ground besides the carpet.
+        classes: classes of the lab. Default: those of the paper's lab.
+        ground: names of further classes that count as ground.
         airframe: size and reaction of the drone's body.
         mark: size of the landing mark.
         clearances: distances that routes keep.
@@ -138,6 +141,7 @@ class MissionContext:
     inference_threads: int = 1
     segmenter: Segmenter | None = None
     sight: Sight | None = None
+    classes: LabClasses = field(default_factory=lambda: load_lab().classes)
     ground: tuple[str, ...] = ()
     airframe: Airframe = field(default_factory=Airframe)
     mark: LandingMark = field(default_factory=LandingMark)

@@ -17,7 +17,6 @@ from perception.networks.named import SHIPPED_UNETS
 from perception.segmentation import runtime
 from perception.segmentation.evaluation import SegmentationScore
 from perception.segmentation.teacher import load_teacher
-from uav_bt.classes import CLASS_NAMES, GROUP_NAMES
 from uav_bt.cli.command import Command
 from uav_bt.cli.depth_tables import depth_report
 from uav_bt.cli.flight_options import flight_option
@@ -26,6 +25,8 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.training_options import Drawn, drawn_options
 from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.files import writing
+from uav_bt.lab.roles import ROLE_NAMES
+from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import evaluation
 from uav_bt.learning.dataset import read_advised_flights, records_of
 from uav_bt.learning.depth_tables.images import ImagePlan
@@ -69,14 +70,14 @@ def segmentation(
 ) -> None:
     """Score a segmentation against the twin's exact class ids; on the testing scenes by default.
 
-    The score is the intersection over union over all pixels, by class and by navigation group.
+    The score is the intersection over union over all pixels, by class and by role.
     """
     segment = _segmenter(model, classes)
     plan = drawn.of(
         ViewPlan(scenes=TESTING_SCENES, size_px=image_size_px, profile=profile, lowered=lowered)
     )
     with progress_bars() as advance:
-        score = evaluation.evaluate_segmentation(segment, plan, advance=advance)
+        score = evaluation.evaluate_segmentation(segment, plan, load_lab().classes, advance=advance)
     result = {"model": model, "scenes": list(plan.scenes), "views": plan.views, "seed": plan.seed}
     result |= {"image_size": list(image_size_px), "profile": profile, "lowered": lowered}
     result |= _figures(score)
@@ -191,11 +192,11 @@ def _segmenter(model: str, classes: Path | None) -> Callable[[Any], Any]:
     if model in SHIPPED_UNETS:
         return runtime.shipped_unet(model, threads=2).ids
     if model != "teacher" and not model.endswith(".safetensors"):
-        return runtime.OnnxSegmenter(Path(model), mapping=classes, threads=2).ids
+        return runtime.OnnxSegmenter(Path(model), load_lab().classes, classes, threads=2).ids
     teacher = (
         runtime.shipped_teacher()
         if model == "teacher"
-        else runtime.TeacherSegmenter(load_teacher(Path(model)))
+        else runtime.TeacherSegmenter(load_teacher(Path(model), load_lab().classes))
     )
 
     def segment(rgb: Any) -> Any:
@@ -211,10 +212,10 @@ def _figures(score: SegmentationScore) -> dict[str, Any]:
     return {
         "pictures": score.images,
         "accuracy": round(score.accuracy, 4),
-        "group_miou": round(score.group_miou, 4),
+        "role_miou": round(score.role_miou, 4),
         "miou": round(score.miou, 4),
-        "group_iou": _by_name(GROUP_NAMES, score.group_iou),
-        "class_iou": _by_name(CLASS_NAMES, score.iou),
+        "role_iou": _by_name(ROLE_NAMES, score.role_iou),
+        "class_iou": _by_name(score.classes.names, score.iou),
     }
 
 
@@ -229,9 +230,10 @@ def _by_name(names: Any, values: Any) -> dict[str, float | None]:
 def _show(result: dict[str, Any]) -> None:
     click.echo(f"{result['model']} on {result['pictures']} images of {', '.join(result['scenes'])}")
     click.echo(f"  pixel accuracy    {result['accuracy']:.4f}")
-    click.echo(f"  mIoU, 4 groups    {result['group_miou']:.4f}")
-    click.echo(f"  mIoU, 17 classes  {result['miou']:.4f}")
-    for title in ("group_iou", "class_iou"):
+    click.echo(f"  mIoU, 4 roles     {result['role_miou']:.4f}")
+    title = f"mIoU, {len(result['class_iou'])} classes"
+    click.echo(f"  {title:<17} {result['miou']:.4f}")
+    for title in ("role_iou", "class_iou"):
         click.echo(f"  {title.replace('_', ', ').replace('iou', 'IoU')}")
         for name, value in result[title].items():
             click.echo(f"    {name:<16}{'-' if value is None else format(value, '.4f')}")

@@ -23,7 +23,6 @@ from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app.film import map_of_scene
 from uav_bt.app.flight import check as check_tree
 from uav_bt.app.tree_places import drawn_places
-from uav_bt.classes import BOXES, CLASS_NAMES
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, output_option
 from uav_bt.cli.progress import progress_bars
@@ -66,7 +65,7 @@ def _table(scene: Scene) -> str:
     for box in scene.boxes:
         (x_m, y_m), (length_m, width_m, height_m) = box.position_m, box.size_m
         lines.append(
-            f"{box.pattern:<7}  {CLASS_NAMES[BOXES[box.pattern - 1]]}  {x_m:5.2f}  {y_m:5.2f}"
+            f"{box.pattern:<7}  {scene.classes.names[scene.class_of(box)]}  {x_m:5.2f}  {y_m:5.2f}"
             f"  {box.yaw_deg:8.1f}  {f'{length_m:.2f} x {width_m:.2f}':<11}  {height_m:9.2f}"
         )
     return "".join(f"{line}\n" for line in lines) if scene.boxes else ""

@@ -14,6 +14,7 @@ from uav_bt.cli.options import INPUT, RUNS, output_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.training_options import Drawn, drawn_options
 from uav_bt.cli.values import WholeNumber
+from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import teacher as training
 from uav_bt.learning.views import TRAINING_SCENES, ViewPlan
 
@@ -32,7 +33,7 @@ def pick(*, folder: Path, picks: Path, port: int) -> None:
 
     FOLDER holds the photographs. `uav-bt net train teacher` learns from them and the picks.
     """
-    session = PickSession(folder, picks)
+    session = PickSession(folder, picks, load_lab().classes)
     with make_pick_server(session, port=port) as server:
         click.echo(f"open http://127.0.0.1:{server.server_port}/ and click; Ctrl-C when done")
         with contextlib.suppress(KeyboardInterrupt):
@@ -72,13 +73,13 @@ def teacher(
     """Train the teacher on picks: drawn from the twin, or clicked by a person."""
     if (photographs is None) != (picks is None):
         raise click.UsageError("--picks and --photographs belong together")
-    config = TeacherConfig()
+    config, classes = TeacherConfig(), load_lab().classes
     if picks is not None and photographs is not None:
-        trained = training.train_teacher_on_photographs(picks, photographs, config)
+        trained = training.train_teacher_on_photographs(picks, photographs, config, classes)
     else:
         plan = drawn.of(ViewPlan(scenes=TRAINING_SCENES))
         with progress_bars() as advance:
             found = training.draw_twin_picks(plan, config, total=total, advance=advance)
-            trained = training.train_teacher(found, plan, config, advance=advance)
+            trained = training.train_teacher(found, plan, config, classes, advance=advance)
     save_teacher(out, trained)
     click.echo(f"teacher of {len(trained.known)} classes: {out}")

@@ -27,6 +27,7 @@ from uav_bt.cli.training_options import (
     steps_option,
 )
 from uav_bt.cli.values import WholeNumber
+from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import diary, training
 from uav_bt.learning.dataset import read_flights
 from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights, label_views
@@ -85,7 +86,8 @@ def segmentation(
     """
     training = TrainingConfig(**config)  # refuses an absent GPU before masks are made
     teacher_path = SHIPPED_TEACHER if teacher_path is None else teacher_path
-    load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
+    classes = load_lab().classes
+    load_teacher(teacher_path, classes)  # refuses a damaged one now, and not in a worker later
     plan = replace(UNetPlan(), views=drawn.of(replace(UNetPlan().views, scenes=TRAINING_SCENES)))
     with progress_bars() as advance:
         masks = run / f"masks-{_fingerprint(plan, teacher_path)}"
@@ -95,6 +97,7 @@ def segmentation(
             images = label_views(teacher_path, plan, masks, workers=workers, advance=advance)
         train_segmentation(
             images,
+            classes,
             out,
             config=training,
             checkpoint=run / "checkpoint.safetensors",

@@ -7,9 +7,9 @@ from typing import Final
 import cv2
 import numpy as np
 
-from uav_bt.classes import BOXES, CLASS_COLOURS, CLASS_NAMES
 from uav_bt.display.canvas import BACKDROP, INK, Colour, line, polygon, put, text_width_px
 from uav_bt.display.lab_map import LabMap, MapFrame, MapItem, draw_scale
+from uav_bt.lab.classes import LabClasses
 from uav_bt.mission.map_alignment import MapPlacement
 from uav_bt.types.arrays import Image
 from uav_bt.types.site_map import MapMover, MapObject, SiteMap
@@ -69,7 +69,7 @@ def draw_site_map(
             x, y = (round(each) for each in frame.to_px(x_m, y_m))
             cv2.circle(image, (x, y), _POINT_PX, colour, cv2.FILLED)
     for each in site_map.objects:
-        _draw_object(image, each, placement, frame)
+        _draw_object(image, each, site_map.classes, placement, frame)
     for mover in site_map.movers:
         _draw_mover(image, mover, placement, frame)
     _draw_legend(image)
@@ -97,12 +97,18 @@ def _cells_in_world(site_map: SiteMap, placement: MapPlacement, frame: MapFrame)
     return np.asarray(cells, dtype=np.uint8)
 
 
-def _draw_object(image: Image, item: MapObject, placement: MapPlacement, frame: MapFrame) -> None:
+def _draw_object(
+    image: Image,
+    item: MapObject,
+    classes: LabClasses,
+    placement: MapPlacement,
+    frame: MapFrame,
+) -> None:
     places_m = placement.to_world(np.vstack([item.corners_m(), [[item.x_m, item.y_m]]]))
     *corners, (x, y) = frame.all_to_px([(x_m, y_m) for x_m, y_m in places_m.tolist()])
-    red, green, blue = (int(value) for value in CLASS_COLOURS[item.class_id])
+    red, green, blue = (int(value) for value in classes.colours[item.class_id])
     line(image, [*corners, corners[0]], (red, green, blue), _OBJECT_PX)
-    words = object_label(item)
+    words = str(item.id)
     left = round(x - text_width_px(words, 0.36) / 2)
     put(image, words, (left, round(y + 4)), scale=0.36, colour=INK)
 
@@ -113,13 +119,6 @@ def _draw_mover(image: Image, mover: MapMover, placement: MapPlacement, frame: M
     reach_px = max(round(mover.radius_m * frame.scale_px_per_m), 3)
     cv2.circle(image, (round(here[0]), round(here[1])), reach_px, MOVERS, _OBJECT_PX, cv2.LINE_AA)
     line(image, [here, ahead], MOVERS, _OBJECT_PX)
-
-
-def object_label(item: MapObject) -> str:
-    """Return a short name of an object's class; for a box only its number."""
-    if item.class_id in BOXES:
-        return str(BOXES.index(item.class_id) + 1)
-    return CLASS_NAMES[item.class_id]
 
 
 def _draw_legend(image: Image) -> None:

@@ -81,7 +81,7 @@ class LabClasses:
         return iter(self._classes)
 
     def __repr__(self) -> str:
-        return f"LabClasses({', '.join(self.names)})"
+        return f"<{len(self)} classes>"
 
     def id_of(self, name: str) -> int:
         """Return the id of a class.
@@ -141,6 +141,15 @@ class LabClasses:
         if not ids:
             raise ValueRangeError("no class has the role ground")
         return ids[0]
+
+    def with_one_ground(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return class ids with the first ground class in place of all ground classes."""
+        grounds = self.of_role(GROUND)
+        if len(grounds) <= 1:
+            return ids
+        table = np.arange(256, dtype=np.uint8)
+        table[list(grounds)] = grounds[0]
+        return table[ids]
 
     def roles(self, ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return the roles of class ids.

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from uav_bt.lab.classes import LabClasses
+
+LAB_FILE: Final = "lab.yaml"
 
 
 @dataclass(frozen=True, kw_only=True)

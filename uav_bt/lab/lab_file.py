@@ -9,13 +9,12 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.lab.classes import Colour, LabClass, LabClasses
-from uav_bt.lab.lab import Lab
+from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.roles import RoleName
 from uav_bt.yaml_file import YamlFile, read_yaml
 
-LAB_FILE: Final = "lab.yaml"
 VERSION: Final = 1
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -55,7 +54,7 @@ def _classes(file: YamlFile[_LabFile]) -> LabClasses:
     ]
     try:
         return LabClasses(listed)
-    except ValueRangeError as error:
+    except (UnknownNameError, ValueRangeError) as error:
         raise file.error(str(error), "classes") from error
 
 

@@ -7,21 +7,15 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import InputError, UnknownNameError
-from uav_bt.lab.lab import Lab
-from uav_bt.lab.lab_file import LAB_FILE, read_lab
+from uav_bt.lab.lab import LAB_FILE, Lab
 
 DEFAULT_LAB: Final = "paper"
 
 
 def shipped_labs() -> dict[str, Path]:
-    """Return the folders of the labs that ship with the project, by name.
-
-    A wheel has them inside the package, a checkout beside it.
-    """
-    package = Path(__file__).parents[1]
-    folders = (package / "labs", package.parent / "labs")
-    found = next((each for each in folders if each.is_dir()), folders[0])
-    return {path.parent.name: path.parent for path in sorted(found.glob(f"*/{LAB_FILE}"))}
+    """Return the folders of the labs that ship with the project, by name."""
+    folder = Path(__file__).parents[1] / "labs"  # in a checkout a link to the folder beside uav_bt
+    return {path.parent.name: path.parent for path in sorted(folder.glob(f"*/{LAB_FILE}"))}
 
 
 def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
@@ -38,14 +32,14 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
     """
     name, path, shipped = str(name_or_path), Path(name_or_path), shipped_labs()
     if len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
-        return read_lab(path)
+        return _read(path)
     own = Path("labs") / name
     ours = shipped.get(name)
     if ours is None:
         if (own / LAB_FILE).is_file():
-            return read_lab(own)
+            return _read(own)
         if path.is_dir():
-            return read_lab(path)
+            return _read(path)
         raise UnknownNameError("lab", name, shipped)
     if (own / LAB_FILE).is_file() and own.resolve() != ours.resolve():
         raise InputError(
@@ -57,4 +51,11 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
 
 @cache
 def _shipped_lab(folder: Path) -> Lab:
-    return read_lab(folder)
+    return _read(folder)
+
+
+def _read(path: Path) -> Lab:
+    # Late: `uav-bt check` must answer at once, and YAML takes long to import.
+    from uav_bt.lab.lab_file import read_lab  # noqa: PLC0415
+
+    return read_lab(path)

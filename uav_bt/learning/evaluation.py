@@ -14,6 +14,7 @@ from perception.control.training.samples import Batch, ControlFlight, ControlSam
 from perception.control.training.scoring import ControlScore, score_control
 from perception.segmentation.evaluation import SegmentationScore, score_segmentation
 from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.lab.classes import LabClasses
 from uav_bt.learning.depth_tables.corridors import corridor_table
 from uav_bt.learning.depth_tables.images import ImagePlan, Masks, take_images
 from uav_bt.learning.depth_tables.tables import (
@@ -29,13 +30,18 @@ from uav_bt.types.arrays import Image
 
 
 def evaluate_segmentation(
-    segment: Callable[[Image], Image], plan: ViewPlan, *, advance: Advance = silent
+    segment: Callable[[Image], Image],
+    plan: ViewPlan,
+    classes: LabClasses,
+    *,
+    advance: Advance = silent,
 ) -> SegmentationScore:
     """Score a segmentation against the twin's exact ids.
 
     Args:
         segment: (H, W, 3) RGB to (h, w) class ids, for example `OnnxSegmenter.ids`.
         plan: the images.
+        classes: classes of the lab.
         advance: called after each image.
     """
     total = plan.views * len(plan.scenes)
@@ -45,7 +51,7 @@ def evaluate_segmentation(
             yield segment(rgb), ids
             advance("evaluation", done, total)
 
-    return score_segmentation(pairs())
+    return score_segmentation(pairs(), classes)
 
 
 def evaluate_student(

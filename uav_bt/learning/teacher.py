@@ -20,6 +20,8 @@ from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher,
 from perception.segmentation.training.picks import Pick, draw_picks, gather_patches, read_picks
 from uav_bt.errors import FileError, InputError, ValueRangeError
 from uav_bt.files import whole_file
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.dataset import fingerprint, image_of, spaced
 from uav_bt.learning.views import ViewPlan, twin_views
 from uav_bt.progress import Advance, silent
@@ -52,7 +54,12 @@ def draw_twin_picks(
 
 
 def train_teacher(
-    picks: Sequence[Pick], plan: ViewPlan, config: TeacherConfig, *, advance: Advance = silent
+    picks: Sequence[Pick],
+    plan: ViewPlan,
+    config: TeacherConfig,
+    classes: LabClasses,
+    *,
+    advance: Advance = silent,
 ) -> Teacher:
     """Train the teacher on picks of the plan's images."""
     wanted = {pick.image for pick in picks}
@@ -65,16 +72,19 @@ def train_teacher(
                 yield name, rgb
             advance("patches", done, total)
 
-    return fit_teacher(gather_patches(picks, images(), config.patch_px), config, seed=plan.seed)
+    patches = gather_patches(picks, images(), config.patch_px, classes)
+    return fit_teacher(patches, config, seed=plan.seed)
 
 
-def train_teacher_on_photographs(picks_path: Path, folder: Path, config: TeacherConfig) -> Teacher:
+def train_teacher_on_photographs(
+    picks_path: Path, folder: Path, config: TeacherConfig, classes: LabClasses
+) -> Teacher:
     """Train the teacher on a picks file and its photographs.
 
     Raises:
         FileError: a file is missing or malformed.
     """
-    picks = read_picks(picks_path)
+    picks = read_picks(picks_path, classes)
     scaled: list[Pick] = []
     images: dict[str, Image] = {}
     for name in dict.fromkeys(pick.image for pick in picks):
@@ -90,7 +100,7 @@ def train_teacher_on_photographs(picks_path: Path, folder: Path, config: Teacher
             for pick in picks
             if pick.image == name
         )
-    return fit_teacher(gather_patches(scaled, images.items(), config.patch_px), config)
+    return fit_teacher(gather_patches(scaled, images.items(), config.patch_px, classes), config)
 
 
 # --- labels ---------------------------------------------------------------------------------------
@@ -161,7 +171,7 @@ def _parts(views: ViewPlan) -> Iterator[tuple[str, ViewPlan]]:
 
 def _label(teacher_path: Path, plan: UNetPlan, file: Path) -> None:
     """Label the images of a part."""
-    teacher = load_teacher(teacher_path)
+    teacher = load_teacher(teacher_path, load_lab().classes)
     views = replace(plan.views, truth_size_px=(32, 18))
     labels = [
         cv2.resize(
@@ -218,7 +228,7 @@ def label_flights(
     """
     if not every_s > 0.0:
         raise ValueRangeError(f"the time between two frames must be positive, got {every_s} s")
-    teacher = load_teacher(teacher_path)
+    teacher = load_teacher(teacher_path, load_lab().classes)
     folder.mkdir(parents=True, exist_ok=True)
     parts = [
         _labelled(teacher, record, plan, folder, every_s=every_s, advance=advance)

@@ -25,6 +25,8 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.training.run import LabelledImages, TrainingConfig, train_unet
 from perception.segmentation.training.unet import UNET_FILES, UNetConfig
 from uav_bt.errors import WeightsError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.diary import Diary, write_depth_sheet
 from uav_bt.learning.views import DepthViews
 from uav_bt.progress import Advance, silent
@@ -55,6 +57,7 @@ def _save(files: NetworkFiles[Any], net: Any, weights: Path, notes: Mapping[str,
 
 def train_segmentation(
     images: tuple[Image, Image],
+    classes: LabClasses,
     weights: Path,
     *,
     config: TrainingConfig | None = None,
@@ -65,6 +68,7 @@ def train_segmentation(
 
     Args:
         images: images (N, h, w, 3) and labels (N, h, w), from `label_views`.
+        classes: classes of the lab.
         weights: the safetensors file; the ONNX file has the same name.
         config: configuration of the training; None: defaults.
         checkpoint: file of the training state, to continue from and to update.
@@ -73,9 +77,9 @@ def train_segmentation(
     settings = config or TrainingConfig()
     rgb, ids = images
     net = train_unet(
-        LabelledImages(rgb=rgb, ids=ids),
+        LabelledImages(rgb=rgb, ids=ids, classes=classes.names),
         settings,
-        UNetConfig(width_px=rgb.shape[2], height_px=rgb.shape[1]),
+        UNetConfig(width_px=rgb.shape[2], height_px=rgb.shape[1], outputs=len(classes)),
         checkpoint=checkpoint,
         progress=lambda now, _net: advance(f"training, loss {now.loss:.3f}", now.step, now.steps),
     )
@@ -93,8 +97,9 @@ def score_depth_on(views: DepthViews, predicted: NDArray[np.float32]) -> DepthSc
         views: images with ground truth.
         predicted: (N, 128, 160) float32.
     """
+    classes = load_lab().classes
     return score_depth(
-        DepthSample(predicted=mine, truth_m=truth, ids=ids, ground_m=ground)
+        DepthSample(predicted=mine, truth_m=truth, roles=classes.roles(ids), ground_m=ground)
         for mine, truth, ids, ground in zip(
             predicted, views.depth_m, views.ids, views.ground_m, strict=True
         )

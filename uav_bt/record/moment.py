@@ -10,6 +10,7 @@ import numpy as np
 
 from uav_bt.errors import InputError
 from uav_bt.json_text import parse_json
+from uav_bt.lab.classes import LabClasses
 from uav_bt.record import channels
 from uav_bt.record.channels import (
     Channel,
@@ -75,12 +76,13 @@ class Moment:
     truth: Truth | None = None
 
 
-def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
+def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: LabClasses) -> Moment:
     """Return the moment of a tick's messages.
 
     Args:
         found: the messages by topic.
         statuses: statuses of the nodes after the previous tick.
+        classes: classes of the lab.
 
     Raises:
         InputError: a message is damaged or missing.
@@ -106,13 +108,13 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         statuses=statuses if status is None else status.statuses,
         board=board,
         frame=_frame(value(channels.CAMERA_FRAME), found),
-        class_map=_class_map(found, board),
+        class_map=_class_map(found, board, classes),
         relative_depth=_depth(channels.RELATIVE_DEPTH, "relative_depth", found, board),
         metric_depth=_depth(channels.METRIC_DEPTH, "metric_depth", found, board),
         corridor=value(channels.CORRIDOR),
         helipad=value(channels.HELIPAD),
         near=value(channels.NEAR),
-        site_map=None if site_map is None else site_map_of(site_map),
+        site_map=None if site_map is None else site_map_of(site_map, classes),
         truth=value(channels.TRUTH),
     )
 
@@ -136,11 +138,14 @@ def _frame(note: FrameNote | None, found: Mapping[str, bytes]) -> StoredFrame | 
     return StoredFrame(note=note, image=None if message is None else image_bytes(message))
 
 
-def _class_map(found: Mapping[str, bytes], board: Mapping[str, Any]) -> ClassMap | None:
+def _class_map(
+    found: Mapping[str, bytes], board: Mapping[str, Any], classes: LabClasses
+) -> ClassMap | None:
     message = found.get(channels.CLASS_MAP.topic)
     if message is None:
         return None
-    return ClassMap(ids=raw_image(message), captured_s=_entry(board, "class_map")["captured_s"])
+    captured_s = _entry(board, "class_map")["captured_s"]
+    return ClassMap(ids=raw_image(message), classes=classes, captured_s=captured_s)
 
 
 def _depth(

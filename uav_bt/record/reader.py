@@ -15,6 +15,8 @@ from typing import Any, Final
 
 from uav_bt.errors import FileError, InputError
 from uav_bt.json_text import parse_json
+from uav_bt.lab.classes import LabClass, LabClasses
+from uav_bt.lab.shipped import load_lab
 from uav_bt.plugins import need
 from uav_bt.record import channels
 from uav_bt.record.channels import END, SCHEMA_VERSION, START, StatusNote, TreeNote
@@ -75,6 +77,7 @@ class RecordReader:
                 start_ns=int(self.metadata["start_ns"]), start_s=float(self.metadata["start_s"])
             )
             self.camera = decode(CameraModel, parse_json(self.metadata["camera_model"]))
+            self.classes = self._lab_classes()
         except (KeyError, ValueError, OverflowError, InputError) as error:
             raise self._damaged("metadata", error) from error
 
@@ -279,9 +282,16 @@ class RecordReader:
             return ("IDLE",) * len(self.tree.nodes)
         return self._statuses(last.data)
 
+    def _lab_classes(self) -> LabClasses:
+        """Return the classes of the flight's lab; records of before have the default lab's."""
+        text = self.metadata.get("classes")
+        if text is None:
+            return load_lab().classes
+        return LabClasses(decode(LabClass, each) for each in parse_json(text))
+
     def _moment(self, found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         try:
-            return moment_of(found, statuses)
+            return moment_of(found, statuses, self.classes)
         except (InputError, ArithmeticError, TypeError, ValueError) as error:
             raise self._damaged("tick", error) from error
 

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import CLASS_COUNT
 from uav_bt.errors import InputError
+from uav_bt.lab.classes import LabClasses
 from uav_bt.record.channels import SiteMapNote
 from uav_bt.record.images import decode_bytes, encode_bytes
 from uav_bt.types import Pose2D
@@ -47,7 +47,7 @@ def _grids(site_map: SiteMap) -> tuple[tuple[NDArray[np.bool_], int], ...]:
     )
 
 
-def site_map_of(note: SiteMapNote) -> SiteMap:
+def site_map_of(note: SiteMapNote, classes: LabClasses) -> SiteMap:
     """Return the map of a note; all its ground gets the capture time of the newest frame.
 
     Raises:
@@ -57,8 +57,9 @@ def site_map_of(note: SiteMapNote) -> SiteMap:
         cells = decode_bytes(base64.b64decode(note.cells_png, validate=True))
     except binascii.Error as error:
         raise InputError(f"the cells of a site map are damaged: {error}") from error
-    _check(note)
+    _check(note, classes)
     return SiteMap(
+        classes=classes,
         seen_s=np.where(cells & _GROUND, note.captured_s, -np.inf),
         free=(cells & _FREE) > 0,
         outside=(cells & _OUTSIDE) > 0,
@@ -67,7 +68,7 @@ def site_map_of(note: SiteMapNote) -> SiteMap:
     )
 
 
-def _check(note: SiteMapNote) -> None:
+def _check(note: SiteMapNote, classes: LabClasses) -> None:
     """Refuse values that cannot be drawn."""
     if len(note.corner_m) != 2 or not 0.0 < note.cell_m < _FAR_M:
         raise InputError(f"a site map of cells of {note.cell_m} m at {note.corner_m} is none")
@@ -84,7 +85,7 @@ def _check(note: SiteMapNote) -> None:
     for item in note.objects:
         sizes_m = (item.size_m, item.width_m, item.height_m or 0.0, item.height_std_m or 0.0)
         is_real = all(0.0 <= size < _FAR_M for size in sizes_m) and item.id >= 0
-        if not (0 <= item.class_id < CLASS_COUNT and is_real):
+        if not (0 <= item.class_id < len(classes) and is_real):
             raise InputError(f"the object {item} of a site map is none")
     for mover in note.movers:
         sizes = (mover.speed_mps, mover.std_m, mover.std_mps, mover.radius_m)

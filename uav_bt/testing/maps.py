@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.lab.shipped import load_lab
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.site_map import SiteMap
@@ -64,6 +65,7 @@ def drawn_map(
         raise ShapeError("obstacles", expected="(N, 2)", actual=given.shape)
     seen = ground if known is None else ground & known
     return SiteMap(
+        classes=load_lab().classes,
         pose=Pose2D(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2]),
         corner_m=(-half * _CELL_M, -half * _CELL_M),
         cell_m=_CELL_M,

@@ -10,7 +10,7 @@ import numpy as np
 
 from uav_bt.answers import Answer
 from uav_bt.board import CLASS_MAP, SITE_MAP
-from uav_bt.classes import CARPET
+from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import PolicyView
 from uav_bt.testing.bench import LeafBench
 from uav_bt.tree import Status
@@ -65,9 +65,9 @@ class Says:
         return self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
 
 
-def carpet() -> Image:
-    """Return class ids of nothing but carpet, (18, 32) uint8."""
-    return np.full((18, 32), CARPET, dtype=np.uint8)
+def ground() -> Image:
+    """Return class ids of nothing but ground, (18, 32) uint8, of the paper's lab."""
+    return np.full((18, 32), load_lab().classes.ground, dtype=np.uint8)
 
 
 def show(
@@ -89,7 +89,7 @@ def show(
         bench: the bench of the leaf.
         seconds: time that passes before, s.
         site_map: the map, such as a `drawn_map`. Default: the board's map stays as it is.
-        ids: (H, W) uint8 class ids. Default: `carpet()`.
+        ids: (H, W) uint8 class ids of the paper's lab. Default: `ground()`.
         flying: flying state in the telemetry.
         height_m: height above the ground and above the take-off point, m.
         yaw_rad: heading in the telemetry. Default: that of the map's pose, 0 without a map.
@@ -114,7 +114,9 @@ def show(
             velocity=velocity or BodyVelocity(),
         )
     )
-    bench.board[CLASS_MAP] = ClassMap(ids=carpet() if ids is None else ids, captured_s=now_s)
+    bench.board[CLASS_MAP] = ClassMap(
+        ids=ground() if ids is None else ids, classes=load_lab().classes, captured_s=now_s
+    )
     if site_map is not None:
         bench.board[SITE_MAP] = replace(site_map, captured_s=now_s)
 

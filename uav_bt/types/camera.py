@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.roles import GROUND, MARK
 from uav_bt.types.drone_state import Attitude
 
 
@@ -80,12 +83,34 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True)
 class ClassMap:
-    """A class id for every pixel of a (resized) frame; the ids are `uav_bt.classes`."""
+    """A class id for every pixel of a (resized) frame.
 
-    ids: NDArray[np.uint8]  # (H, W)
-    captured_s: float  # of the frame it was made from
+    Attributes:
+        ids: Class ids, (H, W) uint8.
+        classes: Meaning of the ids.
+        captured_s: Capture time of the frame that it was made from.
+    """
+
+    ids: NDArray[np.uint8]
+    classes: LabClasses
+    captured_s: float
 
     __repr__ = shapes_repr
+
+    @cached_property
+    def roles(self) -> NDArray[np.uint8]:
+        """The roles of the pixels, (H, W) uint8 of `uav_bt.lab.roles`."""
+        return self.classes.roles(self.ids)
+
+    @cached_property
+    def is_ground(self) -> NDArray[np.bool_]:
+        """Where the ground is, (H, W)."""
+        return np.asarray(self.roles == GROUND)
+
+    @cached_property
+    def is_above_ground(self) -> NDArray[np.bool_]:
+        """Where obstacles or the landing mark are, (H, W)."""
+        return np.asarray(self.roles >= MARK)
 
     def __post_init__(self) -> None:
         check_shape("class map", self.ids, 2)

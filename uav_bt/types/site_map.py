@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError
+from uav_bt.lab.classes import LabClasses
 from uav_bt.types.arrays import Flags, Floats
 from uav_bt.types.pose import Pose2D
 from uav_bt.types.surroundings import NearObstacles
@@ -158,6 +159,7 @@ class SiteMap(SiteMapBase):
     columns along y.
 
     Attributes:
+        classes: classes of the objects.
         seen_s: (R, C) float64 when the cell last showed ground; -inf: never.
         free: (R, C) cells known to be free to fly: ground, or below a line of sight to the ground.
         outside: (R, C) cells beyond the edge of the ground.
@@ -166,6 +168,7 @@ class SiteMap(SiteMapBase):
             including those that only a few views have seen, and those of unknown range.
     """
 
+    classes: LabClasses
     seen_s: Floats
     free: Flags
     outside: Flags

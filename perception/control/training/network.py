@@ -30,7 +30,10 @@ class ControlNet(nn.Module):
         self.config = config
         whole = UNet(
             UNetConfig(
-                width_px=config.width_px, height_px=config.height_px, channels=config.channels
+                width_px=config.width_px,
+                height_px=config.height_px,
+                channels=config.channels,
+                outputs=1,  # the decoder is not used
             )
         )
         self.down = whole.down
@@ -82,7 +85,7 @@ def _ports(net: ControlNet) -> OnnxPorts:
 STUDENT_FILES: Final = NetworkFiles(
     kind="control-student",
     remedy="`uav-bt net train student` makes one",
-    build=lambda config: ControlNet(ControlNetConfig.from_json(config)),
+    build=lambda details: ControlNet(ControlNetConfig.from_json(details["config"])),
     ports=_ports,
     version=VERSION,
 )

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from perception.depth.contact.lines import BaseLine, LineConfig, fit_base
 from perception.depth.contact.panorama import OUTSIDE, Panorama
-from uav_bt.classes import CARPET, CLASS_COUNT
 from uav_bt.compiled import compiled
 from uav_bt.types.arrays import Floats, Indices
 
@@ -75,10 +74,16 @@ class Runs:
     last: NDArray[np.int32]  # (C, A) uppermost row of the class; -1 where it is not visible
 
     @classmethod
-    def of(cls, panorama: Panorama, config: BaseConfig) -> Runs:
-        """Return the runs of a panorama that are long enough to stand on a base."""
+    def of(cls, panorama: Panorama, count: int, config: BaseConfig) -> Runs:
+        """Return the runs of a panorama that are long enough to stand on a base.
+
+        Args:
+            panorama: panorama of the class map.
+            count: number of classes.
+            config: length of a run.
+        """
         run = max(1, round(config.min_run_px * panorama.rows_per_px))
-        first, last = _runs(panorama.ids, run)
+        first, last = _runs(panorama.ids, count, run)
         return cls(first=first, last=last)
 
 
@@ -98,23 +103,25 @@ class _Sight:
 def find_base(
     panorama: Panorama,
     runs: Runs,
-    thing: int,
-    height_m: float,
     config: BaseConfig,
     *,
+    thing: int,
+    ground: int,
+    height_m: float,
     remembered: Remembered | None = None,
 ) -> Base:
     """Find the base of the pixels of one class.
 
     Args:
         panorama: panorama of the class map.
-        runs: `Runs.of(panorama, config)`.
-        thing: the class id.
-        height_m: height of the lens above the carpet.
+        runs: runs of that panorama.
         config: which pixels form a base.
+        thing: the class id.
+        ground: the class id of the ground.
+        height_m: height of the lens above the ground.
         remembered: bases seen earlier, used where the base is out of view.
     """
-    sight = _look(panorama, runs, thing, config)
+    sight = _look(panorama, runs, thing, ground, config)
     line, found, on_line = _believe(panorama, sight, config)
     if remembered is not None and line is None and np.isnan(found).any():
         recalled = _recall(panorama, sight, remembered, height_m, config)
@@ -129,10 +136,10 @@ def find_base(
     return Base(slope=slope, line=line, fitted=fitted, visible=visible, top_row=top_row)
 
 
-def _look(panorama: Panorama, runs: Runs, thing: int, config: BaseConfig) -> _Sight:
+def _look(panorama: Panorama, runs: Runs, thing: int, ground: int, config: BaseConfig) -> _Sight:
     columns = np.flatnonzero(runs.first[thing] >= 0)
     first = runs.first[thing, columns].astype(np.intp)
-    carpet = rows_above(panorama, first, columns, CARPET, config.gap_px, step=-1)
+    carpet = rows_above(panorama, first, columns, ground, config.gap_px, step=-1)
     depression = panorama.depression_rad
     border = np.tan(0.5 * (depression[first] + depression[carpet]))
     below = np.where(first > 0, panorama.ids[np.maximum(first - 1, 0), columns], OUTSIDE)
@@ -147,12 +154,15 @@ def _look(panorama: Panorama, runs: Runs, thing: int, config: BaseConfig) -> _Si
     )
 
 
-@compiled("UniTuple(int32[:, ::1], 2)(uint8[:, ::1], int64)")
-def _runs(ids: NDArray[np.uint8], run: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+@compiled("UniTuple(int32[:, ::1], 2)(uint8[:, ::1], int64, int64)")
+def _runs(
+    ids: NDArray[np.uint8], count: int, run: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Find the lowest run of each class in each column of a panorama.
 
     Args:
         ids: (R, A) class ids, the lowest row first.
+        count: number of classes.
         run: rows of a run at least.
 
     Returns:
@@ -160,8 +170,8 @@ def _runs(ids: NDArray[np.uint8], run: int) -> tuple[NDArray[np.int32], NDArray[
         class, be it part of a run or not.
     """
     rows, columns = ids.shape
-    first = np.full((CLASS_COUNT, columns), -1, dtype=np.int32)
-    last = np.full((CLASS_COUNT, columns), -1, dtype=np.int32)
+    first = np.full((count, columns), -1, dtype=np.int32)
+    last = np.full((count, columns), -1, dtype=np.int32)
     before = np.full(columns, OUTSIDE, dtype=np.uint8)  # class in the row before
     begin = np.zeros(columns, dtype=np.int32)  # row where the present run begins
     for row in range(rows):
@@ -169,7 +179,7 @@ def _runs(ids: NDArray[np.uint8], run: int) -> tuple[NDArray[np.int32], NDArray[
             thing = ids[row, column]
             if thing != before[column]:
                 before[column], begin[column] = thing, row
-            if thing >= CLASS_COUNT:  # outside the image
+            if thing >= count:  # outside the image
                 continue
             last[thing, column] = row
             if row - begin[column] + 1 == run and first[thing, column] < 0:

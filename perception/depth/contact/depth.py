@@ -37,9 +37,8 @@ from perception.depth.contact.contacts import (
 from perception.depth.contact.lines import fit_base
 from perception.depth.contact.panorama import Panorama
 from perception.depth.contact.side_loops import sides
-from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, is_above_ground
 from uav_bt.errors import ShapeError
-from uav_bt.types import LandingMark
+from uav_bt.types import ClassMap, LandingMark
 from uav_bt.types.arrays import Floats, Indices
 
 
@@ -69,7 +68,7 @@ class ContactDepth:
 
 
 def contact_depth(
-    ids: NDArray[np.uint8],
+    class_map: ClassMap,
     view: CameraView,
     config: ContactDepthConfig | None = None,
     *,
@@ -80,7 +79,7 @@ def contact_depth(
     """Estimate the depth of carpet, boxes, roofs and helipad.
 
     Args:
-        ids: (H, W) class ids of `uav_bt.classes`.
+        class_map: the class map.
         view: the camera, at the map's size.
         config: dimensions of the lab.
         ground: `GroundPlane.of(view)`, if already computed.
@@ -91,7 +90,7 @@ def contact_depth(
         ShapeError: a map has another size than the view.
         ValueRangeError: the lens is not above the carpet.
     """
-    estimation = ContactEstimation(ids, ground or GroundPlane.of(view), config, remembered)
+    estimation = ContactEstimation(class_map, ground or GroundPlane.of(view), config, remembered)
     if network_m is not None:
         estimation.complete(network_m)
     return estimation.result()
@@ -101,7 +100,7 @@ class ContactEstimation:
     """Estimation of the depth of one map; its steps share the rays, the panorama and the result.
 
     Args:
-        ids: (H, W) class ids of `uav_bt.classes`.
+        class_map: the class map.
         ground: the ground plane of the view, at the map's size.
         config: dimensions of the lab.
         remembered: bases seen earlier, for boxes whose base is now out of view.
@@ -113,31 +112,34 @@ class ContactEstimation:
 
     def __init__(
         self,
-        ids: NDArray[np.uint8],
+        class_map: ClassMap,
         ground: GroundPlane,
         config: ContactDepthConfig | None = None,
         remembered: Remembered | None = None,
     ) -> None:
         self._size = (ground.view.camera.height_px, ground.view.camera.width_px)
-        self._check("class map", ids.shape)
+        self._check("class map", class_map.ids.shape)
+        self._class_map, self._classes = class_map, class_map.classes
+        ids = self._classes.with_one_ground(class_map.ids)
         config, panorama = config or ContactDepthConfig(), Panorama.of(ids, ground.view)
         self._ids = ids.ravel()
         self._height_m, self._config = ground.view.height_m, config
         self._rays, depth_m = ground.rays.reshape(3, -1), ground.depth_m.ravel()
         self._panorama, self._remembered = panorama, remembered
-        self._runs = Runs.of(panorama, config.base)
-        self._depth = np.where(self._ids == CARPET, depth_m, np.float32(np.nan))
+        self._runs = Runs.of(panorama, len(self._classes), config.base)
+        self._depth = np.where(self._ids == self._classes.ground, depth_m, np.float32(np.nan))
         self._at_most = np.where(np.isnan(depth_m), np.float32(np.inf), depth_m)
         self._incomplete: set[int] = set()  # boxes with pixels of unknown depth
         self._present = np.bincount(self._ids, minlength=256) > 0
 
-        bases = {box: self._base(box) for box in BOXES if self._present[box]}
+        standing, top_of = self._classes.standing, self._classes.top_of
+        bases = {box: self._base(box) for box in standing if self._present[box]}
         for box, base in bases.items():
             self._fill_sides(box, base)
         self._carriers = {
-            roof: {box: bases[box] for box in BOXES[number :: len(ROOFS)] if box in bases}
-            for number, roof in enumerate(ROOFS)
-            if self._present[roof]
+            roof: {box: base for box, base in bases.items() if top_of[box] == roof}
+            for roof in self._classes.tops
+            if self._present[roof] and roof != self._classes.mark_top
         }
         for roof, carriers in self._carriers.items():
             self._fill_roof(roof, carriers.values())
@@ -158,11 +160,10 @@ class ContactEstimation:
     def result(self) -> ContactDepth:
         """Return the depth by contact, and by the network if it has completed the estimation."""
         depth = self._depth.copy()
-        if self._present[HELIPAD_BOX] or self._present[HELIPAD_H]:
-            self._fill_helipad(depth)
+        self._fill_mark(depth)
         with np.errstate(invalid="ignore"):
             depth[depth > self._config.max_depth_m] = np.nan
-        things = is_above_ground(self._ids)
+        things = self._class_map.is_above_ground.ravel()
         count = int(np.count_nonzero(things))
         known = int(np.count_nonzero(things & np.isfinite(depth)))
         return ContactDepth(
@@ -180,9 +181,10 @@ class ContactEstimation:
         return find_base(
             self._panorama,
             self._runs,
-            thing,
-            self._height_m,
             self._config.base,
+            thing=thing,
+            ground=self._classes.ground,
+            height_m=self._height_m,
             remembered=self._remembered,
         )
 
@@ -294,15 +296,17 @@ class ContactEstimation:
         depression = panorama.depression_rad
         return columns[meets], np.tan(0.5 * (depression[top[meets]] + depression[above[meets]]))
 
-    def _fill_helipad(self, filled: Floats) -> None:
-        """Fill sides and top of the landing box; its rim has the colours of its sides."""
+    def _fill_mark(self, filled: Floats) -> None:
+        """Fill sides and top of what carries the mark; its rim has the class of its sides."""
         above_m = self._height_m - self._config.pad_height_m
-        base = self._base(HELIPAD_BOX)
-        pixels, depth, _ = self._side_depth(HELIPAD_BOX, base)
-        if above_m > 0.0:
-            # A ray that passes above the upper edge of the side meets the top.
-            down = np.maximum(self._rays[2], np.float32(1e-6))
-            depth = np.maximum(depth, above_m / down[pixels])
-            panel = np.flatnonzero((self._ids == HELIPAD_H) & (self._rays[2] > 0.0))
+        down = np.maximum(self._rays[2], np.float32(1e-6))
+        top, side = self._classes.mark_top, self._classes.mark_sides
+        if top is not None and self._present[top] and above_m > 0.0:
+            panel = np.flatnonzero((self._ids == top) & (self._rays[2] > 0.0))
             filled[panel] = above_m / down[panel]
-        filled[pixels] = depth
+        if side is not None and self._present[side]:
+            pixels, depth, _ = self._side_depth(side, self._base(side))
+            if above_m > 0.0:
+                # A ray that passes above the upper edge of the side meets the top.
+                depth = np.maximum(depth, above_m / down[pixels])
+            filled[pixels] = depth

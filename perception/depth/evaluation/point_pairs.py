@@ -20,9 +20,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import OBSTACLES, is_above_ground
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.types import CameraModel
+from uav_bt.lab.roles import OBSTACLE
+from uav_bt.types import CameraModel, ClassMap
 from uav_bt.types.arrays import Floats32, Indices
 
 Mask = NDArray[np.uint8]
@@ -64,7 +64,7 @@ class PointPairs:
 
 
 def pick_pairs(
-    ids: NDArray[np.uint8],
+    class_map: ClassMap,
     depth_m: Floats32,
     camera: CameraModel,
     generator: np.random.Generator,
@@ -73,7 +73,7 @@ def pick_pairs(
     """Pick pairs in one image.
 
     Args:
-        ids: (H, W) exact class ids.
+        class_map: exact class map.
         depth_m: (H, W) exact depth along the optical axis.
         camera: intrinsics at that size.
         generator: chooses among surplus pairs, and the pairs across faces.
@@ -83,14 +83,14 @@ def pick_pairs(
         ShapeError: the sizes differ.
     """
     config = config or PairConfig()
-    _check_size(ids, depth_m, camera)
+    _check_size(class_map.ids, depth_m, camera)
     edges: list[NDArray[np.intp]] = []
     corners: list[NDArray[np.intp]] = []
-    for face in _faces(ids, config):
+    for face in _faces(class_map, config):
         outline = _polygon(face, config)
         if len(outline) < _MIN_CORNERS:
             continue
-        good = np.array([_picked(corner, face, ids, depth_m, config) for corner in outline])
+        good = np.array([_picked(corner, face, class_map, depth_m, config) for corner in outline])
         if not good.any():
             continue
         corners.append(outline[good])
@@ -116,10 +116,10 @@ def _check_size(ids: NDArray[np.uint8], depth_m: Floats32, camera: CameraModel) 
             raise ShapeError(name, expected=expected, actual=array.shape)
 
 
-def _faces(ids: NDArray[np.uint8], config: PairConfig) -> Iterator[Mask]:
+def _faces(class_map: ClassMap, config: PairConfig) -> Iterator[Mask]:
     """Yield every connected region of an obstacle's class, without its rim."""
-    for obstacle in OBSTACLES:
-        mask = (ids == obstacle).astype(np.uint8)
+    for obstacle in class_map.classes.of_role(OBSTACLE):
+        mask = (class_map.ids == obstacle).astype(np.uint8)
         if np.count_nonzero(mask) < config.min_area_px:
             continue
         count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
@@ -149,11 +149,12 @@ def _polygon(face: Mask, config: PairConfig) -> Indices:
 
 
 def _picked(
-    corner: Indices, face: Mask, ids: NDArray[np.uint8], depth_m: Floats32, config: PairConfig
+    corner: Indices, face: Mask, class_map: ClassMap, depth_m: Floats32, config: PairConfig
 ) -> bool:
     """Return whether a corner belongs to the obstacle and not to an occluder."""
     column, row = int(corner[0]), int(corner[1])
     reach = config.inset_px + 1
+    ids = class_map.ids
     height, width = ids.shape
     if not (reach <= column < width - reach and reach <= row < height - reach):
         return False
@@ -162,7 +163,9 @@ def _picked(
         max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1
     ]
     # The carpet before a base is nearer, but does not hide it.
-    others = is_above_ground(ids[window]) & (ids[window] != ids[row, column]) & (face[window] == 0)
+    others = (
+        class_map.is_above_ground[window] & (ids[window] != ids[row, column]) & (face[window] == 0)
+    )
     return not bool(np.any(others & (depth_m[window] < depth_m[row, column] - config.occluder_m)))
 
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import ray_lengths
-from uav_bt.classes import CLASS_TO_GROUP, GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.types import CameraModel
+from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
+from uav_bt.types import CameraModel, ClassMap
 from uav_bt.types.arrays import Floats32
 
 _MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # the paper's range of distances
@@ -32,7 +32,7 @@ class DepthSample:
 
     predicted: NDArray[np.float32]  # (H, W) along the optical axis, any unit
     truth_m: NDArray[np.float32]  # (H, W)
-    ids: NDArray[np.uint8]  # (H, W) exact class ids
+    roles: NDArray[np.uint8]  # (H, W) exact roles
     ground_m: NDArray[np.float32]  # (H, W) depth of the ground plane, NaN above the horizon
 
 
@@ -81,16 +81,16 @@ def score_depth(samples: Iterable[DepthSample]) -> DepthScore:
 
 def _score_one(sample: DepthSample) -> tuple[float, ...]:
     predicted, truth = sample.predicted.astype(np.float64), sample.truth_m.astype(np.float64)
-    for other in (truth, sample.ids, sample.ground_m):
+    for other in (truth, sample.roles, sample.ground_m):
         if other.shape != predicted.shape:
             expected = "x".join(map(str, predicted.shape))
             raise ShapeError("the maps of a sample", expected=expected, actual=other.shape)
     if not (np.isfinite(predicted).all() and (predicted > 0.0).all()):
         raise ValueRangeError("a predicted depth must be positive and finite everywhere")
-    groups = CLASS_TO_GROUP[sample.ids]
+    roles = sample.roles
     near = (truth >= _MIN_RANGE_M) & (truth <= _MAX_RANGE_M)
-    things = near & (groups != GROUP_BACKGROUND)
-    obstacle, carpet = near & (groups == GROUP_OBSTACLE), near & (groups == GROUP_CARPET)
+    things = near & (roles != OUTSIDE)
+    obstacle, carpet = near & (roles == OBSTACLE), near & (roles == GROUND)
     if not things.any():
         return (float("nan"),) * 8
     scaled = predicted * np.median(truth[things] / predicted[things])
@@ -227,7 +227,7 @@ class MeasuredPoints:
 
 
 def draw_points(
-    ids: NDArray[np.uint8],
+    class_map: ClassMap,
     depth_m: Floats32,
     camera: CameraModel,
     generator: np.random.Generator,
@@ -236,7 +236,7 @@ def draw_points(
     """Sample points of one image, uniformly over its pixels.
 
     Args:
-        ids: (H, W) exact class ids.
+        class_map: exact class map.
         depth_m: (H, W) exact depth along the optical axis.
         camera: intrinsics at that size.
         generator: random generator of the points.
@@ -245,7 +245,7 @@ def draw_points(
     Raises:
         ShapeError: the sizes differ.
     """
-    config = config or PointConfig()
+    config, ids, roles = config or PointConfig(), class_map.ids, class_map.roles
     size = (camera.height_px, camera.width_px)
     for name, array in (("class map", ids), ("depth map", depth_m)):
         if array.shape != size:
@@ -255,16 +255,15 @@ def draw_points(
     square = np.ones((2 * config.inset_px + 1, 2 * config.inset_px + 1), dtype=np.uint8)
     inner = cv2.erode(ids, square) == cv2.dilate(ids, square)
     inner &= (range_m >= config.min_range_m) & (range_m <= config.max_range_m)
-    groups = CLASS_TO_GROUP[ids]
     chosen = []
-    for group in (GROUP_OBSTACLE, GROUP_CARPET):
-        places = np.flatnonzero(inner & (groups == group))
+    for role in (OBSTACLE, GROUND):
+        places = np.flatnonzero(inner & (roles == role))
         chosen.append(generator.choice(places, size=min(config.each, places.size), replace=False))
     rows, columns = np.divmod(np.concatenate(chosen), ids.shape[1])
     return MeasuredPoints(
         pixels=np.stack([columns, rows], axis=1),
         range_m=range_m[rows, columns].astype(np.float64),
-        obstacle=groups[rows, columns] == GROUP_OBSTACLE,
+        obstacle=roles[rows, columns] == OBSTACLE,
     )
 
 

@@ -138,7 +138,7 @@ def contact_labels(
                 if placed is not None:
                     recent.add(placed)
             if place % config.every == 0:
-                known = contact_depth(class_map.ids, view, remembered=remembered)
+                known = contact_depth(class_map, view, remembered=remembered)
                 depth[place], bound[place] = _small(known.depth), _small(known.at_most)
         advance("contact", place + 1, len(footage))
     return DepthLabels(depth_m=depth, at_most_m=bound)

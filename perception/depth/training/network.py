@@ -137,7 +137,8 @@ class DepthNet(nn.Module):
         return 1.0 / (_DISPARITY_RANGE * disparity + _DISPARITY_FLOOR)
 
 
-def _build(config: dict[str, Any]) -> DepthNet:
+def _build(details: dict[str, Any]) -> DepthNet:
+    config = details["config"]
     return DepthNet(DepthNetConfig(**{**config, "channels": tuple(config["channels"])}))
 
 

@@ -55,10 +55,11 @@ class NetworkFiles(Generic[Net]):
 
     kind: str  # of the safetensors file; reading checks it
     remedy: str  # how to make such a file, for messages
-    build: Callable[[dict[str, Any]], Net]  # makes the network from its config's JSON values
+    build: Callable[[dict[str, Any]], Net]  # makes the network from the file's JSON values
     ports: Callable[[Net], OnnxPorts]
     version: int = 1  # of layer names, inputs and outputs; files of another version are refused
-    details: Mapping[str, Any] = field(default_factory=dict)  # further JSON values in the file
+    # Further JSON values in the file, beside the network's config.
+    details: Callable[[Net], Mapping[str, Any]] = lambda _: {}
 
     def save(self, path: Path, net: Net, *, notes: Mapping[str, Any]) -> None:
         """Write a network's weights and config.
@@ -75,7 +76,7 @@ class NetworkFiles(Generic[Net]):
         }
         config: Any = net.config
         details = {"config": asdict(config), "version": self.version, "notes": dict(notes)}
-        write_weights(path, tensors, kind=self.kind, details={**self.details, **details})
+        write_weights(path, tensors, kind=self.kind, details={**self.details(net), **details})
 
     def load(self, path: Path) -> tuple[Net, dict[str, Any]]:
         """Return the network of a file, in evaluation mode, and its notes.
@@ -95,7 +96,7 @@ class NetworkFiles(Generic[Net]):
         if broken:
             raise WeightsError(path, f"holds NaN or infinity ({broken[0]}); {self.remedy}")
         try:
-            net = self.build(details["config"])
+            net = self.build(details)
             counts = {k: v for k, v in net.state_dict().items() if k.endswith(_BATCH_COUNTS)}
             known = {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
             net.load_state_dict({**counts, **known})

@@ -18,9 +18,9 @@ from urllib.parse import unquote, urlsplit
 import cv2
 
 from perception.segmentation.training.picks import Pick, read_picks, write_picks
-from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES, class_id
 from uav_bt.errors import FileError, UavBtError, ValueRangeError
 from uav_bt.json_text import parse_json
+from uav_bt.lab.classes import LabClasses
 
 _MEDIA: Final = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 _LONGEST_REQUEST: Final = 4096  # bytes; a click takes a hundred
@@ -28,22 +28,26 @@ _IDLE_S: Final = 10.0  # an idle connection is closed after this time
 
 
 class PickSession:
-    """The photographs of a folder and the picks on them."""
+    """The photographs of a folder and the picks on them.
 
-    def __init__(self, folder: Path, picks_path: Path) -> None:
-        """List the photographs and read existing picks.
+    Args:
+        folder: folder of the photographs.
+        picks_path: the picks file; existing picks are read.
+        classes: classes of the lab.
 
-        Raises:
-            FileError: the folder holds no photographs, or the picks file is malformed.
-        """
+    Raises:
+        FileError: the folder holds no photographs, or the picks file is malformed.
+    """
+
+    def __init__(self, folder: Path, picks_path: Path, classes: LabClasses) -> None:
         if not folder.is_dir():
             raise FileError(folder, "is not a folder; give the one that holds the photographs")
         self._folder = folder
-        self._path = picks_path
+        self._path, self.classes = picks_path, classes
         self.names = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in _MEDIA)
         if not self.names:
             raise FileError(folder, f"holds no photographs ({', '.join(_MEDIA)})")
-        self.picks = read_picks(picks_path) if picks_path.exists() else []
+        self.picks = read_picks(picks_path, classes) if picks_path.exists() else []
         self._sizes_px: dict[str, tuple[int, int]] = {}
         self._lock = threading.Lock()  # several tabs may click at once
 
@@ -66,12 +70,12 @@ class PickSession:
             FileError: the photograph cannot be read, or the picks cannot be written.
         """
         self.picture(name)
-        pick = Pick(image=name, x=x, y=y, class_id=class_id(class_name))
+        pick = Pick(image=name, x=x, y=y, class_id=self.classes.id_of(class_name))
         with self._lock:
             width_px, height_px = self._size_px(name)
             if x >= width_px or y >= height_px:
                 raise ValueRangeError(f"({x}, {y}) lies outside of {width_px}x{height_px} pixels")
-            write_picks(self._path, [*self.picks, pick])
+            write_picks(self._path, [*self.picks, pick], self.classes)
             self.picks.append(pick)
 
     def _size_px(self, name: str) -> tuple[int, int]:
@@ -87,7 +91,7 @@ class PickSession:
         """Remove the last click; without clicks nothing happens."""
         with self._lock:
             if self.picks:
-                write_picks(self._path, self.picks[:-1])
+                write_picks(self._path, self.picks[:-1], self.classes)
                 self.picks.pop()
 
 
@@ -158,8 +162,8 @@ class _Handler(BaseHTTPRequestHandler):
     def _send_state(self) -> None:
         state = {
             "names": self.picks_of.names,
-            "classes": list(CLASS_NAMES),
-            "colours": CLASS_COLOURS.tolist(),
+            "classes": self.picks_of.classes.names,
+            "colours": self.picks_of.classes.colours.tolist(),
             "picks": [asdict(pick) for pick in self.picks_of.picks],
         }
         self._send(HTTPStatus.OK, "application/json", json.dumps(state).encode())

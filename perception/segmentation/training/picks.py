@@ -25,9 +25,9 @@ from perception.segmentation.features import (
     patch_slices,
     spread_to_border,
 )
-from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
 from uav_bt.files import did_you_mean_file, read_bounded, reading, write_whole
+from uav_bt.lab.classes import MAX_CLASSES, LabClasses
 
 Origin = Literal["hand", "simulated"]
 _MAX_BYTES: Final = 50_000_000  # a pick takes about 50
@@ -47,8 +47,10 @@ class Pick:
     def __post_init__(self) -> None:
         if self.x < 0 or self.y < 0:
             raise ValueRangeError(f"a pick must not be negative, got ({self.x}, {self.y})")
-        if not 0 <= self.class_id < CLASS_COUNT:
-            raise ValueRangeError(f"a class id must lie within 0 and 16, got {self.class_id}")
+        if not 0 <= self.class_id < MAX_CLASSES:
+            raise ValueRangeError(
+                f"a class id must lie within 0 and {MAX_CLASSES - 1}, got {self.class_id}"
+            )
         if not self.image or Path(self.image).name != self.image:
             raise ValueRangeError(f"a pick names a file without a folder, got '{self.image}'")
 
@@ -56,18 +58,28 @@ class Pick:
 # --- files ----------------------------------------------------------------------------------------
 
 
-def write_picks(path: Path, picks: Iterable[Pick]) -> None:
-    """Write picks as CSV; the file is replaced in one step."""
+def write_picks(path: Path, picks: Iterable[Pick], classes: LabClasses) -> None:
+    """Write picks as CSV; the file is replaced in one step.
+
+    Args:
+        path: the file.
+        picks: the picks.
+        classes: classes of the lab; the file has their names.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
     for pick in picks:
-        writer.writerow([pick.image, pick.x, pick.y, CLASS_NAMES[pick.class_id], pick.origin])
+        writer.writerow([pick.image, pick.x, pick.y, classes.names[pick.class_id], pick.origin])
     write_whole(path, text.getvalue())
 
 
-def read_picks(path: Path) -> list[Pick]:
+def read_picks(path: Path, classes: LabClasses) -> list[Pick]:
     """Read a picks file.
+
+    Args:
+        path: the file.
+        classes: classes of the lab.
 
     Raises:
         FileError: the file is absent or malformed; the message names the line.
@@ -84,7 +96,7 @@ def read_picks(path: Path) -> list[Pick]:
                 raise FileError(path, f"the columns must be {','.join(_COLUMNS)}", line=1)
             continue
         try:
-            picks.append(_parse(row))
+            picks.append(_parse(row, classes.names))
         except ValueRangeError as error:
             raise FileError(path, str(error), line=reader.line_num) from error
     if not picks:
@@ -99,12 +111,12 @@ def _rows(reader: Any, path: Path) -> Iterator[list[str]]:
         raise FileError(path, f"no CSV: {error}", line=reader.line_num) from error
 
 
-def _parse(row: Sequence[str]) -> Pick:
+def _parse(row: Sequence[str], names: Sequence[str]) -> Pick:
     if len(row) != len(_COLUMNS):
         raise ValueRangeError(f"expected {len(_COLUMNS)} columns, got {len(row)}")
     image, x, y, name, origin = row
-    if name not in CLASS_NAMES:
-        raise ValueRangeError(f"unknown class '{name}'{did_you_mean(name, CLASS_NAMES)}")
+    if name not in names:
+        raise ValueRangeError(f"unknown class '{name}'{did_you_mean(name, names)}")
     if origin not in get_args(Origin):
         raise ValueRangeError(f"origin must be 'hand' or 'simulated', got '{origin}'")
     try:
@@ -115,7 +127,7 @@ def _parse(row: Sequence[str]) -> Pick:
         image=image,
         x=column,
         y=line,
-        class_id=CLASS_NAMES.index(name),
+        class_id=names.index(name),
         origin=cast("Origin", origin),
     )
 
@@ -129,13 +141,15 @@ class PickedPatches:
 
     features: NDArray[np.float64]  # (N, 190) histograms, `features`
     labels: NDArray[np.int64]  # (N,) class ids
-    colour_counts: NDArray[np.int64]  # (17, 32768) pixels by class and coarse colour, `palette`
+    colour_counts: NDArray[np.int64]  # (C, 32768) pixels by class and coarse colour, `palette`
+    classes: LabClasses  # the C classes of the lab
 
 
 def gather_patches(
     picks: Iterable[Pick],
     images: Iterable[tuple[str, NDArray[np.uint8]]],
     patch_px: int,
+    classes: LabClasses,
 ) -> PickedPatches:
     """Return features and colours of the patches around all picks.
 
@@ -143,6 +157,7 @@ def gather_patches(
         picks: picks on these images.
         images: file name and (H, W, 3) RGB uint8; only one image is in memory at a time.
         patch_px: side of the patches, pixels.
+        classes: classes of the lab.
 
     Returns:
         Features, labels and colours, in the images' order.
@@ -155,7 +170,7 @@ def gather_patches(
         by_image.setdefault(pick.image, []).append(pick)
     features: list[NDArray[np.float64]] = []
     labels: list[int] = []
-    colour_counts = np.zeros((CLASS_COUNT, COLOUR_COUNT), dtype=np.int64)
+    colour_counts = np.zeros((len(classes), COLOUR_COUNT), dtype=np.int64)
     for name, rgb in images:
         mine = by_image.pop(name, [])
         if not mine:
@@ -178,6 +193,7 @@ def gather_patches(
         features=np.concatenate(features),
         labels=np.array(labels, dtype=np.int64),
         colour_counts=colour_counts,
+        classes=classes,
     )
 
 

@@ -31,7 +31,6 @@ from perception.networks.training.loop import (
     train,
 )
 from perception.segmentation.training.unet import UNet, UNetConfig
-from uav_bt.classes import CLASS_COUNT
 from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
 
 _SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent class
@@ -157,6 +156,7 @@ class LabelledImages:
 
     rgb: NDArray[np.uint8]  # (N, H, W, 3)
     ids: NDArray[np.uint8]  # (N, H, W); `IGNORED` where unknown
+    classes: tuple[str, ...]  # names by id
 
     def __post_init__(self) -> None:
         if self.rgb.ndim != 4 or self.rgb.shape[3] != 3 or not len(self.rgb):
@@ -164,9 +164,9 @@ class LabelledImages:
         if self.ids.shape != self.rgb.shape[:3]:
             expected = "x".join(map(str, self.rgb.shape[:3]))
             raise ShapeError("labels", expected=expected, actual=self.ids.shape)
-        used = np.unique(self.ids)
-        if ((used >= CLASS_COUNT) & (used != IGNORED)).any():
-            raise ValueRangeError(f"labels must lie within 0 and {CLASS_COUNT - 1} or be {IGNORED}")
+        used, count = np.unique(self.ids), len(self.classes)
+        if ((used >= count) & (used != IGNORED)).any():
+            raise ValueRangeError(f"labels must lie within 0 and {count - 1} or be {IGNORED}")
 
 
 def train_unet(
@@ -194,7 +194,7 @@ def train_unet(
         ValueRangeError: the loss has become NaN or infinite.
     """
     torch.manual_seed(config.seed)
-    net = channels_last(UNet(net_config))
+    net = channels_last(UNet(net_config, images.classes))
     loss = LOSSES[config.loss]
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:

@@ -10,6 +10,7 @@ This module imports torch; only training and export need it.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, cast
 
@@ -17,7 +18,6 @@ import torch
 from torch import Tensor, nn
 
 from perception.networks.training.network_files import NetworkFiles, OnnxPorts
-from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import ValueRangeError
 
 
@@ -28,7 +28,7 @@ class UNetConfig:
     width_px: int = 224  # the paper's input size
     height_px: int = 112
     channels: tuple[int, ...] = (24, 48, 96, 160)  # by level, from half size downwards
-    outputs: int = CLASS_COUNT
+    outputs: int  # number of classes
 
     def __post_init__(self) -> None:
         halvings = 2 ** len(self.channels)
@@ -55,11 +55,16 @@ class _Block(nn.Sequential):
 
 
 class UNet(nn.Module):
-    """RGB in [0, 1], (N, 3, H, W), to class scores (logits), (N, 17, H, W)."""
+    """RGB in [0, 1], (N, 3, H, W), to class scores (logits), (N, C, H, W).
 
-    def __init__(self, config: UNetConfig) -> None:
+    Args:
+        config: the network's shape.
+        classes: names of the C classes.
+    """
+
+    def __init__(self, config: UNetConfig, classes: Sequence[str] = ()) -> None:
         super().__init__()
-        self.config = config
+        self.config, self.classes = config, tuple(classes)
         widths = config.channels
         self.down = nn.ModuleList(
             _Block(inputs, outputs, halve=level == 0)
@@ -81,7 +86,7 @@ class UNet(nn.Module):
             rgb: (N, 3, H, W) float, 0 to 1.
 
         Returns:
-            (N, 17, H, W) float.
+            (N, C, H, W) float.
         """
         skips: list[Tensor] = []
         features = rgb - 0.5  # so that the convolutions' zero padding is mid-grey, not black
@@ -94,15 +99,17 @@ class UNet(nn.Module):
         return cast("Tensor", self.spread(self.head(features)))
 
 
-def _build(config: dict[str, Any]) -> UNet:
-    return UNet(UNetConfig(**{**config, "channels": tuple(config["channels"])}))
+def _build(details: dict[str, Any]) -> UNet:
+    config = details["config"]
+    shape = UNetConfig(**{**config, "channels": tuple(config["channels"])})
+    return UNet(shape, details["classes"])
 
 
 def _ports(net: UNet) -> OnnxPorts:
     return OnnxPorts(
         inputs={"image": (1, 3, net.config.height_px, net.config.width_px)},
         output="logits",
-        metadata={"classes": json.dumps(list(CLASS_NAMES))},
+        metadata={"classes": json.dumps(net.classes)},
     )
 
 
@@ -111,6 +118,6 @@ UNET_FILES: Final = NetworkFiles(
     remedy="`uav-bt net train segmentation` makes one",
     build=_build,
     ports=_ports,
-    details={"classes": list(CLASS_NAMES)},
+    details=lambda net: {"classes": net.classes},
 )
-"""Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Output `logits`: (1, 17, H, W) float32."""
+"""Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Output `logits`: (1, C, H, W) float32."""

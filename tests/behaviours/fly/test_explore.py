@@ -16,6 +16,7 @@ from tests.behaviours.leaf_world import (
     map_with,
     steering_bench,
 )
+from tests.paper_lab import paper_map
 from uav_bt.answers import Advance, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
@@ -35,7 +36,6 @@ from uav_bt.testing.world import Says, live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,
-    ClassMap,
     DroneState,
     FlyingState,
     GimbalTo,
@@ -106,7 +106,7 @@ def test_a_view_from_before_the_step_does_not_count() -> None:
     bench.clock.advance(0.5)
     bench.finish_movement()
     bench.board[FRAME] = late
-    bench.board[CLASS_MAP] = ClassMap(ids=bench.board[CLASS_MAP].ids, captured_s=late.captured_s)
+    bench.board[CLASS_MAP] = paper_map(ids=bench.board[CLASS_MAP].ids, captured_s=late.captured_s)
 
     assert bench.tick(advance_s=0.1) is Status.RUNNING
     assert bench.proposed is None
@@ -337,7 +337,7 @@ def test_at_the_edge_the_camera_is_lowered_to_the_ground(*, looks_down: bool) ->
 def test_a_speed_is_not_flown_on_blind() -> None:
     """Without a view for half a second the drone stops."""
     bench = stepping(Says(FollowLeg(speed_mps=0.5)))
-    bench.board[CLASS_MAP] = ClassMap(ids=bench.board[CLASS_MAP].ids, captured_s=-1.0)
+    bench.board[CLASS_MAP] = paper_map(ids=bench.board[CLASS_MAP].ids, captured_s=-1.0)
     bench.allow_stale()
     proposed = []
     for _ in range(8):

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT
+from tests.paper_lab import paper_map
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
@@ -19,9 +20,9 @@ from uav_bt.protocols import LeafPolicy
 from uav_bt.testing import ScriptedDrone
 from uav_bt.testing.drone import ScriptedDroneConfig
 from uav_bt.testing.faults import Fault, FaultyDrone
-from uav_bt.testing.world import Says, carpet
+from uav_bt.testing.world import Says, ground
 from uav_bt.tree import Leaf, NodeRegistry, Status, parse_tree
-from uav_bt.types import ClassMap, HelipadFix, MoveBy
+from uav_bt.types import HelipadFix, MoveBy
 from uav_bt.types.mission_rules import LandOn
 
 MISSION = """
@@ -57,7 +58,7 @@ def sense(drone: ScriptedDrone) -> type[Leaf]:
             frame = self.read(FRAME).value
             if frame is None:
                 return Status.SUCCESS
-            self.write(CLASS_MAP, ClassMap(ids=carpet(), captured_s=frame.captured_s))
+            self.write(CLASS_MAP, paper_map(ids=ground(), captured_s=frame.captured_s))
             heading, x_m, y_m = drone.state.attitude.yaw_rad, -drone.x_m, -drone.y_m
             ahead = math.hypot(x_m, y_m) > NEAREST_AHEAD_M
             detected = ahead or frame.gimbal_pitch_rad < math.radians(-80)

@@ -11,10 +11,10 @@ import pytest
 from behaviours.fly.land import EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
 from tests.behaviours.leaf_world import halted_proposals
+from tests.paper_lab import BACKGROUND, BOXES, CARPET
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
-from uav_bt.classes import BACKGROUND, BOXES, CARPET
 from uav_bt.testing import LeafBench
-from uav_bt.testing.world import carpet, live, show
+from uav_bt.testing.world import ground, live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,
@@ -184,7 +184,7 @@ def test_without_telemetry_nothing_is_proposed(leaf: type[Land | EmergencyLand])
 @pytest.mark.parametrize("leaf", [Land, EmergencyLand])
 def test_halted_it_commands_nothing(leaf: type[Land | EmergencyLand]) -> None:
     """Halted in mid-step it lets go, and begins with the step again."""
-    ids = carpet()
+    ids = ground()
     ids[:, :20] = BACKGROUND
     bench = LeafBench(leaf)
     live(bench, gimbal_deg=-90.0, ids=ids)
@@ -213,7 +213,7 @@ def test_looks_down_before_it_judges() -> None:
 )
 def test_moves_to_the_spot_and_lands(leaf: type[EmergencyLand | LandHere], ended: Status) -> None:
     """Only the right quarter of the view is carpet: there, then down."""
-    ids = carpet()
+    ids = ground()
     ids[:, :20] = BACKGROUND
     bench = LeafBench(leaf, radius_m=0.15)
     live(bench, gimbal_deg=-90.0, ids=ids)
@@ -245,7 +245,7 @@ def test_without_carpet_in_view_it_lands_after_a_while(missing: object) -> None:
     bench = LeafBench(EmergencyLand, look_s=2.0)
 
     def blind(seconds: float = 0.2) -> Status:
-        show(bench, seconds=seconds, gimbal_deg=-90.0, ids=0 * carpet())
+        show(bench, seconds=seconds, gimbal_deg=-90.0, ids=0 * ground())
         if missing is not None:
             del bench.board[missing]  # type: ignore[arg-type]
         return bench.tick()
@@ -264,7 +264,7 @@ def test_without_carpet_in_view_it_lands_after_a_while(missing: object) -> None:
 
 def test_flown_elsewhere_by_a_person_it_looks_for_a_new_spot() -> None:
     """The one that it was flying to was seen from another place."""
-    ids = carpet()
+    ids = ground()
     ids[:, :20] = BACKGROUND
     bench = LeafBench(EmergencyLand, radius_m=0.15)
     live(bench, gimbal_deg=-90.0, ids=ids)
@@ -282,7 +282,7 @@ def test_flown_elsewhere_by_a_person_it_looks_for_a_new_spot() -> None:
 
 def test_a_disc_smaller_than_the_hull_is_not_enough() -> None:
     """Boxes begin 10 cm right of the body: it moves away from them, whatever the port says."""
-    ids = carpet()
+    ids = ground()
     ids[:, 18:] = BOXES[0]
     bench = LeafBench(EmergencyLand, radius_m=0.05)
     live(bench, gimbal_deg=-90.0, ids=ids)
@@ -311,7 +311,7 @@ def test_where_no_place_has_a_margin_it_takes_one_that_holds_the_hull() -> None:
 
 def test_without_free_ground_a_planned_landing_fails_in_the_air() -> None:
     bench = LeafBench(LandHere, look_s=1.0)
-    statuses = [live(bench, seconds=0.3, gimbal_deg=-90.0, ids=0 * carpet()) for _ in range(6)]
+    statuses = [live(bench, seconds=0.3, gimbal_deg=-90.0, ids=0 * ground()) for _ in range(6)]
     assert statuses[:3] == [Status.RUNNING] * 3
     assert Status.FAILURE in statuses
     assert bench.proposed is None
@@ -320,7 +320,7 @@ def test_without_free_ground_a_planned_landing_fails_in_the_air() -> None:
 def test_a_planned_landing_does_not_begin_without_telemetry() -> None:
     bench = LeafBench(LandHere)
     bench.allow_stale()
-    live(bench, gimbal_deg=-90.0, ids=0 * carpet())
+    live(bench, gimbal_deg=-90.0, ids=0 * ground())
     bench.clock.advance(5.0)
     assert bench.tick() is Status.RUNNING
     assert bench.proposed is None

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from behaviours.fly.landing_spot import nearest_landing_spot
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
 from uav_bt.testing import pinhole
-from uav_bt.types import ClassMap, Frame, LandingMark
+from uav_bt.types import Frame, LandingMark
 from uav_bt.types.projection import ground_points
 
 HEIGHT_M = 1.5
@@ -32,13 +32,13 @@ def from_above() -> Frame:
 def spot(
     ids: NDArray[np.uint8], radius_m: float = 0.25, mark_m: float = LandingMark.height_m
 ) -> tuple[float, float] | None:
-    view = ClassMap(ids=ids, captured_s=0.0)
+    view = paper_map(ids=ids, captured_s=0.0)
     found = nearest_landing_spot(view, CAMERA_DOWN, from_above(), radius_m=radius_m, mark_m=mark_m)
     return (found.forward_m, found.right_m) if found else None
 
 
 def all_carpet() -> NDArray[np.uint8]:
-    return np.full((91, 161), 1, dtype=np.uint8)
+    return np.full((91, 161), CARPET, dtype=np.uint8)
 
 
 def test_on_open_carpet_the_spot_is_right_below() -> None:
@@ -161,7 +161,7 @@ def test_from_below_the_top_only_the_ground_counts() -> None:
         height_above_carpet_m=0.4,
     )
     ids = np.full((91, 161), HELIPAD_BOX, dtype=np.uint8)
-    view = ClassMap(ids=ids, captured_s=0.0)
+    view = paper_map(ids=ids, captured_s=0.0)
 
     assert nearest_landing_spot(view, CAMERA_DOWN, low, radius_m=0.05, mark_m=0.4) is None
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from behaviours.fly.objects import VISITED, NextObject, ObjectSeen, ViewPoints
+from tests.paper_lab import BOXES, CARPET, CLASSES, ROOFS
 from uav_bt.board import SITE_MAP
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench, parse_tree
@@ -19,10 +20,13 @@ from uav_bt.types.place import parse_places
 from uav_bt.types.place_frames import resolve
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
 
+NAMES = [CLASSES.names[each] for each in BOXES]
 START = Pose2D(x_m=-1.5, y_m=-1.5, yaw_rad=math.radians(90))
 
 
-def box(number: int, x_m: float, y_m: float, *, class_id: int = 4, points: int = 9) -> MapObject:
+def box(
+    number: int, x_m: float, y_m: float, *, class_id: int = BOXES[0], points: int = 9
+) -> MapObject:
     return MapObject(
         class_id=class_id,
         x_m=x_m,
@@ -78,23 +82,25 @@ def test_without_a_map_they_fail_and_say_so(
 
 
 def test_objects_are_handed_out_once_the_nearest_first() -> None:
-    site_map = map_of(box(1, 1.0, 1.0), box(2, -0.3, -0.8, class_id=5), box(3, 0.8, -1.0))
+    site_map = map_of(box(1, 1.0, 1.0), box(2, -0.3, -0.8, class_id=BOXES[1]), box(3, 0.8, -1.0))
     bench = next_object()
     assert handed_out(bench, site_map) == [
-        ("object:2", "box_2"),
-        ("object:3", "box_1"),
-        ("object:1", "box_1"),
+        ("object:2", NAMES[1]),
+        ("object:3", NAMES[0]),
+        ("object:1", NAMES[0]),
     ]
     assert bench.board[VISITED] == "object:2;object:3;object:1"
     assert "no further object" in bench.feedback
-    assert handed_out(bench, map_of(*site_map.objects, box(4, 1.0, 0.0))) == [("object:4", "box_1")]
+    assert handed_out(bench, map_of(*site_map.objects, box(4, 1.0, 0.0))) == [
+        ("object:4", NAMES[0])
+    ]
 
 
 def test_the_nearest_is_the_one_with_the_shortest_route() -> None:
     """The second box is nearer through the wall, but the way round is longer."""
-    boxes = box(1, -1.5, 0.8), box(2, 0.6, -1.5, class_id=5)
-    assert handed_out(next_object(), map_of(*boxes))[0] == ("object:2", "box_2")
-    assert handed_out(next_object(), map_of(*boxes, wall=True))[0] == ("object:1", "box_1")
+    boxes = box(1, -1.5, 0.8), box(2, 0.6, -1.5, class_id=BOXES[1])
+    assert handed_out(next_object(), map_of(*boxes))[0] == ("object:2", NAMES[1])
+    assert handed_out(next_object(), map_of(*boxes, wall=True))[0] == ("object:1", NAMES[0])
 
 
 def test_an_object_that_no_route_leads_to_comes_last() -> None:
@@ -107,20 +113,22 @@ def test_an_object_that_no_route_leads_to_comes_last() -> None:
 
 def test_only_the_classes_of_the_port_and_objects_with_enough_points_count() -> None:
     site_map = map_of(
-        box(1, 1.0, 1.0, class_id=4),
-        box(2, 1.0, -1.0, class_id=5),
-        box(3, 0.0, 1.0, class_id=6),
-        box(4, 0.0, 0.0, class_id=4, points=4),
+        box(1, 1.0, 1.0, class_id=BOXES[0]),
+        box(2, 1.0, -1.0, class_id=BOXES[1]),
+        box(3, 0.0, 1.0, class_id=BOXES[2]),
+        box(4, 0.0, 0.0, class_id=BOXES[0], points=4),
     )
-    assert handed_out(next_object(**{"class": "box_1"}), site_map) == [("object:1", "box_1")]
-    found = handed_out(next_object(**{"class": "box_3; box_1"}), site_map)
-    assert sorted(found) == [("object:1", "box_1"), ("object:3", "box_3")]
+    assert handed_out(next_object(**{"class": NAMES[0]}), site_map) == [("object:1", NAMES[0])]
+    found = handed_out(next_object(**{"class": f"{NAMES[2]}; {NAMES[0]}"}), site_map)
+    assert sorted(found) == [("object:1", NAMES[0]), ("object:3", NAMES[2])]
 
 
-@pytest.mark.parametrize("name", ["box_9", "carpet", "roof_1", "box_1;helipad_h"])
+@pytest.mark.parametrize(
+    "name", ["box_9", CLASSES.names[CARPET], CLASSES.names[ROOFS[0]], f"{NAMES[0]};box_9"]
+)
 def test_a_class_that_no_object_has_is_refused(name: str) -> None:
     with pytest.raises(InputError, match="unknown class of an object"):
-        LeafBench(ObjectSeen, **{"class": name})
+        LeafBench(ObjectSeen, **{"class": name}).setup()
 
 
 def test_two_nodes_share_what_was_handed_out() -> None:
@@ -162,13 +170,14 @@ def test_other_places_have_view_points_too() -> None:
 def test_a_loop_visits_the_view_points_of_the_next_object() -> None:
     tree = parse_tree(
         """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
-        <NextObject class="box_2" place="{object}"/>
+        <NextObject class="NAME" place="{object}"/>
         <ViewPoints of="{object}" distance_m="0.8" places="{places}"/>
         <Script code="count := 0"/>
         <LoopString queue="{places}" value="{place}"><Script code="count += 1"/></LoopString>
-        </Sequence></BehaviorTree></root>"""
+        </Sequence></BehaviorTree></root>""".replace("NAME", NAMES[1])
     )
-    tree.strict_board.write(SITE_MAP, map_of(box(1, -1.0, 1.0), box(2, 0.2, 0.1, class_id=5)))
+    seen = map_of(box(1, -1.0, 1.0), box(2, 0.2, 0.1, class_id=BOXES[1]))
+    tree.strict_board.write(SITE_MAP, seen)
     tree.tick_until(Status.SUCCESS, 20)
     assert tree.variables["object"] == "object:2"
     assert tree.variables["count"] == len(parse_places(tree.variables["places"])) == 4
@@ -190,9 +199,9 @@ def test_an_object_in_a_corner_without_room_has_no_view_points() -> None:
 
 def test_an_object_counts_as_seen_when_it_is_placed_precisely() -> None:
     rough = replace(box(1, 0.0, 0.0), std_m=0.2)
-    bench = LeafBench(ObjectSeen, **{"class": "box_1", "std_m": 0.15})
+    bench = LeafBench(ObjectSeen, **{"class": NAMES[0], "std_m": 0.15})
     assert show(bench, map_of(rough)) is Status.FAILURE
-    assert show(bench, map_of(replace(rough, class_id=5, std_m=0.1))) is Status.FAILURE
+    assert show(bench, map_of(replace(rough, class_id=BOXES[1], std_m=0.1))) is Status.FAILURE
     assert show(bench, map_of(replace(rough, std_m=0.1, points=4))) is Status.FAILURE
     assert show(bench, map_of(replace(rough, std_m=0.1))) is Status.SUCCESS
     assert bench.feedback == "object:1"

@@ -14,9 +14,9 @@ import pytest
 from behaviours.fly.steadiness import Steadiness
 from behaviours.fly.take_photo import TakePhoto
 from tests.behaviours.leaf_world import map_with
+from tests.paper_lab import CARPET
 from uav_bt.board import ELAPSED, FRAME, SITE_MAP, STATE
 from uav_bt.board.flight_folder import FlightFolder
-from uav_bt.classes import CARPET
 from uav_bt.errors import InputError
 from uav_bt.record.images import decode_bytes, decode_image
 from uav_bt.testing import LeafBench

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.next_viewpoint import GroundInView
+from tests.paper_lab import CLASSES
 from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Flags
@@ -92,6 +93,7 @@ class DrawnHall:
     def map(self, mark: MapMark | None = None, *, contradicted_s: float = 0.0) -> SiteMap:
         """Return the map of all views up to now."""
         return SiteMap(
+            classes=CLASSES,
             pose=self.pose,
             corner_m=self.corner_m,
             cell_m=CELL_M,

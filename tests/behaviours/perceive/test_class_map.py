@@ -10,11 +10,11 @@ import pytest
 
 from behaviours.perceive.class_map import FindHelipad, Segment
 from tests.behaviours.leaf_world import replace_tree
+from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, ODOMETRY, SITE_MAP, STATE
-from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.maps import drawn_map
-from uav_bt.testing.world import carpet, live, show
+from uav_bt.testing.world import ground, live, show
 from uav_bt.tree import Status
 from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame, LandingMark
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
@@ -29,7 +29,7 @@ class Counts:
     def segment(self, frame: Frame) -> ClassMap:
         """Return carpet."""
         self.frames.append(frame)
-        return ClassMap(ids=carpet(), captured_s=frame.captured_s)
+        return paper_map(ids=ground(), captured_s=frame.captured_s)
 
 
 # --- Segment --------------------------------------------------------------------------------------
@@ -161,7 +161,7 @@ def test_a_pad_that_leaves_the_view_is_carried() -> None:
                 gimbal_pitch_rad=math.radians(-30),
             )
         )
-        bench.board[CLASS_MAP] = ClassMap(ids=carpet(), captured_s=bench.clock.now())
+        bench.board[CLASS_MAP] = paper_map(ids=ground(), captured_s=bench.clock.now())
         bench.tick()
 
     fix = bench.board[HELIPAD]

@@ -9,11 +9,12 @@ import pytest
 
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from perception.camera.ground_plane import CameraView, ground_depth
-from uav_bt import classes
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, HELIPAD_H, paper_map
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_H
 from uav_bt.errors import InputError
+from uav_bt.lab.classes import LabClass, LabClasses
+from uav_bt.lab.roles import RoleName
 from uav_bt.protocols import DepthEstimator
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.tree import Status
@@ -66,6 +67,7 @@ def fly(
     bench: LeafBench,
     *,
     ids: np.ndarray | None = None,
+    classes: LabClasses = CLASSES,
     height_m: float = 1.5,
     speed_mps: float = 0.0,
     grey: int = 90,
@@ -93,7 +95,7 @@ def fly(
         height_above_carpet_m=height_m,
     )
     shown = np.full(SIZE[::-1], CARPET, dtype=np.uint8) if ids is None else ids
-    bench.board[CLASS_MAP] = ClassMap(ids=shown, captured_s=now)
+    bench.board[CLASS_MAP] = ClassMap(ids=shown, classes=classes, captured_s=now)
     return bench.tick()
 
 
@@ -224,8 +226,8 @@ def test_a_frame_of_another_aspect_than_its_camera_is_refused(estimating: LeafBe
         height_above_carpet_m=1.5,
     )
     estimating.board[FRAME] = square
-    estimating.board[CLASS_MAP] = ClassMap(
-        ids=np.full(SIZE[::-1], CARPET, dtype=np.uint8), captured_s=square.captured_s
+    estimating.board[CLASS_MAP] = paper_map(
+        np.full(SIZE[::-1], CARPET, dtype=np.uint8), square.captured_s
     )
 
     assert estimating.tick() is Status.SUCCESS
@@ -256,13 +258,19 @@ def box_ahead() -> np.ndarray:
     return ids
 
 
-def show_depth(bench: LeafBench, depth_m: float, ids: np.ndarray, **world: float) -> Status:
+def show_depth(
+    bench: LeafBench,
+    depth_m: float,
+    ids: np.ndarray,
+    classes: LabClasses = CLASSES,
+    **world: float,
+) -> Status:
     """Show a frame of that class map, and its depth, the same everywhere."""
     fly_on = bench.clock.now() + 0.1
     bench.board[METRIC_DEPTH] = DepthMap(
         depth=np.full(SIZE[::-1], depth_m, dtype=np.float32), metric=True, captured_s=fly_on
     )
-    return fly(bench, ids=ids, **world)
+    return fly(bench, ids=ids, classes=classes, **world)
 
 
 def test_a_corridor_is_built_from_this_frames_depth() -> None:
@@ -293,17 +301,16 @@ def test_the_carpet_is_no_obstacle_and_background_only_where_asked() -> None:
     assert sides["shown"] is not None
 
 
-def test_what_counts_follows_the_group_of_a_class_not_its_number(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """In this lab class 0 is an obstacle, and class 4 is outside."""
-    groups = classes.CLASS_TO_GROUP.copy()
-    groups[[0, 4]] = classes.GROUP_OBSTACLE, classes.GROUP_BACKGROUND
-    monkeypatch.setattr(classes, "_GROUP_TABLE", groups)
+def test_what_counts_follows_the_role_of_a_class_not_its_number() -> None:
+    """In this lab class 1 is an obstacle, and class 4 is ground."""
+    roles: tuple[RoleName, ...] = ("outside", "obstacle", "mark", "mark", "ground")
+    lab = LabClasses(
+        LabClass(name=f"class_{k}", role=role, colour=(0, 0, 0)) for k, role in enumerate(roles)
+    )
     sides = []
-    for class_id in (0, 4):
+    for class_id in (1, 4):
         bench = LeafBench(BuildCorridor)
-        show_depth(bench, 0.4, np.full(SIZE[::-1], class_id, dtype=np.uint8))
+        show_depth(bench, 0.4, np.full(SIZE[::-1], class_id, dtype=np.uint8), lab)
         sides.append(bench.board[CORRIDOR].nearest_side)
     assert sides[0] is not None
     assert sides[1] is None

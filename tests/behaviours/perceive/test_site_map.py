@@ -9,8 +9,8 @@ import pytest
 
 from behaviours.perceive.site_map import MapSite
 from tests.behaviours.leaf_world import replace_tree
+from tests.paper_lab import BOXES, CARPET
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, SITE_MAP
-from uav_bt.classes import BOXES
 from uav_bt.errors import TreeError
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.world import show
@@ -20,7 +20,7 @@ from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 
 def box_map() -> np.ndarray:
-    ids = np.ones((112, 224), dtype=np.uint8)
+    ids = np.full((112, 224), CARPET, dtype=np.uint8)
     ids[:70, 100:130] = BOXES[0]
     return ids
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import BACKGROUND, BOXES, CARPET
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, paper_map
 from uav_bt.protocols import PolicyView
-from uav_bt.types import CameraModel, ClassMap
+from uav_bt.types import CameraModel
 from uav_bt.types.projection import ground_points, pixel_rays
 
 # The ANAFI's video, resized to the network's size.
@@ -56,7 +56,7 @@ def view(
 ) -> PolicyView:
     """Return the view that shows these class ids."""
     return PolicyView(
-        class_map=ClassMap(ids=ids, captured_s=0.0),
+        class_map=paper_map(ids=ids, captured_s=0.0),
         camera=camera,
         gimbal_pitch_rad=PITCH_RAD,
         height_above_carpet_m=HEIGHT_M,

@@ -14,7 +14,6 @@ from behaviours.policies.corridor_rule import CorridorRule, CorridorRuleConfig, 
 from tests.behaviours.leaf_world import map_with
 from tests.behaviours.policies.cast_world import CAMERA, cast, view
 from uav_bt.answers import Advance, Blocked
-from uav_bt.classes import group_of
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Corridor, NearObstacles
 
@@ -219,16 +218,14 @@ def test_the_reach_is_where_the_ground_ends(carpet_m: float) -> None:
     """To a step of the scan and a row of the image."""
     seen = view(cast(carpet_m=carpet_m))
 
-    assert carpet_reach(group_of(seen.class_map.ids), seen, CONFIG) == pytest.approx(
-        carpet_m, abs=0.1
-    )
+    assert carpet_reach(seen.class_map.roles, seen, CONFIG) == pytest.approx(carpet_m, abs=0.1)
 
 
 def test_boxes_stand_on_carpet() -> None:
     """A box hides the carpet behind it; the carpet does not end there."""
     seen = view(cast([(1.5, -3.0, 3.0)], camera=CAMERA))
 
-    assert carpet_reach(group_of(seen.class_map.ids), seen, CONFIG) == math.inf
+    assert carpet_reach(seen.class_map.roles, seen, CONFIG) == math.inf
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,8 @@ from behaviours.policies.segmentation_rule import (
 )
 from tests.behaviours.leaf_world import map_with
 from tests.behaviours.policies.cast_world import CAMERA, FOR_EVER, Box, cast, view
+from tests.paper_lab import BACKGROUND, BOXES, HELIPAD_BOX
 from uav_bt.answers import Advance, Blocked
-from uav_bt.classes import BACKGROUND, BOXES, HELIPAD_BOX
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import PolicyView
 from uav_bt.types import CameraModel, NearObstacles

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.gl import load_mujoco
-from sim_bridge.twin.scene import ROOM_SIZE_M, Lighting
+from sim_bridge.twin.scene import ROOM_SIZE_M, Lighting, Scene, TakeOffSpec
 
 load_mujoco()
 
@@ -49,7 +49,9 @@ def photograph(
     Yields:
         (H, W, 3) uint8 RGB.
     """
-    builder = twin_model._Builder(math.hypot(*ROOM_SIZE_M), drawn=True)
+    builder = twin_model._Builder(
+        Scene(name="board", take_off=TakeOffSpec(random=True)), drawn=True
+    )
     builder.room(ROOM_SIZE_M)
     builder.lights(Lighting(ambient=0.9, direction=(0.6, 0.2, -0.6)))
     builder._texture("board", partial(_texture, squares))

@@ -19,7 +19,7 @@ from perception.camera.ground_plane import (
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
-from uav_bt.classes import CARPET
+from tests.paper_lab import CARPET
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, CameraModel, Frame
 from uav_bt.types.projection import camera_axes, pixel_rays, project

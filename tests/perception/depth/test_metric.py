@@ -13,7 +13,7 @@ from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import View, render_views
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_H
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_H, paper_map
 from uav_bt.errors import UnknownNameError
 from uav_bt.types import ClassMap, DepthMap, Frame, NearObstacles, Pose2D
 
@@ -50,7 +50,7 @@ def frame(drawn: View, **changes: Any) -> Frame:
 
 
 def class_map(drawn: View, captured_s: float = 3.0) -> ClassMap:
-    return ClassMap(ids=drawn.ids, captured_s=captured_s)
+    return paper_map(ids=drawn.ids, captured_s=captured_s)
 
 
 def relative(drawn: View, unit: float = 0.25, captured_s: float = 3.0) -> DepthMap:
@@ -164,7 +164,7 @@ def test_without_a_scale_contact_remains(drawn: View) -> None:
     """The pad's top needs no carpet: its height is known."""
     ids = np.where(drawn.ids == CARPET, BACKGROUND, drawn.ids).astype(np.uint8)
     ids[60:70, 100:120] = HELIPAD_H
-    bare = ClassMap(ids=ids, captured_s=3.0)
+    bare = paper_map(ids=ids, captured_s=3.0)
     network = maker("network").make(frame(drawn), bare, CAMERA, relative(drawn))
     fused = maker("fused").make(frame(drawn), bare, CAMERA, relative(drawn))
 
@@ -180,7 +180,7 @@ def test_without_a_scale_contact_remains(drawn: View) -> None:
 )
 def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> None:
     """It would read as a free way."""
-    nothing = ClassMap(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=3.0)
+    nothing = paper_map(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=3.0)
     made = maker(source).make(frame(drawn), nothing, CAMERA, relative(drawn))
 
     assert made.depth is None

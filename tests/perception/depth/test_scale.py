@@ -15,10 +15,10 @@ from perception.depth.scale import (
     ScaleConfig,
     ScaleFilter,
     ScaleFilterConfig,
-    sample_carpet,
+    sample_ground,
 )
 from sim_bridge.anafi import anafi_camera
-from uav_bt.classes import BACKGROUND, BOXES, CARPET
+from tests.paper_lab import BACKGROUND, BOXES, CARPET
 from uav_bt.errors import ShapeError, ValueRangeError
 
 CAMERA = anafi_camera(640, 360).resized(224, 112)
@@ -39,9 +39,8 @@ def sample(
     relative: np.ndarray, ids: np.ndarray | None = None, config: ScaleConfig | None = None
 ) -> CarpetSample | None:
     generator = np.random.default_rng(RNG_SEED)
-    return sample_carpet(
-        relative, carpet_ids() if ids is None else ids, ground_depth(VIEW), generator, config
-    )
+    shown = carpet_ids() if ids is None else ids
+    return sample_ground(relative, shown == CARPET, ground_depth(VIEW), generator, config)
 
 
 # --- sampling -------------------------------------------------------------------------------------
@@ -70,7 +69,9 @@ def test_pixels_keep_their_distance_to_the_carpets_border_not_to_the_images() ->
     ids = carpet_ids()
     ids[:, 100:] = BOXES[2]
     generator = np.random.default_rng(0)
-    drawn = sample_carpet(predicted(), ids, ground_depth(VIEW), generator, ScaleConfig(points=5000))
+    drawn = sample_ground(
+        predicted(), ids == CARPET, ground_depth(VIEW), generator, ScaleConfig(points=5000)
+    )
 
     assert drawn is not None
     columns, rows = drawn.pixels.T

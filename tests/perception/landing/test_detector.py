@@ -19,8 +19,8 @@ from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
-from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
-from uav_bt.types import CameraModel, ClassMap
+from tests.paper_lab import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
+from uav_bt.types import CameraModel
 
 WIDTH_PX, HEIGHT_PX = 224, 112
 Ids = NDArray[np.uint8]
@@ -39,7 +39,7 @@ def draw_pad(ids: Ids, column: int, row: int, size: int = 10) -> Ids:
 
 def detect(ids: Ids, **config: float) -> HelipadDetection | None:
     detector = HelipadDetector(HelipadDetectorConfig(**config))
-    return detector.detect(ClassMap(ids=ids, captured_s=0.0))
+    return detector.detect(paper_map(ids=ids, captured_s=0.0))
 
 
 # --- pairs ----------------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
-from uav_bt.classes import CARPET, HELIPAD_BOX, HELIPAD_H
-from uav_bt.types import ClassMap, Frame, HelipadFix, LandingMark
+from tests.paper_lab import CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
+from uav_bt.types import Frame, HelipadFix, LandingMark
 
 SIZE_PX = (224, 112)
 CAMERA = anafi_camera(640, 360)
@@ -32,7 +32,7 @@ def found(
         height_above_carpet_m=height_m,
     )
     finder = HelipadFinder(mark)
-    finder.see(ClassMap(ids=ids, captured_s=0.0), frame, CAMERA)
+    finder.see(paper_map(ids=ids, captured_s=0.0), frame, CAMERA)
     return finder.fix()
 
 

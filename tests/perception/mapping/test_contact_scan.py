@@ -1,4 +1,4 @@
-"""Sampling of a class map along bearings, and runs of a group on a bearing."""
+"""Sampling of a class map along bearings, and runs of a role on a bearing."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import pytest
 from perception.mapping.contact_scan import GroundScan, find_bases, scan_ground
 from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.view import View
-from uav_bt.classes import BOXES, CLASS_COUNT, NO_CLASS, ROOFS, group_of
+from tests.paper_lab import BOXES, CARPET, CLASS_COUNT, CLASSES, ROOFS, paper_map
+from uav_bt.lab.roles import NO_ROLE
 from uav_bt.testing import pinhole
 from uav_bt.types import ClassMap, Frame, Pose2D
 from uav_bt.types.projection import project
@@ -23,7 +24,7 @@ HERE = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 def noise(seed: int = 0) -> ClassMap:
     """Return a class map in which every pixel has a random class."""
     ids = np.random.default_rng(seed).integers(0, CLASS_COUNT, (112, 224), dtype=np.uint8)
-    return ClassMap(ids=ids, captured_s=1.0)
+    return paper_map(ids=ids, captured_s=1.0)
 
 
 def frame(pitch_rad: float) -> Frame:
@@ -46,17 +47,17 @@ def test_a_sample_has_the_class_of_the_nearest_pixel(pitch_deg: int) -> None:
     columns, rows = pixels[inside].astype(int).T
     assert inside.any()
     assert np.array_equal(scan.ids[inside], class_map.ids[rows, columns])
-    assert np.array_equal(scan.groups[inside], group_of(class_map.ids)[rows, columns])
-    assert (scan.ids[~inside] == NO_CLASS).all()
-    assert (scan.groups[~inside] == NO_CLASS).all()
+    assert np.array_equal(scan.roles[inside], class_map.roles[rows, columns])
+    assert (scan.ids[~inside] == NO_ROLE).all()
+    assert (scan.roles[~inside] == NO_ROLE).all()
 
 
-def test_the_nearest_long_run_of_a_group_counts() -> None:
-    """Groups: 0 background, 1 carpet, 3 obstacle; runs have two samples at least."""
-    groups = np.array(
+def test_the_nearest_long_run_of_a_role_counts() -> None:
+    """Roles: 0 outside, 1 ground, 3 obstacle; runs have two samples at least."""
+    roles = np.array(
         [
             [1, 3, 1, 3, 3, 0],  # a speck, then an obstacle that begins at sample 3
-            [NO_CLASS, 3, 3, 1, 1, 1],  # its base is below the image
+            [NO_ROLE, 3, 3, 1, 1, 1],  # its base is below the image
             [1, 1, 1, 1, 1, 3],  # too short
             [1, 1, 0, 0, 3, 3],  # an edge at sample 2, then an obstacle behind the carpet's end
         ],
@@ -64,7 +65,7 @@ def test_the_nearest_long_run_of_a_group_counts() -> None:
     )
     level_m = np.zeros((4, 6, 2))
     level_m[..., 0] = np.arange(6)
-    bases = find_bases(GroundScan(level_m, groups, groups, groups, 1.5, 2))
+    bases = find_bases(GroundScan(level_m, roles, roles, roles, CLASSES.top_of, 1.5, 2))
     assert bases.placed_m[:, 0].tolist() == [2.5]
     assert bases.hidden_m[:, 0].tolist() == [1.0]
     assert bases.edges_m[:, 0].tolist() == [1.5]
@@ -76,23 +77,24 @@ def test_a_side_is_as_high_as_the_border_to_its_roof() -> None:
     side, roof, other = BOXES[0], ROOFS[0], ROOFS[1]
     ids = np.array(
         [
-            [1, 1, side, side, side, roof, roof],
-            [1, 1, side, side, side, side, roof],  # a single sample of roof is noise
-            [1, 1, side, side, side, other, other],  # the roof of another box
-            [1, 1, side, side, side, side, side],  # the edge is above the image
+            [CARPET, CARPET, side, side, side, roof, roof],
+            [CARPET, CARPET, side, side, side, side, roof],  # a single sample of roof is noise
+            [CARPET, CARPET, side, side, side, other, other],  # the roof of another box
+            [CARPET, CARPET, side, side, side, side, side],  # the edge is above the image
         ],
         dtype=np.uint8,
     )
     level_m = np.zeros((4, 7, 2))
     level_m[..., 0] = np.arange(7)
-    bases = find_bases(GroundScan(level_m, ids, group_of(ids), group_of(ids), 1.5, 2))
+    roles = CLASSES.roles(ids)
+    bases = find_bases(GroundScan(level_m, ids, roles, roles, CLASSES.top_of, 1.5, 2))
     assert bases.placed_m[:, 0].tolist() == [1.5] * 4
     edge_m = 1.5 * (1.0 - 1.5 * (1 / 4 + 1 / 5) / 2)
     assert bases.placed_heights_m[0] == pytest.approx(edge_m)
     assert np.isnan(bases.placed_heights_m[1:]).all()
 
 
-def test_a_point_of_the_ground_has_the_group_of_the_nearest_pixel() -> None:
+def test_a_point_of_the_ground_has_the_role_of_the_nearest_pixel() -> None:
     class_map, pitch_rad = noise(1), -0.6
     view = View.of(class_map, frame(pitch_rad), CAMERA, HERE)
     assert view is not None
@@ -105,7 +107,7 @@ def test_a_point_of_the_ground_has_the_group_of_the_nearest_pixel() -> None:
     columns, rows = np.rint(pixels[expected]).astype(int).T
     assert 0 < np.count_nonzero(expected) < expected.size
     assert np.array_equal(inside, expected)
-    assert np.array_equal(shows[expected], class_map.ids[rows, columns] == 1)
+    assert np.array_equal(shows[expected], class_map.is_ground[rows, columns])
     assert not shows[~expected].any()
 
 

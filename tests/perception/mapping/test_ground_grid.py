@@ -11,7 +11,8 @@ import pytest
 from perception.mapping.contact_scan import GroundScan, find_bases
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
 from perception.mapping.view import View, ViewConfig
-from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, NO_CLASS
+from tests.paper_lab import CLASSES
+from uav_bt.lab.roles import GROUND, NO_ROLE, OUTSIDE
 from uav_bt.testing import pinhole
 from uav_bt.types import Pose2D
 
@@ -20,14 +21,15 @@ SMALL = GroundGridConfig(reach_m=2.0)
 
 
 def see(
-    grid: GroundGrid, group: int, *, ahead_m: float, x_m: float = 0.0, captured_s: float = 1.0
+    grid: GroundGrid, role: int, *, ahead_m: float, x_m: float = 0.0, captured_s: float = 1.0
 ) -> None:
     """Add one sample at a distance ahead of a camera at x."""
     scan = GroundScan(
-        groups=np.array([[group]], dtype=np.uint8),
+        roles=np.array([[role]], dtype=np.uint8),
         level_m=np.array([[[ahead_m, 0.0]]]),
         ids=np.array([[0]], dtype=np.uint8),
-        image_groups=np.array([[group]], dtype=np.uint8),
+        image_roles=np.array([[role]], dtype=np.uint8),
+        top_of=CLASSES.top_of,
         height_m=1.5,
         min_run=1,
     )
@@ -68,9 +70,9 @@ def test_beyond_the_grid_nothing_is_marked_and_it_is_full() -> None:
 
 
 def test_only_ground_beyond_the_grid_makes_it_full() -> None:
-    for group, full in ((GROUP_BACKGROUND, False), (GROUP_CARPET, True)):
+    for role, full in ((OUTSIDE, False), (GROUND, True)):
         grid = GroundGrid(SMALL)
-        see(grid, group, ahead_m=0.9, x_m=1.5)
+        see(grid, role, ahead_m=0.9, x_m=1.5)
         assert grid.full is full
         assert np.isfinite(grid.seen_s).sum() == 0
 
@@ -79,7 +81,7 @@ def test_only_ground_beyond_the_grid_makes_it_full() -> None:
 def test_views_a_tenth_of_a_second_apart_are_told_apart_by_any_clock(epoch_s: float) -> None:
     """A drone's clock may count seconds from 1970."""
     grid, place_m = GroundGrid(SMALL), np.array([[0.9, 0.0]])
-    see(grid, GROUP_CARPET, ahead_m=0.9, captured_s=epoch_s)
+    see(grid, GROUND, ahead_m=0.9, captured_s=epoch_s)
     assert grid.shown_at(place_m, epoch_s).all()
     assert not grid.shown_at(place_m, epoch_s + 0.1).any()
 
@@ -89,7 +91,7 @@ def test_a_lane_is_over_once_the_ground_was_seen_since(epoch_s: float) -> None:
     """0.5 s after the last look it is a lane, 0.3 s after it is not."""
     grid, place_m = GroundGrid(SMALL), np.array([[0.9, 0.0]])
     grid.note_moving(place_m, epoch_s)
-    see(grid, GROUP_CARPET, ahead_m=0.9, captured_s=epoch_s)
+    see(grid, GROUND, ahead_m=0.9, captured_s=epoch_s)
 
     def is_lane(now_s: float) -> bool:
         return bool((np.hypot(*(grid.lanes_m(now_s) - place_m).T) < 0.05).any())
@@ -101,8 +103,8 @@ def test_a_lane_is_over_once_the_ground_was_seen_since(epoch_s: float) -> None:
 def test_cells_are_ground_by_the_majority_of_samples_and_beyond_by_votes() -> None:
     """Three bearings from (1, 0) with the heading along y; cells have a side of 0.1 m."""
     grid = GroundGrid(SMALL)
-    ground, beyond, below = GROUP_CARPET, GROUP_BACKGROUND, NO_CLASS
-    groups = np.array(
+    ground, beyond, below = GROUND, OUTSIDE, NO_ROLE
+    roles = np.array(
         [
             [below, ground, ground, ground],
             [below, ground, beyond, beyond],
@@ -113,7 +115,7 @@ def test_cells_are_ground_by_the_majority_of_samples_and_beyond_by_votes() -> No
     ahead_m = np.array([0.1, 0.5, 0.51, 0.7])  # the second and the third lie in one cell
     level_m = np.zeros((3, 4, 2))
     level_m[..., 0] = ahead_m
-    scan = GroundScan(level_m, groups, groups, groups, 1.5, 1)
+    scan = GroundScan(level_m, roles, roles, roles, CLASSES.top_of, 1.5, 1)
     view = View(
         captured_s=2.0,
         pose=Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2),

@@ -14,9 +14,9 @@ from perception.mapping.movers import MoverTracker
 from perception.mapping.site_mapper import SiteMapper
 from perception.mapping.view import View
 from sim_bridge.anafi import anafi_camera
-from uav_bt.classes import BOXES, CARPET
+from tests.paper_lab import BOXES, CARPET, CLASSES, paper_map
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import BodyVelocity, ClassMap, Frame
+from uav_bt.types import BodyVelocity, Frame
 from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMover, SiteMap
@@ -222,7 +222,7 @@ def mapped(
             gimbal_pitch_rad=PITCH_RAD,
             height_above_carpet_m=height_m,
         )
-        class_map = ClassMap(ids=class_ids(place, height_m), captured_s=time_s)
+        class_map = paper_map(ids=class_ids(place, height_m), captured_s=time_s)
         view = View.of(class_map, frame, CAMERA, pose)
         assert view is not None
         mapper.add(view)
@@ -240,7 +240,7 @@ def near(points_m: Floats, x_m: float, y_m: float, reach_m: float = 0.35) -> int
 
 def test_a_cart_that_crosses_the_view_is_a_mover_and_not_in_the_map() -> None:
     """It comes out of nowhere onto ground that was seen: nothing of it stands, the box does."""
-    maps = list(mapped([None] * 4 + crossing(), SiteMapper()))
+    maps = list(mapped([None] * 4 + crossing(), SiteMapper(CLASSES)))
     found = maps[-1]
     (mover,) = found.movers
     assert math.dist((mover.x_m, mover.y_m), (0.8, 0.65)) < 0.25
@@ -252,7 +252,9 @@ def test_a_cart_that_crosses_the_view_is_a_mover_and_not_in_the_map() -> None:
 
 def test_what_stood_and_moves_off_leaves_the_map() -> None:
     stands: list[tuple[float, float] | None] = [(0.8, -0.6)] * 25
-    maps = list(mapped(stands + [(0.8, -0.6 + 0.05 * step) for step in range(28)], SiteMapper()))
+    maps = list(
+        mapped(stands + [(0.8, -0.6 + 0.05 * step) for step in range(28)], SiteMapper(CLASSES))
+    )
     assert near(maps[24].obstacles_m, 0.8, -0.6) >= 4
     assert not maps[24].movers
     assert len(maps[-1].movers) == 1
@@ -262,7 +264,7 @@ def test_what_stood_and_moves_off_leaves_the_map() -> None:
 def test_what_stops_on_ground_seen_before_stands_in_the_map() -> None:
     arrives = [place for place in crossing() if place is not None and place[1] <= 0.0]
     stays: list[tuple[float, float] | None] = [arrives[-1]] * 50
-    maps = list(mapped([None] * 4 + [*arrives, *stays], SiteMapper()))
+    maps = list(mapped([None] * 4 + [*arrives, *stays], SiteMapper(CLASSES)))
     assert max(len(found.movers) for found in maps) == 1
     assert not maps[-1].movers
     assert near(maps[-1].obstacles_m, *arrives[-1]) >= 4
@@ -271,7 +273,7 @@ def test_what_stops_on_ground_seen_before_stands_in_the_map() -> None:
 def test_where_something_moved_is_known_until_the_ground_there_is_seen_again() -> None:
     """It left the view at the side: beyond that nobody has looked, before it everything is seen."""
     leaves = [(0.8, -0.4 + 0.05 * step) for step in range(36)]
-    maps = list(mapped([None] * 4 + leaves + [None] * 10, SiteMapper()))
+    maps = list(mapped([None] * 4 + leaves + [None] * 10, SiteMapper(CLASSES)))
     lane_m = maps[-1].lanes_m
     assert len(lane_m)
     assert lane_m[:, 1].min() > 0.4
@@ -283,13 +285,13 @@ def test_what_has_arrived_and_waits_may_move_on(*, moved: bool) -> None:
     """Once anything has moved in a place, what stands on ground seen before is kept away from."""
     before = crossing() + [None] * 30 if moved else [None] * 66
     waits: list[tuple[float, float] | None] = [(1.7, 0.5)] * 20
-    found = list(mapped([None] * 4 + before + waits, SiteMapper()))[-1]
+    found = list(mapped([None] * 4 + before + waits, SiteMapper(CLASSES)))[-1]
     assert not found.movers
     assert (near(found.lanes_m, 1.7, 0.5) >= 4) == moved
 
 
 def test_a_place_without_movers_has_none() -> None:
-    for found in mapped([(0.8, -0.6)] * 40, SiteMapper()):
+    for found in mapped([(0.8, -0.6)] * 40, SiteMapper(CLASSES)):
         assert found.movers == ()
         assert not len(found.lanes_m)
 
@@ -297,7 +299,7 @@ def test_a_place_without_movers_has_none() -> None:
 @pytest.mark.parametrize(("height_m", "movers"), [(0.9, 0), (HEIGHT_M, 1)])
 def test_nothing_is_judged_to_move_from_low_down(height_m: float, movers: int) -> None:
     """A decimetre that the height is off there lets what stands slide."""
-    views = mapped([None] * 4 + crossing(), SiteMapper(), height_m)
+    views = mapped([None] * 4 + crossing(), SiteMapper(CLASSES), height_m)
     assert max(len(found.movers) for found in views) == movers
 
 

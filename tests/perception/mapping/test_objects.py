@@ -10,13 +10,13 @@ import pytest
 
 from perception.mapping.landmarks import Landmarks
 from perception.mapping.objects import ObjectConfig, _closeness, find_objects
-from uav_bt import classes
+from tests.paper_lab import BOXES
 from uav_bt.types import rotation
 from uav_bt.types.site_map import MapObject
 
 
 def object_of(points_m: list[tuple[float, float]]) -> MapObject:
-    (found,) = find_objects(landmarks(points_m, class_id=4))
+    (found,) = find_objects(landmarks(points_m, class_id=BOXES[0]), BOXES)
     return found
 
 
@@ -63,9 +63,9 @@ def test_one_side_is_as_deep_as_boxes_are_away_from_where_it_was_seen() -> None:
 def test_opposite_sides_are_one_object() -> None:
     """Each alone has the assumed depth, with which it overlaps the other one."""
     near, far = side((1.0, -0.25), (1.0, 0.25)), side((1.45, -0.25), (1.45, 0.25))
-    points = landmarks([*near, *far], class_id=4)
+    points = landmarks([*near, *far], class_id=BOXES[0])
     from_m = np.array([(0.0, 0.0)] * len(near) + [(3.0, 0.0)] * len(far))
-    (found,) = find_objects(replace(points, from_m=from_m))
+    (found,) = find_objects(replace(points, from_m=from_m), BOXES)
     assert (found.x_m, found.y_m) == pytest.approx((1.225, 0.0), abs=0.01)
     assert sorted((found.size_m, found.width_m)) == pytest.approx([0.45, 0.5], abs=0.01)
     assert found.points == len(near) + len(far)
@@ -75,15 +75,15 @@ def test_a_few_points_of_a_third_side_belong_to_the_object() -> None:
     """They lie 0.35 m from the others, and their base extends away from where they were seen."""
     sides = [*side((1.0, -0.2), (1.0, 0.2)), *side((1.0, -0.2), (1.2, -0.2))]
     third = [(1.45, 0.1), (1.45, 0.14), (1.45, 0.18), (1.45, 0.2)]
-    points = landmarks([*sides, *third], class_id=4)
+    points = landmarks([*sides, *third], class_id=BOXES[0])
     from_m = np.array([(0.0, 0.0)] * len(sides) + [(3.0, 1.0)] * len(third))
-    (found,) = find_objects(replace(points, from_m=from_m))
+    (found,) = find_objects(replace(points, from_m=from_m), BOXES)
     assert found.size_m == pytest.approx(0.45, abs=0.02)
 
 
 def test_boxes_of_one_class_side_by_side_are_two_objects() -> None:
     sides = [*side((1.0, -0.25), (1.0, 0.25)), *side((1.0, 0.6), (1.0, 1.1))]
-    assert len(find_objects(landmarks(sides, class_id=4))) == 2
+    assert len(find_objects(landmarks(sides, class_id=BOXES[0]), BOXES)) == 2
 
 
 def test_a_margin_moves_all_sides() -> None:
@@ -92,13 +92,11 @@ def test_a_margin_moves_all_sides() -> None:
     assert np.ptp(outer, axis=0) - np.ptp(inner, axis=0) == pytest.approx([0.1, 0.1])
 
 
-def test_every_obstacle_class_of_a_lab_makes_objects(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In this lab class 2 is an obstacle."""
-    groups = classes.CLASS_TO_GROUP.copy()
-    groups[2] = classes.GROUP_OBSTACLE
-    monkeypatch.setattr(classes, "CLASS_TO_GROUP", groups)
-    (found,) = find_objects(landmarks(side((1.0, -0.25), (1.0, 0.25)), class_id=2))
+def test_the_classes_that_stand_make_objects_and_no_others() -> None:
+    points = landmarks(side((1.0, -0.25), (1.0, 0.25)), class_id=2)
+    (found,) = find_objects(points, [2])
     assert found.class_id == 2
+    assert find_objects(points, [4]) == ()
 
 
 def test_closeness_is_the_sum_of_inverse_distances_to_the_nearest_sides() -> None:

@@ -16,13 +16,12 @@ from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import render_views
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, paper_map
 from uav_bt.errors import ShapeError
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
     CameraModel,
-    ClassMap,
     DroneState,
     FlyingState,
     Frame,
@@ -102,7 +101,7 @@ class Flight:
     def look(self, ids: Ids, time_s: float, pitch_rad: float = PITCH_RAD) -> None:
         pose = self._odometry.at(time_s)
         assert pose is not None
-        class_map = ClassMap(ids=ids, captured_s=time_s)
+        class_map = paper_map(ids=ids, captured_s=time_s)
         view = View.of(class_map, frame(time_s, pitch_rad), CAMERA, pose, self._view)
         if view is None:
             self.recent.pass_over(time_s)
@@ -114,7 +113,7 @@ class Flight:
 
 
 def bases(ids: Ids) -> Bases:
-    return find_bases(scan_ground(ClassMap(ids=ids, captured_s=0.0), frame(0.0), CAMERA))
+    return find_bases(scan_ground(paper_map(ids=ids, captured_s=0.0), frame(0.0), CAMERA))
 
 
 @pytest.mark.parametrize("forward_m", [1.6, 2.2, 3.0])
@@ -182,7 +181,7 @@ def test_no_sample_lies_behind_the_camera(half_view_deg: int) -> None:
     wide = CameraModel(
         width_px=224, height_px=112, fx_px=focal_px, fy_px=focal_px, cx_px=111.5, cy_px=55.5
     )
-    scan = scan_ground(ClassMap(ids=carpet(), captured_s=0.0), frame(0.0, -1.0), wide)
+    scan = scan_ground(paper_map(ids=carpet(), captured_s=0.0), frame(0.0, -1.0), wide)
     ranges_m = np.hypot(*np.moveaxis(scan.level_m, -1, 0))
 
     assert (scan.level_m[..., 0] > 0.0).all()

@@ -18,7 +18,7 @@ from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import render_views
-from uav_bt.classes import CARPET
+from tests.paper_lab import CARPET, CLASSES, paper_map
 from uav_bt.types import BodyVelocity, ClassMap, Frame, HelipadFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
@@ -89,7 +89,7 @@ def fly(mapper: SiteMapper, drift: Drift = no_drift, *, from_s: float = 0.0) -> 
             height_above_carpet_m=HEIGHT_M,
         )
         mapper.follow(motion(pose))
-        look(mapper, ClassMap(ids=ids, captured_s=time_s), frame, pose)
+        look(mapper, paper_map(ids=ids, captured_s=time_s), frame, pose)
         maps.append(mapper.map(motion(pose)))
     return maps
 
@@ -111,7 +111,7 @@ def to_world(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def test_bases_stand_on_the_boxes_outlines() -> None:
-    found = fly(SiteMapper())[-1]
+    found = fly(SiteMapper(CLASSES))[-1]
     assert len(found.obstacles_m) > 12
     for x_m, y_m in to_world(found.obstacles_m):
         nearest = min(box.footprint.distance_m(x_m, y_m) for box in SCENE.boxes)
@@ -119,7 +119,7 @@ def test_bases_stand_on_the_boxes_outlines() -> None:
 
 
 def test_edges_lie_on_the_carpets_edge() -> None:
-    found = fly(SiteMapper())[-1]
+    found = fly(SiteMapper(CLASSES))[-1]
     x, y = np.abs(found.edges_m).T
     off_m = np.minimum(np.abs(x - 2.5), np.abs(y - 2.0))
     assert len(off_m) > 50
@@ -127,7 +127,7 @@ def test_edges_lie_on_the_carpets_edge() -> None:
 
 
 def test_ground_is_where_carpet_is_and_outside_where_it_is_not() -> None:
-    found = fly(SiteMapper())[-1]
+    found = fly(SiteMapper(CLASSES))[-1]
     places = np.abs(found.places_m())
     inside = (places[..., 0] < 2.3) & (places[..., 1] < 1.8)
     beyond = (places[..., 0] > 2.7) | (places[..., 1] > 2.2)
@@ -137,15 +137,15 @@ def test_ground_is_where_carpet_is_and_outside_where_it_is_not() -> None:
 
 
 def test_both_boxes_are_objects_where_they_stand() -> None:
-    found = fly(SiteMapper())[-1].objects
-    assert [thing.class_id for thing in found] == [6, 8]
+    found = fly(SiteMapper(CLASSES))[-1].objects
+    assert [thing.class_id for thing in found] == [SCENE.class_of(box) for box in SCENE.boxes]
     for thing, box in zip(found, SCENE.boxes, strict=True):
         assert math.dist((thing.x_m, -thing.y_m), box.position_m) < 0.12
 
 
 def test_objects_keep_their_ids_and_have_the_heights_of_the_boxes() -> None:
     """The roof of the first box is above the camera: its height stays unknown."""
-    maps = fly(SiteMapper(), slow_drift)
+    maps = fly(SiteMapper(CLASSES), slow_drift)
     ids = {(thing.class_id, thing.id) for found in maps for thing in found.objects}
     assert len(ids) == 2
     assert {one for _, one in ids} == {1, 2}
@@ -158,7 +158,7 @@ def test_objects_keep_their_ids_and_have_the_heights_of_the_boxes() -> None:
 
 def test_drift_is_corrected_by_what_is_seen_again() -> None:
     """What drifted before anything was seen twice stays; from then on half of it is taken away."""
-    found = fly(SiteMapper(), slow_drift)[-1]
+    found = fly(SiteMapper(CLASSES), slow_drift)[-1]
     true, off = flown()[-1][0], slow_drift((len(flown()) - 1) * STEP_S)
     off_m = math.dist((found.pose.x_m, found.pose.y_m), (true.x_m, true.y_m))
     assert off_m < 0.6 * math.hypot(*off[:2])
@@ -167,13 +167,13 @@ def test_drift_is_corrected_by_what_is_seen_again() -> None:
 
 
 def test_without_drift_nothing_is_corrected() -> None:
-    correction = fly(SiteMapper())[-1].correction
+    correction = fly(SiteMapper(CLASSES))[-1].correction
     assert math.hypot(correction.x_m, correction.y_m) < 0.03
 
 
 def test_a_map_that_views_contradict_is_begun_anew() -> None:
     """The drone is carried elsewhere: after some seconds the old map is given up, and said so."""
-    mapper = SiteMapper()
+    mapper = SiteMapper(CLASSES)
     fly(mapper)
     later = fly(mapper, lambda _: (0.0, 0.0, 1.2), from_s=60.0)
     assert later[-1].restarts >= 1
@@ -181,7 +181,7 @@ def test_a_map_that_views_contradict_is_begun_anew() -> None:
 
 
 def test_what_was_passed_is_near_the_path() -> None:
-    found = fly(SiteMapper())[-1]
+    found = fly(SiteMapper(CLASSES))[-1]
     path = np.array([(pose.x_m, pose.y_m) for pose, _ in flown()])
     places = found.places_m()[found.passed]
     apart = np.hypot(*np.moveaxis(places[:, None] - path, -1, 0)).min(axis=1)
@@ -189,7 +189,7 @@ def test_what_was_passed_is_near_the_path() -> None:
 
 
 def test_the_mark_corrects_and_is_remembered() -> None:
-    mapper = SiteMapper()
+    mapper = SiteMapper(CLASSES)
     still = OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)
     mapper.follow(motion(still))
     mapper.see_mark(HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.5, detected=True))
@@ -240,14 +240,14 @@ def show_carpet(mapper: SiteMapper, time_s: float) -> SiteMap:
         gimbal_pitch_rad=PITCH_RAD,
         height_above_carpet_m=HEIGHT_M,
     )
-    nothing = ClassMap(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
+    nothing = paper_map(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
     look(mapper, nothing, frame, pose)
     return mapper.map(motion(pose))
 
 
 def test_a_mark_is_moved_by_as_much_as_the_map_may_have_drifted() -> None:
     """Only by sightings again and again."""
-    mapper, views = SiteMapper(), MarkPlaceConfig().moved_views
+    mapper, views = SiteMapper(CLASSES), MarkPlaceConfig().moved_views
     sighted(mapper, 0.5, from_s=0.0, views=20)
     *before, last = sighted(mapper, 0.0, from_s=2.0, views=views)
     assert all(mark.y_m == pytest.approx(0.5, abs=0.02) for mark in before)
@@ -257,7 +257,7 @@ def test_a_mark_is_moved_by_as_much_as_the_map_may_have_drifted() -> None:
 
 def test_a_doubtful_sighting_gives_way_to_a_good_one() -> None:
     """At take-off the image's border cuts the H, whose middle is then 0.25 m off."""
-    mapper = SiteMapper()
+    mapper = SiteMapper(CLASSES)
     sighted(mapper, 0.25, from_s=0.0, views=20, confidence=0.45)
     mark = sighted(mapper, 0.0, from_s=2.0, views=1)[0]
     assert mark.y_m == pytest.approx(0.0, abs=0.03)
@@ -268,7 +268,7 @@ def test_a_doubtful_sighting_gives_way_to_a_good_one() -> None:
 
 def test_sightings_far_from_a_mark_that_still_stands_are_errors() -> None:
     """A mask may take a box for the mark, for seconds."""
-    mapper = SiteMapper()
+    mapper = SiteMapper(CLASSES)
     sighted(mapper, 0.5, from_s=0.0, views=20)
     for mark in sighted(mapper, -1.0, from_s=2.0, views=60):
         assert mark.y_m == pytest.approx(0.5, abs=0.02)
@@ -277,7 +277,7 @@ def test_sightings_far_from_a_mark_that_still_stands_are_errors() -> None:
 
 def test_a_mark_that_was_carried_away_is_found_elsewhere() -> None:
     """Ground was seen where it was."""
-    mapper, views = SiteMapper(), MarkPlaceConfig().moved_views
+    mapper, views = SiteMapper(CLASSES), MarkPlaceConfig().moved_views
     sighted(mapper, 0.5, from_s=0.0, views=20)
     show_carpet(mapper, 3.0)
     last = sighted(mapper, -1.0, from_s=4.0, views=views)[-1]
@@ -303,7 +303,7 @@ def hover(
             gimbal_pitch_rad=at.pitch_rad,
             height_above_carpet_m=at.z_m + float(rng.normal(0.0, height_std_m)),
         )
-        class_map = ClassMap(ids=view.ids, captured_s=time_s)
+        class_map = paper_map(ids=view.ids, captured_s=time_s)
         look(mapper, class_map, frame, pose)
     return mapper.map(motion(pose))
 
@@ -317,7 +317,7 @@ FAR = Scene(
 
 def test_a_box_that_is_looked_at_from_far_stays_on_the_map() -> None:
     """From further than bases are placed, the error of the height is as large as the box."""
-    mapper = SiteMapper()
+    mapper = SiteMapper(CLASSES)
     near = CameraPose(x_m=0.4, y_m=-0.4, z_m=HEIGHT_M, yaw_rad=0.0, pitch_rad=PITCH_RAD)
     placed = hover(mapper, near, from_s=0.0, views=15, height_std_m=0.0)
     assert len(placed.objects) == 1
@@ -329,7 +329,9 @@ def test_a_box_that_is_looked_at_from_far_stays_on_the_map() -> None:
 
 def test_time_without_views_does_not_count_against_the_map() -> None:
     """After a long gap one view that is wrong is not enough to give the map up."""
-    mapper = SiteMapper(SiteMapperConfig(contradiction=ContradictionConfig(judged_points=5.0)))
+    mapper = SiteMapper(
+        CLASSES, SiteMapperConfig(contradiction=ContradictionConfig(judged_points=5.0))
+    )
     fly(mapper)
     found = show_carpet(mapper, len(flown()) * STEP_S + 10.0)
     assert found.restarts == 0

@@ -21,11 +21,10 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
-from uav_bt.classes import CARPET
+from tests.paper_lab import CARPET, paper_map
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
-    ClassMap,
     DroneState,
     FlyingState,
     Frame,
@@ -70,7 +69,7 @@ def fly(
             gimbal_pitch_rad=PITCH_RAD,
             height_above_carpet_m=HEIGHT_M + height_off_m(index),
         )
-        odometry.see(ClassMap(ids=view.ids, captured_s=time_s), frame, CAMERA)
+        odometry.see(paper_map(ids=view.ids, captured_s=time_s), frame, CAMERA)
     return odometry
 
 
@@ -178,7 +177,7 @@ def test_the_border_of_the_carpet_is_left_out() -> None:
             gimbal_pitch_rad=PITCH_RAD,
             height_above_carpet_m=HEIGHT_M,
         )
-        odometry.see(ClassMap(ids=ids, captured_s=time_s), frame, CAMERA)
+        odometry.see(paper_map(ids=ids, captured_s=time_s), frame, CAMERA)
     assert odometry.estimate is not None
     assert odometry.estimate.tracked_s < 0.0  # never
 
@@ -245,7 +244,7 @@ def test_a_velocity_that_is_only_late_is_no_error_of_telemetry() -> None:
             gimbal_pitch_rad=PITCH_RAD,
             height_above_carpet_m=HEIGHT_M,
         )
-        odometry.see(ClassMap(ids=view.ids, captured_s=times_s[index]), frame, CAMERA)
+        odometry.see(paper_map(ids=view.ids, captured_s=times_s[index]), frame, CAMERA)
         assert odometry.estimate is not None
         errors_mps.append(math.hypot(*_horizontal(odometry.estimate.error)))
         assert odometry.estimate.seen.y_m == pytest.approx(slid_m[index], abs=0.01)

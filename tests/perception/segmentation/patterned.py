@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
 from uav_bt.types.arrays import Image
 
 _COLOURS = {
@@ -17,7 +17,7 @@ _COLOURS = {
     BOXES[0]: ((205, 40, 150), (250, 220, 240)),
     BOXES[2]: ((30, 60, 180), (140, 190, 245)),
 }
-CLASSES = tuple(_COLOURS)
+PATTERNED = tuple(_COLOURS)
 
 
 def paint(ids: Image, rng: np.random.Generator) -> Image:

@@ -9,6 +9,7 @@ from perception.segmentation import clean
 from perception.segmentation.evaluation import score_segmentation
 from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher
 from perception.segmentation.training.picks import draw_picks, gather_patches
+from tests.paper_lab import BACKGROUND, CARPET, CLASSES
 from tests.perception.segmentation.patterned import samples
 from uav_bt.errors import ShapeError, ValueRangeError
 
@@ -38,7 +39,7 @@ def test_only_the_largest_piece_of_an_object_stays() -> None:
     ids[5:20, 5:20] = 4
     ids[30:33, 30:33] = 4
     ids[33:36, 33:36] = 4  # touches the one before at a corner: the same piece
-    kept = clean.keep_largest_components(ids)
+    kept = clean.keep_largest_components(ids, (BACKGROUND, CARPET))
     assert (kept[5:20, 5:20] == 4).all()
     assert (kept == 4).sum() == 15 * 15
 
@@ -47,7 +48,7 @@ def test_background_and_carpet_keep_all_their_pieces() -> None:
     ids = np.full((40, 40), 1, dtype=np.uint8)
     ids[:5, :5] = 0
     ids[20:30, 20:30] = 0
-    np.testing.assert_array_equal(clean.keep_largest_components(ids), ids)
+    np.testing.assert_array_equal(clean.keep_largest_components(ids, (BACKGROUND, CARPET)), ids)
 
 
 def test_a_dropped_piece_takes_the_nearest_class() -> None:
@@ -55,7 +56,7 @@ def test_a_dropped_piece_takes_the_nearest_class() -> None:
     ids[:, 30:] = 1
     ids[5:8, 50:53] = 7
     ids[:, :12] = 7
-    assert clean.keep_largest_components(ids)[6, 51] == 1
+    assert clean.keep_largest_components(ids, (BACKGROUND, CARPET))[6, 51] == 1
 
 
 def test_small_pieces_go_and_large_ones_stay_whatever_their_number() -> None:
@@ -109,7 +110,7 @@ def teacher() -> Teacher:
     )
     pictures = ((name, rgb) for name, rgb, _ in samples(12, seed=1))
     return fit_teacher(
-        gather_patches(drawn, pictures, 12),
+        gather_patches(drawn, pictures, 12, CLASSES),
         TeacherConfig(width_px=160, height_px=90, patch_px=12),
     )
 
@@ -117,12 +118,12 @@ def teacher() -> Teacher:
 def test_sharpening_brings_the_map_closer_to_the_exact_one(teacher: Teacher) -> None:
     plain, sharp = (
         score_segmentation(
-            (teacher.refined_ids(rgb, config), ids) for _, rgb, ids in samples(6, seed=5)
+            ((teacher.refined_ids(rgb, config), ids) for _, rgb, ids in samples(6, seed=5)), CLASSES
         )
         for config in (replace(CONFIG, rounds=0), CONFIG)
     )
     assert sharp.miou > plain.miou + 0.02
-    assert sharp.group_miou > plain.group_miou + 0.02
+    assert sharp.role_miou > plain.role_miou + 0.02
 
 
 def test_no_rounds_leave_the_windows_vote(teacher: Teacher) -> None:

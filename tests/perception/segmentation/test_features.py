@@ -82,5 +82,5 @@ def test_colour_codes_keep_the_five_highest_bits_of_each_channel() -> None:
         features.colour_codes(np.zeros((2, 2), np.uint8))
     with pytest.raises(ValueRangeError, match="uint8"):
         features.colour_codes(np.zeros((2, 2, 3)))  # type: ignore[arg-type]
-    with pytest.raises(ShapeError, match="17x32768"):
+    with pytest.raises(ShapeError, match="Cx32768"):
         features.palette_of_counts(np.zeros((4, 8), np.int64))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from perception.networks.input_format import InputFormat
-from perception.segmentation.mapping import ClassMapping, CountedAsCarpet, read_mapping
-from uav_bt.classes import BACKGROUND, CARPET, HELIPAD_H
+from perception.segmentation.mapping import ClassMapping, CountedAsGround, read_mapping
+from tests.paper_lab import BACKGROUND, CARPET, CLASSES, HELIPAD_H, paper_map
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
 from uav_bt.types import ClassMap, Frame
 
@@ -17,17 +17,17 @@ from uav_bt.types import ClassMap, Frame
 def _read(tmp_path: Path, text: str) -> ClassMapping:
     path = tmp_path / "foreign.yaml"
     path.write_text(text, encoding="utf-8")
-    return read_mapping(path)
+    return read_mapping(path, CLASSES)
 
 
-def test_class_names_and_groups_become_ids(tmp_path: Path) -> None:
-    mapping = _read(tmp_path, "classes: {0: background, 3: obstacle, 4: roof_2, 7: helipad}")
-    assert mapping.table(9).tolist() == [0, 0, 0, 4, 13, 0, 0, 3, 0]
+def test_names_of_classes_and_roles_become_ids(tmp_path: Path) -> None:
+    mapping = _read(tmp_path, "classes: {0: background, 3: obstacle, 4: roof_2, 7: mark}")
+    assert mapping.table(9, CLASSES).tolist() == [0, 0, 0, 4, 13, 0, 0, 3, 0]
 
 
 def test_unlisted_classes_take_the_default(tmp_path: Path) -> None:
     mapping = _read(tmp_path, "default: obstacle\nclasses: {1: carpet}")
-    assert mapping.table(3).tolist() == [4, 1, 4]
+    assert mapping.table(3, CLASSES).tolist() == [4, 1, 4]
 
 
 def test_json_is_as_good_as_yaml(tmp_path: Path) -> None:
@@ -36,7 +36,7 @@ def test_json_is_as_good_as_yaml(tmp_path: Path) -> None:
         '{"classes": {"2": "carpet"}, "input": {"mean": [1, 2, 3], "scale": [4, 5, 6.5],'
         ' "colours": "bgr", "layout": "nhwc"}}',
     )
-    assert mapping.table(3)[2] == 1
+    assert mapping.table(3, CLASSES)[2] == 1
     assert mapping.input == InputFormat(
         mean=(1.0, 2.0, 3.0), scale=(4.0, 5.0, 6.5), colours="bgr", layout="nhwc"
     )
@@ -45,7 +45,7 @@ def test_json_is_as_good_as_yaml(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("classes: {0: carpte}", "unknown class 'carpte'; did you mean 'carpet'"),
+        ("classes: {0: carpte}", "unknown class or role 'carpte'; did you mean 'carpet'"),
         ("clases: {0: carpet}", "clases: unknown key; did you mean 'classes'"),
         ("classes: [carpet]", "foreign.yaml:1: classes: expected a mapping, got a list of 1"),
         ("classes: {}", "at least one class"),
@@ -83,12 +83,12 @@ def test_a_bad_mapping_is_refused_with_the_reason(tmp_path: Path, text: str, mes
 
 def test_an_absent_mapping_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no such class mapping"):
-        read_mapping(tmp_path / "none.yaml")
+        read_mapping(tmp_path / "none.yaml", CLASSES)
 
 
 def test_a_class_the_network_does_not_have_is_refused() -> None:
     with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 9"):
-        ClassMapping.identity().table(10)
+        ClassMapping.identity(CLASSES).table(10, CLASSES)
 
 
 class Told:
@@ -98,14 +98,14 @@ class Told:
         self._ids = np.array([ids], np.uint8)
 
     def segment(self, frame: Frame) -> ClassMap:
-        return ClassMap(ids=self._ids, captured_s=frame.captured_s)
+        return paper_map(ids=self._ids, captured_s=frame.captured_s)
 
 
 FRAME = Frame(image=np.zeros((2, 2, 3), np.uint8), index=0, captured_s=3.0, gimbal_pitch_rad=0.0)
 
 
-def test_classes_of_ground_become_carpet_and_others_stay() -> None:
-    segmenter = CountedAsCarpet(Told(BACKGROUND, CARPET, HELIPAD_H, 7), ["carpet", "background"])
+def test_classes_of_ground_become_the_ground_and_others_stay() -> None:
+    segmenter = CountedAsGround(Told(BACKGROUND, CARPET, HELIPAD_H, 7), CLASSES, ["background"])
     told = segmenter.segment(FRAME)
     assert told.ids.tolist() == [[CARPET, CARPET, HELIPAD_H, 7]]
     assert told.captured_s == 3.0
@@ -113,4 +113,4 @@ def test_classes_of_ground_become_carpet_and_others_stay() -> None:
 
 def test_an_unknown_class_is_refused_with_a_suggestion() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'carpet'"):
-        CountedAsCarpet(Told(0), ["carpets"])
+        CountedAsGround(Told(0), CLASSES, ["carpets"])

@@ -12,6 +12,7 @@ from perception.networks.input_format import InputFormat
 from perception.segmentation import runtime
 from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping
+from tests.paper_lab import CLASSES
 from tests.perception.segmentation.patterned import samples
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.protocols import Segmenter
@@ -55,11 +56,11 @@ def _brightest_channel(path: Path, size: tuple[int, int] = (8, 16)) -> Path:
     return _save(path, nodes, [1, 3, *size], [1, 3, *size])
 
 
-THREE = ClassMapping(classes={0: 4, 1: 1, 2: 3})
+THREE = ClassMapping(classes={0: "box_1", 1: "carpet", 2: "helipad_box"})
 
 
 def test_a_foreign_network_answers_in_our_classes(tmp_path: Path) -> None:
-    segmenter = runtime.OnnxSegmenter(_brightest_channel(tmp_path / "n.onnx"), THREE)
+    segmenter = runtime.OnnxSegmenter(_brightest_channel(tmp_path / "n.onnx"), CLASSES, THREE)
     rgb = np.zeros((16, 32, 3), dtype=np.uint8)
     rgb[:, :16, 0] = 200
     rgb[:8, 16:, 1] = 200
@@ -77,8 +78,8 @@ def test_a_foreign_network_answers_in_our_classes(tmp_path: Path) -> None:
 def test_a_network_that_wants_blue_first_gets_it_there(tmp_path: Path) -> None:
     """Its first class is then the blue one; the scale can turn who is greatest."""
     wanted = InputFormat(scale=(1.0, 4.0, 1.0), colours="bgr")
-    mapping = ClassMapping(classes={0: 4, 1: 1, 2: 3}, input=wanted)
-    segmenter = runtime.OnnxSegmenter(_brightest_channel(tmp_path / "n.onnx"), mapping)
+    mapping = ClassMapping(classes={0: "box_1", 1: "carpet", 2: "helipad_box"}, input=wanted)
+    segmenter = runtime.OnnxSegmenter(_brightest_channel(tmp_path / "n.onnx"), CLASSES, mapping)
     rgb = np.full((8, 16, 3), (30, 90, 40), dtype=np.uint8)
     assert (segmenter.ids(rgb) == 4).all()
 
@@ -89,7 +90,7 @@ def test_a_channels_last_network_works(tmp_path: Path) -> None:
     mapping = ClassMapping(classes=THREE.classes, input=InputFormat(layout="nhwc"))
     rgb = np.zeros((8, 16, 3), dtype=np.uint8)
     rgb[..., 1] = 9
-    assert (runtime.OnnxSegmenter(path, mapping).ids(rgb) == 1).all()
+    assert (runtime.OnnxSegmenter(path, CLASSES, mapping).ids(rgb) == 1).all()
 
 
 def test_a_network_that_gives_class_numbers_works(tmp_path: Path) -> None:
@@ -99,7 +100,9 @@ def test_a_network_that_gives_class_numbers_works(tmp_path: Path) -> None:
     rgb = np.zeros((8, 16, 3), dtype=np.uint8)
     rgb[:, :8, 1] = 9
     rgb[:, 8:, 2] = 9
-    ids = runtime.OnnxSegmenter(path, ClassMapping(classes={1: 1}, default=6)).ids(rgb)
+    ids = runtime.OnnxSegmenter(
+        path, CLASSES, ClassMapping(classes={1: "carpet"}, default="box_3")
+    ).ids(rgb)
     assert (ids[:, :8] == 1).all()
     assert (ids[:, 8:] == 6).all()
 
@@ -107,18 +110,18 @@ def test_a_network_that_gives_class_numbers_works(tmp_path: Path) -> None:
 def test_a_mapping_file_is_read(tmp_path: Path) -> None:
     path = _brightest_channel(tmp_path / "n.onnx")
     (tmp_path / "n.yaml").write_text("classes: {0: roof_5}", encoding="utf-8")
-    ids = runtime.OnnxSegmenter(path, tmp_path / "n.yaml").ids(
+    ids = runtime.OnnxSegmenter(path, CLASSES, tmp_path / "n.yaml").ids(
         np.full((8, 16, 3), (9, 0, 0), dtype=np.uint8)
     )
     assert (ids == 16).all()
     with pytest.raises(FileError, match="no such class mapping"):
-        runtime.OnnxSegmenter(path, tmp_path / "none.yaml")
+        runtime.OnnxSegmenter(path, CLASSES, tmp_path / "none.yaml")
 
 
 def test_an_open_batch_size_is_one(tmp_path: Path) -> None:
     nodes = [helper.make_node("Identity", ["x"], ["y"])]
     path = _save(tmp_path / "n.onnx", nodes, ["n", 3, 8, 16], ["n", 3, 8, 16])
-    assert runtime.OnnxSegmenter(path, THREE).size_px == (16, 8)
+    assert runtime.OnnxSegmenter(path, CLASSES, THREE).size_px == (16, 8)
 
 
 @pytest.mark.parametrize(
@@ -134,20 +137,20 @@ def test_a_network_with_another_input_is_refused(tmp_path: Path, shape: list, me
     nodes = [helper.make_node("Identity", ["x"], ["y"])]
     path = _save(tmp_path / "n.onnx", nodes, shape, shape)
     with pytest.raises(WeightsError, match=message):
-        runtime.OnnxSegmenter(path, THREE)
+        runtime.OnnxSegmenter(path, CLASSES, THREE)
 
 
 def test_a_network_with_another_output_is_refused(tmp_path: Path) -> None:
     nodes = [helper.make_node("Flatten", ["x"], ["y"], axis=1)]
     path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 384])
     with pytest.raises(WeightsError, match="output must be 1xCxHxW, 1xHxWxC or 1xHxW, got 1x384"):
-        runtime.OnnxSegmenter(path, THREE)
+        runtime.OnnxSegmenter(path, CLASSES, THREE)
 
 
 def test_a_mapping_for_another_network_is_refused(tmp_path: Path) -> None:
     path = _brightest_channel(tmp_path / "n.onnx")
     with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 2"):
-        runtime.OnnxSegmenter(path)
+        runtime.OnnxSegmenter(path, CLASSES)
 
 
 def _halves() -> NDArray[np.uint8]:
@@ -169,7 +172,7 @@ def _one_channel(path: Path, *after: object, kind: int = FLOAT) -> Path:
 def test_scores_that_come_last_are_recognised_by_the_aspect(tmp_path: Path) -> None:
     nodes = [helper.make_node("Transpose", ["x"], ["y"], perm=[0, 2, 3, 1])]
     path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 8, 16, 3])
-    ids = runtime.OnnxSegmenter(path, THREE).ids(_halves())
+    ids = runtime.OnnxSegmenter(path, CLASSES, THREE).ids(_halves())
     assert ids.shape == (8, 16)
     assert (ids[:, :8] == 1).all()
     assert (ids[:, 8:] == 3).all()
@@ -180,9 +183,9 @@ def test_scores_in_an_unclear_place_are_refused_until_the_mapping_says_it(tmp_pa
     nodes = [helper.make_node("Identity", ["x"], ["y"])]
     path = _save(tmp_path / "n.onnx", nodes, [1, 3, 3, 3], [1, 3, 3, 3])
     with pytest.raises(WeightsError, match=r"the output 1x3x3x3 does not show .* `output: nhwc`"):
-        runtime.OnnxSegmenter(path, THREE)
+        runtime.OnnxSegmenter(path, CLASSES, THREE)
     stated = ClassMapping(classes=THREE.classes, output="nchw")
-    assert (runtime.OnnxSegmenter(path, stated).ids(_halves()[:3, :3]) == 1).all()
+    assert (runtime.OnnxSegmenter(path, CLASSES, stated).ids(_halves()[:3, :3]) == 1).all()
 
 
 def test_the_class_list_decides_where_both_places_fit(tmp_path: Path) -> None:
@@ -202,13 +205,17 @@ def test_the_class_list_decides_where_both_places_fit(tmp_path: Path) -> None:
         list(scores.shape),
         constants={"zero": np.float32(0.0), "scores": scores},
     )
-    ids = runtime.OnnxSegmenter(path, ClassMapping(classes={4: 1})).ids(_halves()[:2, :2])
+    ids = runtime.OnnxSegmenter(path, CLASSES, ClassMapping(classes={4: "carpet"})).ids(
+        _halves()[:2, :2]
+    )
     assert ids.tolist() == [[1] * pixels] * pixels
 
 
 def test_one_class_is_a_threshold_and_the_rest_is_the_default(tmp_path: Path) -> None:
     path = _one_channel(tmp_path / "n.onnx", helper.make_node("Identity", ["share"], ["y"]))
-    ids = runtime.OnnxSegmenter(path, ClassMapping(classes={0: 1}, default=4)).ids(_halves())
+    ids = runtime.OnnxSegmenter(
+        path, CLASSES, ClassMapping(classes={0: "carpet"}, default="box_1")
+    ).ids(_halves())
     assert (ids[:, :8] == 1).all()  # 200/255 is more than a half
     assert (ids[:, 8:] == 4).all()
 
@@ -216,16 +223,17 @@ def test_one_class_is_a_threshold_and_the_rest_is_the_default(tmp_path: Path) ->
 def test_scores_of_one_class_want_a_threshold(tmp_path: Path) -> None:
     doubled = helper.make_node("Div", ["share", "half"], ["y"])
     path = _one_channel(tmp_path / "n.onnx", doubled)
-    segmenter = runtime.OnnxSegmenter(path, ClassMapping(classes={0: 1}))
+    segmenter = runtime.OnnxSegmenter(path, CLASSES, ClassMapping(classes={0: "carpet"}))
     with pytest.raises(WeightsError, match=r"within 0 and 1, got 0 to 1\.57.*`threshold: 0`"):
         segmenter.ids(_halves())
-    stated = ClassMapping(classes={0: 1}, default=4, threshold=1.0)
-    ids = runtime.OnnxSegmenter(path, stated).ids(_halves())
+    stated = ClassMapping(classes={0: "carpet"}, default="box_1", threshold=1.0)
+    ids = runtime.OnnxSegmenter(path, CLASSES, stated).ids(_halves())
     assert (ids[:, :8] == 1).all()
     assert (ids[:, 8:] == 4).all()
     with pytest.raises(WeightsError, match="the network is not one of one class"):
         runtime.OnnxSegmenter(
             _brightest_channel(tmp_path / "n.onnx"),
+            CLASSES,
             ClassMapping(classes=THREE.classes, threshold=0.5),
         )
 
@@ -233,18 +241,22 @@ def test_scores_of_one_class_want_a_threshold(tmp_path: Path) -> None:
 def test_shares_are_no_class_numbers(tmp_path: Path) -> None:
     path = _one_channel(tmp_path / "n.onnx", helper.make_node("Identity", ["share"], ["y"]))
     with pytest.raises(WeightsError, match=r"must be whole numbers, and the network gives 0\.498"):
-        runtime.OnnxSegmenter(path, ClassMapping(classes={0: 0, 1: 1}))
+        runtime.OnnxSegmenter(path, CLASSES, ClassMapping(classes={0: "background", 1: "carpet"}))
 
 
 @pytest.mark.parametrize(
-    ("classes", "inside", "outside"), [({0: 1}, 1, 4), ({0: 3, 1: 1}, 1, 3)], ids=["one", "numbers"]
+    ("classes", "inside", "outside"),
+    [({0: "carpet"}, 1, 4), ({0: "helipad_box", 1: "carpet"}, 1, 3)],
+    ids=["one", "numbers"],
 )
 def test_a_mask_of_truth_values_is_taken(
-    tmp_path: Path, classes: dict[int, int], inside: int, outside: int
+    tmp_path: Path, classes: dict[int, str], inside: int, outside: int
 ) -> None:
     greater = helper.make_node("Greater", ["share", "half"], ["y"])
     path = _one_channel(tmp_path / "n.onnx", greater, kind=TensorProto.BOOL)
-    ids = runtime.OnnxSegmenter(path, ClassMapping(classes=classes, default=4)).ids(_halves())
+    ids = runtime.OnnxSegmenter(path, CLASSES, ClassMapping(classes=classes, default="box_1")).ids(
+        _halves()
+    )
     assert (ids[:, :8] == inside).all()
     assert (ids[:, 8:] == outside).all()
 
@@ -257,7 +269,7 @@ def test_a_network_that_the_runtime_cannot_run_is_refused_in_one_line(tmp_path: 
     ]
     path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 1, 8, 16], TensorProto.BOOL)
     with pytest.raises(WeightsError, match="OpenVINO cannot run this network") as refused:
-        runtime.OnnxSegmenter(path, ClassMapping(classes={0: 0, 1: 1}))
+        runtime.OnnxSegmenter(path, CLASSES, ClassMapping(classes={0: "background", 1: "carpet"}))
     assert "\n" not in str(refused.value)
 
 
@@ -265,19 +277,19 @@ def test_an_open_size_is_the_mappings(tmp_path: Path) -> None:
     nodes = [helper.make_node("Identity", ["x"], ["y"])]
     path = _save(tmp_path / "n.onnx", nodes, ["n", 3, "h", "w"], ["n", 3, "h", "w"])
     mapping = ClassMapping(classes=THREE.classes, input=InputFormat(size=(16, 8)))
-    segmenter = runtime.OnnxSegmenter(path, mapping)
+    segmenter = runtime.OnnxSegmenter(path, CLASSES, mapping)
     assert segmenter.size_px == (16, 8)
     assert (segmenter.ids(_halves())[:, :8] == 1).all()
     fixed = _brightest_channel(tmp_path / "fixed.onnx", (4, 8))
     with pytest.raises(WeightsError, match="takes images of 8x4, the mapping says 16x8"):
-        runtime.OnnxSegmenter(fixed, mapping)
+        runtime.OnnxSegmenter(fixed, CLASSES, mapping)
 
 
 def test_a_network_of_whole_numbers_gets_the_colours_as_they_are(tmp_path: Path) -> None:
     """It scales inside; divided by 255 before, every image would be black."""
     nodes = [helper.make_node("Cast", ["x"], ["y"], to=FLOAT)]
     path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 3, 8, 16], taken=TensorProto.UINT8)
-    ids = runtime.OnnxSegmenter(path, THREE).ids(_halves())
+    ids = runtime.OnnxSegmenter(path, CLASSES, THREE).ids(_halves())
     assert (ids[:, :8] == 1).all()
     assert (ids[:, 8:] == 3).all()
 
@@ -295,18 +307,18 @@ def test_scores_in_whole_numbers_are_scores(tmp_path: Path) -> None:
         TensorProto.INT32,
         constants={"many": np.float32(100.0)},
     )
-    ids = runtime.OnnxSegmenter(path, THREE).ids(_halves())
+    ids = runtime.OnnxSegmenter(path, CLASSES, THREE).ids(_halves())
     assert (ids[:, :8] == 1).all()
     assert (ids[:, 8:] == 3).all()
 
 
 def test_absent_and_damaged_networks_are_refused(tmp_path: Path) -> None:
     with pytest.raises(WeightsError, match="no such network; `uav-bt net train segmentation`"):
-        runtime.OnnxSegmenter(tmp_path / "none.onnx")
+        runtime.OnnxSegmenter(tmp_path / "none.onnx", CLASSES)
     path = _brightest_channel(tmp_path / "n.onnx")
     path.write_bytes(path.read_bytes()[:60])
     with pytest.raises(WeightsError, match=r"n\.onnx: is not a readable ONNX network"):
-        runtime.OnnxSegmenter(path)
+        runtime.OnnxSegmenter(path, CLASSES)
     with pytest.raises(ValueRangeError, match="at least one thread"):
         runtime.shipped_unet(threads=0)
 
@@ -314,7 +326,7 @@ def test_absent_and_damaged_networks_are_refused(tmp_path: Path) -> None:
 def test_an_answer_that_is_not_a_number_is_refused(tmp_path: Path) -> None:
     nodes = [helper.make_node("Log", ["x"], ["y"])]
     path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 3, 8, 16])
-    segmenter = runtime.OnnxSegmenter(path, THREE)
+    segmenter = runtime.OnnxSegmenter(path, CLASSES, THREE)
     rgb = np.full((8, 16, 3), 90, dtype=np.uint8)
     assert segmenter.ids(rgb).shape == (8, 16)
     rgb[3, 5, 1] = 0  # one score of one pixel, and not its best
@@ -323,7 +335,7 @@ def test_an_answer_that_is_not_a_number_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_first_of_equal_scores_is_the_class(tmp_path: Path) -> None:
-    segmenter = runtime.OnnxSegmenter(_brightest_channel(tmp_path / "n.onnx"), THREE)
+    segmenter = runtime.OnnxSegmenter(_brightest_channel(tmp_path / "n.onnx"), CLASSES, THREE)
     rgb = np.full((8, 16, 3), (50, 90, 90), dtype=np.uint8)
     assert (segmenter.ids(rgb) == 1).all()
 

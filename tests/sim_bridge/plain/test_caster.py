@@ -17,7 +17,7 @@ from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import sample_flight_poses
-from uav_bt.classes import BACKGROUND, CARPET
+from tests.paper_lab import BACKGROUND, CARPET
 
 SIZE = (112, 56)
 

@@ -6,7 +6,9 @@ import itertools
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +16,12 @@ import pytest
 from sim_bridge.plain import PlainConfig
 from sim_bridge.plain.drone import PlainDrone
 from sim_bridge.plain.sight import SightErrors
+from sim_bridge.twin.scene_file import load_scene
+from tests.paper_lab import CARPET
 from uav_bt import app
 from uav_bt.app.replay import replay
-from uav_bt.classes import CARPET
 from uav_bt.errors import DroneError, FileError, InputError
+from uav_bt.mission.judge import JudgeConfig
 from uav_bt.protocols import Drone, Imageless, Sight
 from uav_bt.types import Command, GimbalTo, MoveBy, Observation, TakeOff
 
@@ -50,15 +54,32 @@ def test_it_keeps_the_protocols() -> None:
         drone.observe()
 
 
-def test_a_flight_repeats_and_another_seed_is_another_flight() -> None:
-    def report(seed: int) -> dict[str, object]:
-        flown = app.fly("land_only", drone="plain", scene="val-a", seed=seed).to_json()
-        return {name: value for name, value in flown.items() if not name.endswith("_ms")}
+def report(tree: str, seed: int = 3, **options: Any) -> dict[str, Any]:
+    """Return a flight's report without times of the computer."""
+    flown = app.fly(tree, **{"drone": "plain", "seed": seed, **options}).to_json()
+    timed = ("slow_leaves", *(name for name in flown if name.endswith("_ms")))
+    return {name: value for name, value in flown.items() if name not in timed}
 
-    first = report(3)
+
+def test_a_flight_repeats_and_another_seed_is_another_flight() -> None:
+    first = report("land_only", scene="val-a")
     assert first["outcome"] == "success"
-    assert report(3) == first
-    assert report(4) != first
+    assert report("land_only", scene="val-a") == first
+    assert report("land_only", seed=4, scene="val-a") != first
+
+
+def test_a_lab_with_other_names_and_ids_of_classes_gives_the_same_flight() -> None:
+    scene = load_scene("val-a")
+    other = replace(scene, lab=str(Path(__file__).parents[2] / "labs" / "renamed"))
+    assert other.classes.ground != scene.classes.ground
+    judge = JudgeConfig(time_limit_s=12.0)
+    flights = [
+        report("survey_and_land", drone=PlainConfig(scene=each, seed=3), judge=judge)
+        for each in (scene, other)
+    ]
+    names = [[each.pop("class_name") for each in flown["objects"]] for flown in flights]
+    assert [name.replace("box", "drum") for name in names[0]] == names[1] != []
+    assert flights[0] == flights[1]
 
 
 def test_class_maps_differ_from_the_exact_ones_on_borders_only() -> None:

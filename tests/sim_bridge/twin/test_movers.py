@@ -16,8 +16,8 @@ from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene, traffic_problem
 from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import start_pose, varied_scene, with_movers
+from tests.paper_lab import BOXES
 from tests.sim_bridge.twin.lab_world import fly
-from uav_bt.classes import BOXES
 from uav_bt.errors import SceneError, ValueRangeError
 from uav_bt.types import Hover, MoverState, Truth, Velocity
 

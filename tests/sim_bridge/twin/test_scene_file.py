@@ -12,7 +12,7 @@ from sim_bridge.twin.scene import box_names
 from sim_bridge.twin.scene_file import load_scene, scene_names, scene_text
 from sim_bridge.twin.variation import start_pose, varied
 from sim_bridge.twin.views import sample_flight_poses
-from uav_bt.classes import BOXES
+from tests.paper_lab import BOXES
 from uav_bt.errors import SceneError, UnknownNameError
 from uav_bt.types.ground import Footprint
 
@@ -99,7 +99,7 @@ def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "line", "message"),
     [
-        ("boxes:", "boxs:", 3, "boxs: unknown key; did you mean 'boxes'? (known: helipad,"),
+        ("boxes:", "boxs:", 3, "boxs: unknown key; did you mean 'boxes'? (known: lab, helipad,"),
         ("pattern: 1,", "patern: 1,", 4, "did you mean 'pattern'?"),
         ("pattern: 2", "pattern: 9", 5, "pattern must be 1 to 8, got 9"),
         ("pattern: 2", "pattern: 1.5", 5, "boxes[1].pattern: expected a whole number, got '1.5'"),

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.plain import PlainConfig
+from tests.paper_lab import BACKGROUND
 from uav_bt import app
-from uav_bt.classes import BACKGROUND
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.protocols import Referee
 from uav_bt.types import Frame, Truth

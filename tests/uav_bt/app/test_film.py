@@ -13,16 +13,16 @@ from rich.console import Console
 
 from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene, TakeOffSpec
+from tests.paper_lab import CLASSES, paper_map
 from uav_bt import app
 from uav_bt.app import film
 from uav_bt.board import CLASS_MAP
-from uav_bt.classes import CLASS_COLOURS, class_id
 from uav_bt.errors import FileError
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Status, load_tree
-from uav_bt.types import HOVER, ClassMap, DepthMap, Frame, Pose2D
+from uav_bt.types import HOVER, DepthMap, Frame, Pose2D
 
 SCENE = Scene(
     name="small",
@@ -70,13 +70,13 @@ def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
     (box,) = lab.boxes
     assert (box.x_m, box.y_m, box.size_m) == (1.0, 0.5, (0.4, 0.3, 1.9))
     assert box.yaw_rad == pytest.approx(math.radians(20))
-    assert box.colour == tuple(CLASS_COLOURS[class_id("box_3")])
+    assert box.colour == tuple(CLASSES.colours[CLASSES.id_of("box_3")])
     assert np.allclose(box.corners(), SCENE.boxes[0].footprint.corners())
     assert (lab.helipad.x_m, lab.helipad.y_m) == (-1.5, -1.0)
     (mover,) = lab.movers
     assert mover.round
     assert mover.path_m == ((0.0, -1.0), (0.0, 1.0), (-1.0, 1.0), (0.0, -1.0))
-    assert mover.item.colour == tuple(CLASS_COLOURS[class_id("box_8")])
+    assert mover.item.colour == tuple(CLASSES.colours[CLASSES.id_of("box_8")])
     assert (box.name, mover.item.name) == ("box_3", "box_8")
 
 
@@ -175,12 +175,12 @@ def class_maps_size(tmp_path: Path, body: str) -> bool:
     drone = SceneDrone()
     flight = flight_of(drone, tree)
     ids = np.full((112, 224), 1, np.uint8)
-    flight.context.board.write(CLASS_MAP, ClassMap(ids=ids, captured_s=0.0), captured_s=0.0)
+    flight.context.board.write(CLASS_MAP, paper_map(ids=ids, captured_s=0.0), captured_s=0.0)
     with film.flight_video(tmp_path / "flight.mp4") as video:
         ticks(drone, video(flight), 1)
     with av.open(str(tmp_path / "flight.mp4")) as container:
         image = next(container.decode(video=0)).to_ndarray(format="rgb24")
-    difference = np.abs(image[700, 100].astype(int) - CLASS_COLOURS[1].astype(int))
+    difference = np.abs(image[700, 100].astype(int) - CLASSES.colours[1].astype(int))
     return bool(difference.max() < 20)
 
 
@@ -201,7 +201,7 @@ def test_the_film_marks_the_corridor_that_the_tree_asks_for(tmp_path: Path) -> N
         height_above_carpet_m=1.5,
     )
     depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=0.0)
-    ids = ClassMap(ids=np.full((28, 56), class_id("box_1"), np.uint8), captured_s=0.0)
+    ids = paper_map(ids=np.full((28, 56), CLASSES.id_of("box_1"), np.uint8), captured_s=0.0)
     marked = {}
     for side_m in ("0.4", "0.2"):
         path.write_text(SECOND_LEVEL.replace("0.4", side_m), encoding="utf-8")

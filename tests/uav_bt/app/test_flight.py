@@ -22,6 +22,7 @@ from behaviours.policies.segmentation_rule import SegmentationRule
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
+from tests.paper_lab import CLASSES
 from uav_bt import app, plugins
 from uav_bt.errors import (
     DroneError,
@@ -260,7 +261,7 @@ def test_exact_masks_come_from_the_referee_at_the_networks_size() -> None:
     drone = ScriptedDrone()
     state = DroneState(captured_s=0.0, flying=FlyingState.HOVERING)
     frame = blank_frame(drone.camera, state, index=9, captured_s=1.25)
-    class_map = app.ExactSegmenter(Knowing(), (56, 28)).segment(frame)
+    class_map = app.ExactSegmenter(Knowing(), CLASSES, (56, 28)).segment(frame)
     assert class_map.ids.shape == (28, 56)
     assert class_map.ids.flags.c_contiguous
     assert class_map.captured_s == 1.25

@@ -16,8 +16,9 @@ import torch
 from safetensors.numpy import load_file
 
 from perception.segmentation.teacher import load_teacher
+from tests.paper_lab import CLASSES
 from tests.uav_bt.cli.cli_world import assert_refused, run
-from uav_bt.classes import CLASS_NAMES, GROUP_NAMES
+from uav_bt.lab.roles import ROLE_NAMES
 from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan
 
 ONE_SCENE = ("--scene", "train-a", "--views", 2)
@@ -54,7 +55,7 @@ def test_picks_drawn_from_the_twin_train_a_teacher(tmp_path: Path) -> None:
     teacher = tmp_path / "teacher.safetensors"
     trained = run("net", "train", "teacher", *ONE_SCENE, "--total", 200, "--out", teacher)
     assert trained.exit_code == 0, trained.output
-    known = load_teacher(teacher).known
+    known = load_teacher(teacher, CLASSES).known
     assert len(known) > 5
     assert f"teacher of {len(known)} classes: {teacher}" in trained.stdout
 
@@ -74,8 +75,8 @@ def test_picks_drawn_from_the_twin_train_a_teacher(tmp_path: Path) -> None:
     assert score.exit_code == 0, score.output
     told = json.loads((tmp_path / "score.json").read_text())
     assert told["pictures"] == 1
-    assert tuple(told["class_iou"]) == CLASS_NAMES
-    assert tuple(told["group_iou"]) == GROUP_NAMES
+    assert tuple(told["class_iou"]) == CLASSES.names
+    assert tuple(told["role_iou"]) == ROLE_NAMES
 
 
 def test_a_teacher_learns_from_photographs(tmp_path: Path) -> None:
@@ -92,7 +93,7 @@ def test_a_teacher_learns_from_photographs(tmp_path: Path) -> None:
     sources = ("--picks", picks, "--photographs", tmp_path)
     result = run("net", "train", "teacher", *sources, "--out", out)
     assert result.exit_code == 0, result.output
-    assert len(load_teacher(out).known) == 2
+    assert len(load_teacher(out, CLASSES).known) == 2
 
 
 def test_picking_serves_a_page_until_it_is_stopped(

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from tests.paper_lab import paper_map
 from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import LabMap, MapItem
-from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
@@ -20,7 +20,6 @@ from uav_bt.types import (
     HOVER,
     Attitude,
     BodyVelocity,
-    ClassMap,
     Corridor,
     DepthMap,
     DroneState,
@@ -32,8 +31,6 @@ from uav_bt.types import (
 )
 
 CAMERA = pinhole(64, 36)
-COLOURS = np.arange(17 * 3, dtype=np.uint8).reshape(17, 3)
-PALETTE = ClassPalette(names=tuple(f"class_{number}" for number in range(17)), colours=COLOURS)
 LAB = LabMap(
     carpet_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),
@@ -54,7 +51,7 @@ class World:
         now_s = self.clock.now()
         ids = np.zeros((28, 56), dtype=np.uint8)
         ids[14:] = 1
-        self.board.write(CLASS_MAP, ClassMap(ids=ids, captured_s=now_s), captured_s=now_s)
+        self.board.write(CLASS_MAP, paper_map(ids=ids, captured_s=now_s), captured_s=now_s)
         if helipad:
             fix = HelipadFix(captured_s=now_s, forward_m=1.2, right_m=0.3, detected=True)
             self.board.write(HELIPAD, fix, captured_s=now_s)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.paper_lab import CLASSES
 from tests.uav_bt.display.display_world import CAMERA, LAB, World
-from uav_bt.classes import CLASS_COLOURS
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import HEADER_PX, MapFrame, MapItem, MapMover, phase_colours
 from uav_bt.display.live_map import LiveMap, ground_view
@@ -107,6 +107,7 @@ def believed(x_m: float = 0.0, *objects: MapObject) -> SiteMap:
     rows, columns = np.indices((21, 21))
     ahead, right = rows - 10 > 0, columns - 10 > 0
     return SiteMap(
+        classes=CLASSES,
         pose=Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0),
         corner_m=(-1.0, -1.0),
         cell_m=0.1,
@@ -146,7 +147,7 @@ def test_the_missions_map_lies_where_the_drone_saw_it() -> None:
     assert at(image, 1.3, 0.8) == SEEN
     assert at(image, -0.2, 0.8) == PASSED
     assert at(image, 1.3, -0.8) == OUTSIDE
-    assert at(image, 1.0 - 0.15, 0.5) == tuple(CLASS_COLOURS[5]), "an object's side in its colour"
+    assert at(image, 1.0 - 0.15, 0.5) == tuple(CLASSES.colours[5]), "an object's side in its colour"
     assert np.array_equal(shown(0.2, None), image), "the last map stays"
     pose = Pose(x_m=0.5, y_m=0.4, z_m=1.5, yaw_rad=math.pi / 2)
     shown(0.3, believed(0.4))

@@ -15,6 +15,7 @@ from perception.control.runtime import OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
+from tests.paper_lab import CLASSES
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import UnknownNameError
 from uav_bt.learning.exporting import CALIBRATION_VIEWS, export_network
@@ -95,7 +96,7 @@ def test_a_unet_is_calibrated_on_the_pictures_of_the_plan(
         )
     assert told[:4] == [("calibration", done, 4) for done in range(1, 5)]
     assert (tmp_path / "one.onnx").read_bytes() == (tmp_path / "two.onnx").read_bytes()
-    mine, floats = OnnxSegmenter(tmp_path / "one.onnx"), shipped_unet("unet-fp32")
+    mine, floats = OnnxSegmenter(tmp_path / "one.onnx", CLASSES), shipped_unet("unet-fp32")
     assert np.mean([mine.ids(rgb) == floats.ids(rgb) for rgb in pictures[:4]]) > 0.98
 
 

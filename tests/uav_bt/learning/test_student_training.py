@@ -15,6 +15,7 @@ from perception.control.training.network import STUDENT_FILES
 from perception.control.training.run import ControlTrainingConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
+from tests.paper_lab import paper_map
 from uav_bt import app
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import FileError, WeightsError
@@ -50,10 +51,9 @@ class Grey:
     """A segmenter that sees carpet everywhere."""
 
     def segment(self, frame: object) -> object:
-        from uav_bt.types import ClassMap  # noqa: PLC0415 - only for this test double
 
         ids = np.ones((18, 32), dtype=np.uint8)
-        return ClassMap(ids=ids, captured_s=frame.captured_s)  # type: ignore[attr-defined]
+        return paper_map(ids=ids, captured_s=frame.captured_s)  # type: ignore[attr-defined]
 
 
 def flown(folder: Path, *, adviser: str = ADVISER, drone: ScriptedDrone | None = None) -> Path:
@@ -197,7 +197,9 @@ def test_a_network_of_another_kind_is_not_evaluated(record: Path) -> None:
 
 def test_training_may_begin_with_a_segmentation_networks_encoder(tmp_path: Path) -> None:
     path = tmp_path / "unet.safetensors"
-    UNET_FILES.save(path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8))), notes={})
+    UNET_FILES.save(
+        path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8), outputs=3)), notes={}
+    )
     start = first_weights(path)
     assert "down.0.0.weight" in start
     assert not any(name.startswith(("up.", "head")) for name in start)

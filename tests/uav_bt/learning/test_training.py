@@ -14,7 +14,7 @@ from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from perception.segmentation.teacher import Teacher, TeacherConfig, load_teacher, save_teacher
 from perception.segmentation.training.picks import Pick, write_picks
 from perception.segmentation.training.run import TrainingConfig
-from uav_bt.classes import CARPET
+from tests.paper_lab import CARPET, CLASSES
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
 from uav_bt.learning import teacher as learning
 from uav_bt.learning.evaluation import evaluate_segmentation
@@ -41,7 +41,7 @@ def picks() -> list[Pick]:
 
 @pytest.fixture(scope="module")
 def teacher(picks: list[Pick]) -> Teacher:
-    return learning.train_teacher(picks, PLAN, SMALL)
+    return learning.train_teacher(picks, PLAN, SMALL, CLASSES)
 
 
 def test_a_plan_gives_the_same_pictures_whichever_scenes_stand_beside() -> None:
@@ -73,9 +73,9 @@ def test_picks_are_drawn_from_every_scene(picks: list[Pick]) -> None:
 
 def test_the_teacher_learns_the_twins_patterns(teacher: Teacher) -> None:
     plan = replace(PLAN, scenes=("val-a",), views=10)
-    score = evaluate_segmentation(teacher.window_ids, plan)
+    score = evaluate_segmentation(teacher.window_ids, plan, CLASSES)
     assert score.images == 10
-    assert score.group_miou > 0.8
+    assert score.role_miou > 0.8
 
 
 def test_labelling_keeps_what_is_done_and_training_writes_both_files(
@@ -105,13 +105,14 @@ def test_labelling_keeps_what_is_done_and_training_writes_both_files(
     steps: list[int] = []
     train_segmentation(
         (rgb, ids),
+        CLASSES,
         tmp_path / "unet.safetensors",
         config=TrainingConfig(steps=2, batch=2),
         checkpoint=tmp_path / "run.safetensors",
         advance=lambda _stage, done, _total: steps.append(done),
     )
     assert steps == [1, 2]
-    assert OnnxSegmenter(tmp_path / "unet.onnx").ids(rgb[0]).shape == (32, 64)
+    assert OnnxSegmenter(tmp_path / "unet.onnx", CLASSES).ids(rgb[0]).shape == (32, 64)
 
 
 def test_the_network_gets_frames_of_each_profile_in_turn_and_the_teachers_ids(
@@ -150,18 +151,22 @@ def test_the_teacher_learns_from_photographs_of_any_size(picks: list[Pick], tmp_
             big = cv2.resize(rgb, (640, 360), interpolation=cv2.INTER_NEAREST)
             cv2.imwrite(str(tmp_path / name), big[..., ::-1])
             large += [replace(pick, x=2 * pick.x, y=2 * pick.y, origin="hand") for pick in mine]
-    write_picks(tmp_path / "picks.csv", large)
-    learned = learning.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
-    same = learning.train_teacher(picks, PLAN, SMALL)
+    write_picks(tmp_path / "picks.csv", large, CLASSES)
+    learned = learning.train_teacher_on_photographs(
+        tmp_path / "picks.csv", tmp_path, SMALL, CLASSES
+    )
+    same = learning.train_teacher(picks, PLAN, SMALL, CLASSES)
     assert learned.known == same.known
-    score = evaluate_segmentation(learned.window_ids, replace(PLAN, scenes=("val-a",), views=6))
-    assert score.group_iou[CARPET] > 0.9
+    score = evaluate_segmentation(
+        learned.window_ids, replace(PLAN, scenes=("val-a",), views=6), CLASSES
+    )
+    assert score.role_iou[CARPET] > 0.9
 
 
 def test_a_picture_that_is_not_there_is_named(tmp_path: Path) -> None:
-    write_picks(tmp_path / "picks.csv", [Pick(image="none.png", x=1, y=1, class_id=1)])
+    write_picks(tmp_path / "picks.csv", [Pick(image="none.png", x=1, y=1, class_id=1)], CLASSES)
     with pytest.raises(FileError, match=r"none\.png: is not a readable image"):
-        learning.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
+        learning.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL, CLASSES)
 
 
 def test_bad_plans_are_refused() -> None:
@@ -181,8 +186,8 @@ def test_the_shipped_unet_sees_the_validation_scenes_well() -> None:
         truth_size_px=(224, 112),
         seed=5,
     )
-    assert evaluate_segmentation(shipped_unet().ids, plan).group_miou >= 0.96
+    assert evaluate_segmentation(shipped_unet().ids, plan, CLASSES).role_miou >= 0.96
 
 
 def test_the_shipped_teacher_knows_all_classes() -> None:
-    assert load_teacher(learning.SHIPPED_TEACHER).known == tuple(range(17))
+    assert load_teacher(learning.SHIPPED_TEACHER, CLASSES).known == tuple(range(17))

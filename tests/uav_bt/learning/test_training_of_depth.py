@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from perception.depth.runtime import load_depth_estimator
 from perception.depth.training.run import DepthTrainingConfig
 from sim_bridge.anafi import anafi_camera
+from tests.paper_lab import paper_map
 from tests.uav_bt.record.footage_world import frame, state, write_record
 from uav_bt.cli.root import uav_bt
 from uav_bt.learning import training
@@ -54,7 +55,7 @@ class _Carpet:
         self.asked += 1
         ids = np.zeros((112, 224), np.uint8)
         ids[40:] = 1
-        return ClassMap(ids=ids, captured_s=frame.captured_s)
+        return paper_map(ids=ids, captured_s=frame.captured_s)
 
 
 def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views
-from uav_bt.classes import CARPET
+from tests.paper_lab import CARPET
 from uav_bt.mission.covered_ground import CoveredGround, GroundCells
 from uav_bt.types import Pose, Truth, projection
 from uav_bt.types.arrays import Flags

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.paper_lab import CLASSES
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import Outcome, Verdict
@@ -75,6 +76,7 @@ def site_map(
 ) -> SiteMap:
     none = np.zeros((2, 2), dtype=np.bool_)
     return SiteMap(
+        classes=CLASSES,
         pose=Pose2D(x_m=x_m, y_m=y_m, yaw_rad=REPORTED_RAD),
         corner_m=(0.0, 0.0),
         cell_m=0.1,

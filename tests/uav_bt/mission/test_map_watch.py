@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.paper_lab import CLASSES
 from uav_bt.mission.map_watch import MapWatch
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapMark, SiteMap
@@ -16,6 +17,7 @@ TICK_S = 0.1
 NOTHING = np.zeros((5, 5), dtype=bool)
 MARK = MapMark(x_m=1.0, y_m=0.0, std_m=0.05, seen_s=0.0)
 GROUND = SiteMap(
+    classes=CLASSES,
     pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
     corner_m=(0.0, 0.0),
     cell_m=0.1,

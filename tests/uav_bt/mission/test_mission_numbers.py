@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
+from tests.paper_lab import CLASSES
 from uav_bt.board import HELIPAD, MISSION_KEYS, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.flight_notes import FlightNotes
@@ -86,6 +87,7 @@ def site_map(captured_s: float, **changes: object) -> SiteMap:
     passed = cells.copy()
     passed[:5, :5] = True
     values: dict[str, object] = {
+        "classes": CLASSES,
         "pose": Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
         "corner_m": (-0.5, -0.5),
         "cell_m": 0.1,

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.behaviours.leaf_world import map_with
+from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.record.test_site_maps import site_map
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
@@ -21,7 +22,6 @@ from uav_bt.testing import pinhole
 from uav_bt.tree.status import IDLE, RUNNING
 from uav_bt.types import (
     HOVER,
-    ClassMap,
     Corridor,
     DepthMap,
     DroneState,
@@ -56,7 +56,7 @@ TRUTH = Truth(
     ),
 )
 BOARD: dict[str, Any] = {
-    "class_map": ClassMap(ids=np.arange(6, dtype=np.uint8).reshape(2, 3), captured_s=CAPTURED_S),
+    "class_map": paper_map(ids=np.arange(6, dtype=np.uint8).reshape(2, 3), captured_s=CAPTURED_S),
     "relative_depth": DepthMap(depth=DEPTH, metric=False, captured_s=CAPTURED_S),
     "metric_depth": DepthMap(depth=DEPTH, metric=True, captured_s=CAPTURED_S, confidence=0.25),
     "corridor": Corridor(
@@ -107,7 +107,7 @@ def read(made: MomentEncoder, moment: RawMoment) -> Moment:
         for message in made.encode(moment, images=True)
         if message.data is not None
     }
-    return moment_of(found, ("FAILURE",))
+    return moment_of(found, ("FAILURE",), CLASSES)
 
 
 def test_what_the_board_knew_comes_back() -> None:
@@ -199,6 +199,6 @@ def test_a_note_of_obstacles_of_an_older_record_is_read() -> None:
         b'"assumed_m":{"shape":[0,2],"values":[]},"edges_m":{"shape":[0,2],"values":[]},'
         b'"unplaced_rad":{"shape":[0],"values":[]}}'
     )
-    near = moment_of(found, ("FAILURE",)).near
+    near = moment_of(found, ("FAILURE",), CLASSES).near
     assert near is not None
     assert near.points_m.tolist() == [[1.5, -0.2]]

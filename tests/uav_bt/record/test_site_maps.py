@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.paper_lab import CLASSES
 from uav_bt.errors import InputError
 from uav_bt.json_text import parse_json
 from uav_bt.record.channels import SiteMapNote
@@ -45,6 +46,7 @@ def site_map() -> SiteMap:
         return RANDOM.random(SHAPE) < 0.3
 
     return SiteMap(
+        classes=CLASSES,
         pose=Pose2D(x_m=0.1, y_m=1 / 3, yaw_rad=-2.0),
         corner_m=(-1.5, 0.7),
         cell_m=0.1,
@@ -74,7 +76,7 @@ def through_json(note: SiteMapNote) -> SiteMapNote:
 
 def test_a_map_comes_back() -> None:
     kept = site_map()
-    back = site_map_of(through_json(note_of(kept)))
+    back = site_map_of(through_json(note_of(kept)), CLASSES)
     for grid in ("ground", "free", "outside", "passed"):
         assert np.array_equal(getattr(back, grid), getattr(kept, grid)), grid
     for points in ("obstacles_m", "edges_m"):
@@ -132,4 +134,4 @@ def test_a_map_is_small() -> None:
 )
 def test_what_cannot_be_drawn_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(InputError):
-        site_map_of(replace(note_of(site_map()), **wrong))
+        site_map_of(replace(note_of(site_map()), **wrong), CLASSES)

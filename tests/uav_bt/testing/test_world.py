@@ -6,9 +6,9 @@ import math
 
 import pytest
 
+from tests.paper_lab import CARPET
 from uav_bt.answers import Advance, Done
 from uav_bt.board import CLASS_MAP, FRAME, SITE_MAP, STATE
-from uav_bt.classes import CARPET
 from uav_bt.testing import LeafBench, Says, drawn_map, live, show
 from uav_bt.tree import Leaf, Status
 

@@ -13,7 +13,7 @@ from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
-from uav_bt.classes import CARPET
+from tests.paper_lab import CARPET
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import (

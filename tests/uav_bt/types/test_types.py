@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from tests.paper_lab import paper_map
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import (
     HOVER,
     CameraModel,
-    ClassMap,
     DepthMap,
     DroneState,
     FlyingState,
@@ -100,7 +100,7 @@ def test_a_frame_is_refused_unless_it_has_three_channels(shape: tuple[int, ...])
 
 def test_class_and_depth_maps_are_flat() -> None:
     with pytest.raises(ShapeError, match="class map must be HxW, got 2x2x1"):
-        ClassMap(ids=np.zeros((2, 2, 1), dtype=np.uint8), captured_s=0.0)
+        paper_map(ids=np.zeros((2, 2, 1), dtype=np.uint8), captured_s=0.0)
     with pytest.raises(ShapeError, match="depth map must be HxW, got 4"):
         DepthMap(depth=np.zeros(4, dtype=np.float32), metric=True, captured_s=0.0)
 
@@ -227,8 +227,8 @@ def test_bearings_of_unknown_range_are_counted_on_both_sides() -> None:
 
 def test_arrays_print_as_their_shapes() -> None:
     """The text of a tick's record has a few lines, without pixels."""
-    class_map = ClassMap(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=1.0)
-    assert repr(class_map) == "ClassMap(ids=<112x224 uint8>, captured_s=1.0)"
+    class_map = paper_map(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=1.0)
+    assert repr(class_map) == "ClassMap(ids=<112x224 uint8>, classes=<17 classes>, captured_s=1.0)"
     points = NearObstacles(points_m=np.zeros((3, 2)), captured_s=1.0)
     assert "points_m=<3x2 float64>" in repr(points)
 

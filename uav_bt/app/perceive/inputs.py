@@ -22,6 +22,7 @@ from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.app.perceive.sources import RecordSource, open_source
 from uav_bt.app.perceive.streams import ImageSource, TimedImage, TimedImages
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.footage import FLIGHT_SUFFIXES, flight_record
 from uav_bt.types import CameraModel
@@ -180,8 +181,9 @@ def _segmenter(options: PerceiveOptions) -> Segmenter:
     path = segmentation_file(name)
     if path is None:
         return runtime.shipped_teacher()
-    mapping = None if options.classes is None else read_mapping(Path(options.classes))
-    return runtime.OnnxSegmenter(path, mapping=mapping, threads=options.threads)
+    classes = load_lab().classes
+    mapping = None if options.classes is None else read_mapping(Path(options.classes), classes)
+    return runtime.OnnxSegmenter(path, classes, mapping, threads=options.threads)
 
 
 def _network(options: PerceiveOptions) -> DepthEstimator | None:

@@ -22,7 +22,6 @@ from perception.depth.scale import Scale
 from perception.depth.stage import DepthStage
 from perception.landing.detector import HelipadDetection
 from perception.landing.tracker import HelipadFinder
-from uav_bt.classes import is_above_ground
 from uav_bt.display.video.perception_video import Seen
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
@@ -129,7 +128,7 @@ class Pipeline:
             height_px, width_px = metric.depth.depth.shape
             with self._timed(spent, "corridor"):
                 view = view_of(frame, self.camera, (width_px, height_px))
-                things = is_above_ground(class_map.ids)
+                things = class_map.is_above_ground
                 velocity = None if self._state is None else self._state.velocity
                 corridor = self._corridors.build(
                     metric.depth, view, velocity=velocity, things=things

@@ -19,8 +19,6 @@ from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.perceive.streams import TimedImage
-from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
-from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.perception_video import PerceptionPanes
 from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import InputError
@@ -130,9 +128,7 @@ class _OverlayVideo:
     """The mp4 file with the overlays; it appears when it is closed."""
 
     def __init__(self, path: Path, camera: CameraModel, rate_per_s: float) -> None:
-        self._panes = PerceptionPanes(
-            camera, ClassPalette(names=CLASS_NAMES, colours=CLASS_COLOURS)
-        )
+        self._panes = PerceptionPanes(camera)
         self._rate = Fraction(min(rate_per_s, _MAX_RATE)).limit_denominator(1001)
         self._file = VideoFile(
             path, size_px=self._panes.size_px, frames_per_s=self._rate, comment=FILM

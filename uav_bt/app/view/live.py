@@ -21,11 +21,10 @@ from uav_bt.app.film import (
     title_of,
 )
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.setting import CorridorSize, TreeNode, ViewSetting, tree_nodes
-from uav_bt.display.video.class_pane import ClassPalette
+from uav_bt.lab.classes import LabClasses
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
@@ -66,6 +65,7 @@ class ViewListeners:
         setting = setting_of(
             mission,
             flight.drone.camera,
+            classes=flight.classes,
             airframe=flight.drone.airframe,
             nodes=tree_nodes(mission),
             lab_map=lab_map_of(flight.drone),
@@ -101,6 +101,7 @@ def setting_of(
     tree: MissionTree | None,
     camera: CameraModel,
     *,
+    classes: LabClasses,
     airframe: Airframe,
     nodes: Sequence[TreeNode],
     lab_map: LabMap | None,
@@ -111,6 +112,7 @@ def setting_of(
     Args:
         tree: the mission; None where some of its nodes are not installed.
         camera: intrinsics at the frames' size.
+        classes: classes of the lab.
         airframe: size of the body.
         nodes: of the mission.
         lab_map: Map of the lab. None: unknown.
@@ -120,7 +122,7 @@ def setting_of(
     return ViewSetting(
         camera=camera,
         airframe=airframe,
-        palette=ClassPalette(names=CLASS_NAMES, colours=CLASS_COLOURS),
+        classes=classes,
         title=title,
         lab_map=lab_map,
         tree=tuple(nodes),

@@ -116,6 +116,7 @@ class RecordedFlight:
         return setting_of(
             self.tree,
             self.reader.camera,
+            classes=self.reader.classes,
             airframe=recorded_options(self.reader).airframe,
             nodes=[
                 TreeNode(

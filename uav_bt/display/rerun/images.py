@@ -15,13 +15,13 @@ from uav_bt.display.rerun.layout import Entities
 from uav_bt.display.rerun.setting import DEPTH_LENS, LENS, MASK, ViewSetting
 from uav_bt.display.video.depth_panes import FARTHEST_M, intruding_pixels
 from uav_bt.display.video.panes import pad_circle
+from uav_bt.lab.roles import OUTSIDE
 from uav_bt.record.images import encode_image
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
 _EDGE_PX: Final = 1.2  # half the width of drawn lines, pixels of the image
 _SHOWN_M: Final = 0.35  # distance of the image from the lens in the 3D view
 _NO_IMAGE_M: Final = 1e-3  # the same for depth: so small that its frustum is invisible
-_BACKGROUND_ID: Final = 0
 
 Strip = NDArray[np.float32]
 
@@ -63,7 +63,7 @@ class ImageView:
         self._entities = Entities(stream)
         self._depth_size_px: tuple[int, int] | None = None
         stream.log(LENS, _pinhole(camera, _SHOWN_M), static=True)
-        names = zip(setting.palette.names, setting.palette.colours, strict=True)
+        names = zip(setting.classes.names, setting.classes.colours, strict=True)
         stream.log(
             MASK,
             rr.AnnotationContext(
@@ -106,7 +106,7 @@ class ImageView:
         strips: list[Strip] = []
         colours: list[Colour] = []
         for class_ in np.unique(class_map.ids):
-            if class_ == _BACKGROUND_ID:
+            if class_ == OUTSIDE:
                 continue
             found = outlines((class_map.ids == class_).view(np.uint8), self._size_px)
             strips += found
@@ -115,7 +115,7 @@ class ImageView:
         self._entities.draw(f"{LENS}/mask_edges", edges)
 
     def _colour(self, class_: int) -> Colour:
-        colours = self._setting.palette.colours
+        colours = self._setting.classes.colours
         if class_ >= len(colours):
             return ALARM
         red, green, blue = (int(value) for value in colours[class_])

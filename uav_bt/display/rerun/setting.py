@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from uav_bt.display.lab_map import LabMap
-from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.depth_panes import Intruding
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.classes import LabClasses
 from uav_bt.tree import MissionTree
 from uav_bt.types import Airframe, CameraModel
 
@@ -52,7 +52,7 @@ class ViewSetting:
     """Camera, lab, tree and classes of one flight."""
 
     camera: CameraModel  # intrinsics at the size of the frames
-    palette: ClassPalette
+    classes: LabClasses
     airframe: Airframe = field(default_factory=Airframe)
     title: str = ""  # mission, scene and seed
     lab_map: LabMap | None = None  # None: unknown

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, BACKDROP, DIM, tag
 from uav_bt.display.phrases import describe_fix
-from uav_bt.display.video.class_pane import ClassPalette, draw_class_map
+from uav_bt.display.video.class_pane import draw_class_map
 from uav_bt.display.video.depth_panes import draw_corridor, draw_depth
 from uav_bt.display.video.panes import mark_fix, resize_image
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
@@ -39,11 +39,10 @@ class PerceptionPanes:
 
     Args:
         camera: intrinsics at the size of the frames; they give the true aspect of resized images.
-        palette: names and colours of the classes.
     """
 
-    def __init__(self, camera: CameraModel, palette: ClassPalette) -> None:
-        self._camera, self._palette = camera, palette
+    def __init__(self, camera: CameraModel) -> None:
+        self._camera = camera
         aspect = (camera.width_px / camera.fx_px) / (camera.height_px / camera.fy_px)
         aspect = min(max(aspect, 1.0 / _FLATTEST), _FLATTEST)
         self._size_px = (_WIDTH_PX, round(_WIDTH_PX / aspect / 2) * 2)
@@ -60,7 +59,7 @@ class PerceptionPanes:
         (width_px, height_px), (wide, high) = self._size_px, self._pane_px
         image: Image = np.full((height_px, width_px, 3), BACKDROP, dtype=np.uint8)
         image[:high, :wide] = self._draw_frame(seen)
-        image[-high:, :wide] = draw_class_map(seen.class_map, self._palette, self._pane_px)
+        image[-high:, :wide] = draw_class_map(seen.class_map, self._pane_px)
         image[:high, -wide:] = draw_depth(seen.depth, self._pane_px, why_none=seen.refusal)
         image[-high:, -wide:] = draw_corridor(
             seen.frame.image, seen.corridor, seen.intruding, self._pane_px

@@ -21,7 +21,7 @@ from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, INK, PANEL, Colour, p
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.live_map import LiveMap
-from uav_bt.display.video.class_pane import ClassPalette, draw_class_map
+from uav_bt.display.video.class_pane import draw_class_map
 from uav_bt.display.video.depth_panes import (
     Intruding,
     corridor_rows,
@@ -78,7 +78,6 @@ class Panes:
     Args:
         board: board of the mission, source of class map, fix and time.
         camera: intrinsics at the size of the frames.
-        palette: names and colours of the classes.
         lab_map: content of the lab; None if unknown.
         title: line above the map: mission, scene and seed.
         limit_s: time limit of the flight from the take-off command; None: no limit.
@@ -89,14 +88,12 @@ class Panes:
         board: Blackboard,
         camera: CameraModel,
         *,
-        palette: ClassPalette,
         lab_map: LabMap | None,
         title: str = "",
         limit_s: float | None = None,
     ) -> None:
         self._board = board
         self._camera = camera
-        self._palette = palette
         self._shows_depth = False
         self._intruding: Intruding | None = None
         self._timeline = Timeline(limit_s)
@@ -137,12 +134,12 @@ class Panes:
         depth, class_map = self._board.read(METRIC_DEPTH), readings.class_map.value
         self._shows_depth = self._shows_depth or depth.known
         if not self._shows_depth:
-            return draw_class_map(class_map, self._palette, size_px)
+            return draw_class_map(class_map, size_px)
         corridor, frame = self._board.read(CORRIDOR).value, readings.record.observation.frame
         quarter_px = ((size_px[0] - _GAP) // 2, (size_px[1] - _GAP) // 2)
         wide, high = quarter_px
         image: Image = np.full((size_px[1], size_px[0], 3), BACKDROP, dtype=np.uint8)
-        image[:high, :wide] = draw_class_map(class_map, self._palette, quarter_px)
+        image[:high, :wide] = draw_class_map(class_map, quarter_px)
         image[:high, -wide:] = draw_depth(depth.value, quarter_px)
         image[-high:, :wide] = draw_corridor(
             None if frame is None else frame.image,

@@ -11,7 +11,6 @@ import numpy as np
 
 from perception.camera.ground_plane import view_of
 from perception.depth.corridor import CorridorConfig, CorridorPlanes, build_corridor
-from uav_bt.classes import is_above_ground
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.learning.depth_tables.methods import methods_for, metric_maps
 from uav_bt.progress import Advance, silent
@@ -101,7 +100,7 @@ def _truths(image: SampleImage, config: CorridorConfig) -> _Truth:
             front_m=max(plain.front_m + by_m, offset_m + 0.03),
         )
         planes = CorridorPlanes.of(image.truth, walls)
-        things = is_above_ground(image.ids)
+        things = image.exact.is_above_ground
         return build_corridor(depth, planes, offset_m=offset_m, things=things, config=walls)
 
     return _Truth(exact=build(0.0), narrow=build(-_CLEARLY_M), wide=build(_CLEARLY_M))
@@ -112,7 +111,7 @@ def _seen(image: SampleImage, depth: DepthMap, masks: Masks, config: CorridorCon
         depth,
         CorridorPlanes.of(view_of(image.frame, image.camera, MAP_SIZE_PX), config),
         offset_m=image.camera.forward_offset_m,
-        things=is_above_ground(image.masks[masks].ids),
+        things=image.masks[masks].is_above_ground,
         config=config,
     )
 

@@ -74,6 +74,12 @@ class SampleImage:
     depth_m: NDArray[np.float32]  # (112, 224) exact depth along the optical axis
     truth: CameraView  # true pose of the lens
 
+    @property
+    def exact(self) -> ClassMap:
+        """The exact class map."""
+        classes = next(iter(self.masks.values())).classes
+        return ClassMap(ids=self.ids, classes=classes, captured_s=self.frame.captured_s)
+
 
 def take_images(
     plan: ImagePlan,
@@ -126,7 +132,9 @@ def _perceived(
             f"{seen.ids.shape[1]}x{seen.ids.shape[0]}"
         )
     camera = video.resized(*MAP_SIZE_PX)
-    exact = ClassMap(ids=np.ascontiguousarray(view.ids), captured_s=frame.captured_s)
+    exact = ClassMap(
+        ids=np.ascontiguousarray(view.ids), classes=seen.classes, captured_s=frame.captured_s
+    )
     return SampleImage(
         frame=replace(frame, image=frame.image[::8, ::8].copy()),
         video=video,

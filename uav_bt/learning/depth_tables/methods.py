@@ -15,7 +15,6 @@ from behaviours.perceive.depth import NETWORK_AHEAD_M
 from perception.camera.ground_plane import CameraView, ground_depth, view_of
 from perception.depth.metric import MetricDepthConfig, MetricDepthMaker
 from perception.depth.scale import CarpetSample, Scale
-from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.errors import ShapeError
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.types import ClassMap, DepthMap, Frame
@@ -55,13 +54,13 @@ class CollectedScale:
 # --- the lowest pixel -----------------------------------------------------------------------------
 
 
-def lowest_pixel_depth(ids: NDArray[np.uint8], view: CameraView) -> NDArray[np.float32]:
+def lowest_pixel_depth(class_map: ClassMap, view: CameraView) -> NDArray[np.float32]:
     """Give each connected object the depth of the ground at its lowest pixel.
 
     A box and its roof are one object. The depth of the background is unknown.
 
     Args:
-        ids: (H, W) class ids.
+        class_map: the class map.
         view: the camera, at the size of the map.
 
     Returns:
@@ -72,24 +71,25 @@ def lowest_pixel_depth(ids: NDArray[np.uint8], view: CameraView) -> NDArray[np.f
         ValueRangeError: the lens is not above the carpet.
     """
     size = (view.camera.height_px, view.camera.width_px)
-    if ids.shape != size:
+    if class_map.ids.shape != size:
         expected = f"{size[0]}x{size[1]}, as its camera"
-        raise ShapeError("class map", expected=expected, actual=ids.shape)
+        raise ShapeError("class map", expected=expected, actual=class_map.ids.shape)
     ground = ground_depth(view)
-    depth = np.where(ids == CARPET, ground, np.float32(np.nan))
-    for thing in _things(ids):
+    depth = np.where(class_map.is_ground, ground, np.float32(np.nan))
+    for thing in _things(class_map):
         rows, columns = np.nonzero(thing)
         lowest = int(rows.max())
         depth[thing] = np.median(ground[lowest, columns[rows == lowest]])
     return depth
 
 
-def _things(ids: NDArray[np.uint8]) -> Iterator[NDArray[np.bool_]]:
-    """Yield the connected parts of each box with its roof, and of the helipad."""
-    wholes = [((box, ROOFS[number % len(ROOFS)]), box) for number, box in enumerate(BOXES)]
-    wholes.append(((HELIPAD_BOX, HELIPAD_H), HELIPAD_BOX))
-    for members, needed in wholes:
-        mask = np.isin(ids, members)
+def _things(class_map: ClassMap) -> Iterator[NDArray[np.bool_]]:
+    """Yield the connected parts of each object with its top, and of the landing mark."""
+    ids, classes = class_map.ids, class_map.classes
+    sides = [*classes.standing, *([] if classes.mark_sides is None else [classes.mark_sides])]
+    for needed in sides:
+        top = classes.top_of[needed]
+        mask = np.isin(ids, [needed, top] if top else [needed])
         count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
         for label in range(1, count):
             part = labels == label
@@ -199,7 +199,7 @@ def metric_maps(
 
 
 def _lowest_pixel(frame: Frame, image: SampleImage, class_map: ClassMap) -> DepthMap:
-    depth = lowest_pixel_depth(class_map.ids, view_of(frame, image.camera, MAP_SIZE_PX))
+    depth = lowest_pixel_depth(class_map, view_of(frame, image.camera, MAP_SIZE_PX))
     return DepthMap(depth=depth, metric=True, captured_s=frame.captured_s)
 
 

@@ -57,9 +57,9 @@ class DepthQuestions:
         chosen, drawn = [], []
         for number, image in enumerate(images):
             generator = np.random.default_rng((seed, number))
-            exact = (image.ids, image.depth_m, image.camera)
-            chosen.append(pick_pairs(*exact, generator, pairs))
-            drawn.append(draw_points(*exact, generator, points))
+            exact, camera = image.exact, image.camera
+            chosen.append(pick_pairs(exact, image.depth_m, camera, generator, pairs))
+            drawn.append(draw_points(exact, image.depth_m, camera, generator, points))
         return cls(images=images, pairs=chosen, points=drawn)
 
     def edge_lengths(self) -> Floats:

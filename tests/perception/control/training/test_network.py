@@ -18,6 +18,7 @@ from perception.control.training.network import STUDENT_FILES, ControlNet
 from perception.networks.training.network_files import parameter_count
 from perception.networks.weights_file import SHIPPED_WEIGHTS, read_weights, write_weights
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
+from tests.paper_lab import CLASSES
 from tests.perception.control.control_world import TINY
 from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
 
@@ -162,7 +163,11 @@ def test_weights_that_hold_nan_are_refused(tmp_path: Path) -> None:
 
 def test_another_network_is_no_student(tmp_path: Path) -> None:
     path = tmp_path / "unet.safetensors"
-    UNET_FILES.save(path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8))), notes={})
+    UNET_FILES.save(
+        path,
+        UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8), outputs=17), CLASSES.names),
+        notes={},
+    )
     UNET_FILES.export(path, path.with_suffix(".onnx"))
     with pytest.raises(WeightsError, match="is not a control student; `uav-bt net train student`"):
         OnnxControlStudent(path.with_suffix(".onnx"))

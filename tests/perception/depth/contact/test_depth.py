@@ -15,7 +15,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views, sample_flight_poses
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, paper_map
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types.projection import camera_axes
 
@@ -35,7 +35,7 @@ def look(*boxes: BoxSpec, pad: Helipad = PAD, pitch_rad: float = PITCH_RAD) -> V
 
 def estimate(drawn: View, ids: np.ndarray | None = None) -> ContactDepth:
     view = CameraView(camera=CAMERA, pitch_rad=drawn.pose.pitch_rad, height_m=drawn.pose.z_m)
-    return contact_depth(drawn.ids if ids is None else ids, view)
+    return contact_depth(paper_map(drawn.ids if ids is None else ids), view)
 
 
 def box(
@@ -172,7 +172,7 @@ def test_a_known_roll_is_taken_out() -> None:
     level = rays @ camera_axes(PITCH_RAD, 0.08).T
     wall = 2.0 / level[..., 0]
     ids = np.where(wall * level[..., 2] <= 1.5, BOXES[0], CARPET).astype(np.uint8)
-    found = contact_depth(ids, view)
+    found = contact_depth(paper_map(ids), view)
 
     error_m = np.abs(found.depth - wall)[ids == BOXES[0]]
     assert np.nanmedian(error_m) < 0.01
@@ -207,10 +207,10 @@ def test_over_many_views_the_error_is_centimetres() -> None:
 def test_wrong_input_is_refused() -> None:
     view = CameraView(camera=CAMERA, pitch_rad=PITCH_RAD, height_m=1.5)
     with pytest.raises(ShapeError, match="112x224"):
-        contact_depth(np.ones((10, 20), dtype=np.uint8), view)
+        contact_depth(paper_map(np.ones((10, 20), dtype=np.uint8)), view)
     low = CameraView(camera=CAMERA, pitch_rad=PITCH_RAD, height_m=0.0)
     with pytest.raises(ValueRangeError, match="above the plane"):
-        contact_depth(np.ones((112, 224), dtype=np.uint8), low)
+        contact_depth(paper_map(np.ones((112, 224), dtype=np.uint8)), low)
 
 
 def test_below_the_helipads_top_its_top_is_not_guessed() -> None:
@@ -218,7 +218,7 @@ def test_below_the_helipads_top_its_top_is_not_guessed() -> None:
     view = CameraView(camera=CAMERA, pitch_rad=-0.2, height_m=0.3)
     ids = np.full((112, 224), CARPET, dtype=np.uint8)
     ids[40:60, 80:140] = HELIPAD_H
-    assert np.isnan(contact_depth(ids, view).depth[40:60, 80:140]).all()
+    assert np.isnan(contact_depth(paper_map(ids), view).depth[40:60, 80:140]).all()
     assert CAMERA.forward_offset_m == CAMERA_FORWARD_M
 
 
@@ -240,7 +240,7 @@ def outline(x_m: float, y_m: float, half_m: float = 0.2) -> np.ndarray:
 
 def recall(drawn: View, points_m: np.ndarray) -> ContactDepth:
     view = CameraView(camera=CAMERA, pitch_rad=PITCH_RAD, height_m=1.5)
-    return contact_depth(drawn.ids, view, remembered=Remembered.at(points_m))
+    return contact_depth(paper_map(drawn.ids), view, remembered=Remembered.at(points_m))
 
 
 @pytest.mark.parametrize(("x_m", "y_m"), [(0.0, 0.0), (-0.1, 0.4), (0.1, -0.3)])
@@ -306,7 +306,7 @@ def test_nothing_is_claimed_to_be_beyond_the_lab(pitch_deg: float) -> None:
     ids[: horizon + 1] = BACKGROUND
     ids[: horizon + 3, 80:120] = BOXES[0]
 
-    depth = contact_depth(ids, view).depth
+    depth = contact_depth(paper_map(ids), view).depth
 
     assert np.isfinite(depth).any()
     assert np.nanmax(depth) <= 8.0

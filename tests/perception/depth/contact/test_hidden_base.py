@@ -13,7 +13,7 @@ from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import View, render_views
-from uav_bt.classes import BOXES, ROOFS
+from tests.paper_lab import BOXES, ROOFS, paper_map
 from uav_bt.errors import ShapeError
 
 SIZE = (224, 112)
@@ -42,7 +42,7 @@ def noisy(drawn: View, spread: float = 0.2) -> np.ndarray:
 
 
 def estimate(drawn: View, network_m: np.ndarray | None) -> ContactDepth:
-    return contact_depth(drawn.ids, VIEW, CONFIG, network_m=network_m)
+    return contact_depth(paper_map(drawn.ids), VIEW, CONFIG, network_m=network_m)
 
 
 @pytest.mark.parametrize("yaw_deg", [0.0, 20.0, 45.0])

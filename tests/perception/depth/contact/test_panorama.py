@@ -12,7 +12,7 @@ from perception.camera.ground_plane import CameraView, level_rays
 from perception.depth.contact.contacts import BaseConfig, Runs, rows_above
 from perception.depth.contact.panorama import OUTSIDE, Panorama
 from perception.depth.contact.side_loops import sides
-from uav_bt.classes import CARPET, CLASS_COUNT
+from tests.paper_lab import CARPET, CLASS_COUNT
 from uav_bt.testing import pinhole
 from uav_bt.types.projection import project
 
@@ -52,7 +52,7 @@ def panorama_of(*columns: str) -> Panorama:
 def test_the_lowest_long_run_of_a_class_counts() -> None:
     """Two rows a pixel: a run of one pixel has two rows."""
     panorama = panorama_of("-cbobb", "bbcccc", "cccbcb", "------")
-    runs = Runs.of(panorama, BaseConfig(min_run_px=1.0))
+    runs = Runs.of(panorama, CLASS_COUNT, BaseConfig(min_run_px=1.0))
     assert runs.first[BOX].tolist() == [4, 0, -1, -1]
     assert runs.last[BOX].tolist() == [5, 1, 5, -1]
     assert runs.first[CARPET].tolist() == [-1, 2, 0, -1]

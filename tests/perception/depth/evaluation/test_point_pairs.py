@@ -13,7 +13,7 @@ from perception.depth.evaluation.point_pairs import (
     patch_depths,
     pick_pairs,
 )
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, ROOFS
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, ROOFS, paper_map
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 
@@ -35,7 +35,7 @@ class Scenery:
 
     def pick(self, seed: int = 0, config: PairConfig | None = None) -> PointPairs:
         generator = np.random.default_rng(seed)
-        return pick_pairs(self.ids, self.depth, CAMERA, generator, config)
+        return pick_pairs(paper_map(self.ids), self.depth, CAMERA, generator, config)
 
 
 def one_face() -> Scenery:
@@ -116,7 +116,7 @@ def test_picking_refuses_maps_of_another_size() -> None:
     scenery = one_face()
     half = CAMERA.resized(112, 56)
     with pytest.raises(ShapeError, match="class map must be 56x112, as the camera, got 112x224"):
-        pick_pairs(scenery.ids, scenery.depth, half, np.random.default_rng(0))
+        pick_pairs(paper_map(scenery.ids), scenery.depth, half, np.random.default_rng(0))
     with pytest.raises(ShapeError, match="depth map"):
         pair_distances(scenery.depth, scenery.pick(), half)
 

@@ -14,8 +14,9 @@ from perception.depth.evaluation.scores import (
     score_depth,
     summarise_errors,
 )
-from uav_bt.classes import BACKGROUND, BOXES, CARPET
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, paper_map
 from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.lab.roles import OBSTACLE
 from uav_bt.types import CameraModel
 
 
@@ -26,7 +27,9 @@ def _sample(factor: float = 1.0, obstacle: float = 1.0) -> DepthSample:
     ids[5:6] = 0
     predicted = factor * truth
     predicted[:5] *= obstacle
-    return DepthSample(predicted=predicted, truth_m=truth, ids=ids, ground_m=truth.copy())
+    return DepthSample(
+        predicted=predicted, truth_m=truth, roles=CLASSES.roles(ids), ground_m=truth.copy()
+    )
 
 
 def test_the_unit_of_relative_depth_does_not_matter() -> None:
@@ -46,7 +49,7 @@ def test_obstacles_are_measured_with_the_carpets_scale() -> None:
 
 def test_a_view_without_carpet_has_no_metric_error() -> None:
     sample = _sample()
-    blind = replace(sample, ids=np.full_like(sample.ids, 4))
+    blind = replace(sample, roles=np.full_like(sample.roles, OBSTACLE))
     score = score_depth([blind, sample])
     assert score.images == 2
     assert score.obstacle_error_m == pytest.approx(0.0, abs=1e-6)
@@ -54,7 +57,7 @@ def test_a_view_without_carpet_has_no_metric_error() -> None:
 
 def test_maps_of_two_sizes_are_refused() -> None:
     with pytest.raises(ShapeError, match="the maps of a sample must be 20x30, got 10x30"):
-        score_depth([replace(_sample(), ids=np.ones((10, 30), np.uint8))])
+        score_depth([replace(_sample(), roles=np.ones((10, 30), np.uint8))])
 
 
 def test_a_depth_that_is_not_positive_is_refused() -> None:
@@ -122,7 +125,7 @@ DEPTH_M = np.full((112, 224), 2.0, dtype=np.float32)
 
 
 def test_points_lie_inside_obstacles_and_carpet() -> None:
-    points = draw_points(IDS, DEPTH_M, CAMERA, np.random.default_rng(0))
+    points = draw_points(paper_map(IDS), DEPTH_M, CAMERA, np.random.default_rng(0))
     columns, rows = points.pixels.T
     assert len(points) == 80
     assert points.obstacle.sum() == 40
@@ -135,7 +138,7 @@ def test_points_lie_inside_obstacles_and_carpet() -> None:
 
 
 def test_the_range_is_along_the_ray() -> None:
-    points = draw_points(IDS, DEPTH_M, CAMERA, np.random.default_rng(0))
+    points = draw_points(paper_map(IDS), DEPTH_M, CAMERA, np.random.default_rng(0))
     x = (points.pixels[:, 0] - CAMERA.cx_px) / CAMERA.fx_px
     y = (points.pixels[:, 1] - CAMERA.cy_px) / CAMERA.fy_px
     np.testing.assert_allclose(points.range_m, 2.0 * np.sqrt(1 + x**2 + y**2), rtol=1e-6)
@@ -146,12 +149,12 @@ def test_the_range_is_along_the_ray() -> None:
 @pytest.mark.parametrize("depth_m", [0.1, 7.0])
 def test_nothing_is_drawn_out_of_reach(depth_m: float) -> None:
     far = np.full_like(DEPTH_M, depth_m)
-    assert len(draw_points(IDS, far, CAMERA, np.random.default_rng(0))) == 0
+    assert len(draw_points(paper_map(IDS), far, CAMERA, np.random.default_rng(0))) == 0
 
 
 def test_maps_of_another_size_are_refused() -> None:
     with pytest.raises(ShapeError, match="depth map must be 112x224"):
-        draw_points(IDS, DEPTH_M[:50], CAMERA, np.random.default_rng(0))
+        draw_points(paper_map(IDS), DEPTH_M[:50], CAMERA, np.random.default_rng(0))
 
 
 def test_unusable_settings_are_refused() -> None:

@@ -10,6 +10,7 @@ import pytest
 from perception.depth.training import labelling
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.parallax import Parallax, ParallaxConfig
+from tests.paper_lab import paper_map
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.types import CameraModel, ClassMap, Frame
@@ -27,7 +28,7 @@ class _Exact:
         self._ids = dict(zip(known.footage.index.tolist(), known.ids, strict=True))
 
     def segment(self, frame: Frame) -> ClassMap:
-        return ClassMap(ids=self._ids[frame.index], captured_s=frame.captured_s)
+        return paper_map(ids=self._ids[frame.index], captured_s=frame.captured_s)
 
 
 def _grey(known: KnownFlight, place: int) -> np.ndarray:

@@ -14,6 +14,7 @@ from perception.depth.training.network import DEPTH_FILES, DepthNet, DepthNetCon
 from perception.networks.weights_file import SHIPPED_WEIGHTS, read_weights, write_weights
 from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
+from tests.paper_lab import CLASSES
 from tests.perception.segmentation.patterned import samples
 from uav_bt.errors import ShapeError, WeightsError
 
@@ -36,7 +37,9 @@ def unets(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A U-Net in floats and in 8-bit integers."""
     folder = tmp_path_factory.mktemp("unets")
     torch.manual_seed(5)
-    net = _shaken(UNet(UNetConfig(width_px=64, height_px=32, channels=(8, 16))))
+    net = _shaken(
+        UNet(UNetConfig(width_px=64, height_px=32, channels=(8, 16), outputs=17), CLASSES.names)
+    )
     UNET_FILES.save(folder / "unet.safetensors", net, notes={})
     paths = folder / "fp32.onnx", folder / "int8.onnx"
     for path, images in zip(paths, (None, IMAGES), strict=True):
@@ -48,7 +51,7 @@ def unets(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def test_a_unet_in_integers_agrees_with_the_one_in_floats(unets: tuple[Path, Path]) -> None:
-    floats, integers = (OnnxSegmenter(path) for path in unets)
+    floats, integers = (OnnxSegmenter(path, CLASSES) for path in unets)
     agreeing = [(floats.ids(rgb) == integers.ids(rgb)).mean() for rgb in IMAGES]
     assert len(np.unique(floats.ids(IMAGES[0]))) > 2
     # Untrained, it has many ties to break.
@@ -129,7 +132,7 @@ def test_a_student_of_the_first_version_is_refused(tmp_path: Path) -> None:
 
 def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
     torch.manual_seed(5)
-    net = UNet(UNetConfig(width_px=64, height_px=32, channels=(8, 16)))
+    net = UNet(UNetConfig(width_px=64, height_px=32, channels=(8, 16), outputs=17), CLASSES.names)
     UNET_FILES.save(tmp_path / "unet.safetensors", net, notes={"why": "a test"})
     again, notes = UNET_FILES.load(tmp_path / "unet.safetensors")
     assert (again.config, notes, again.training) == (net.config, {"why": "a test"}, False)

@@ -13,6 +13,7 @@ import pytest
 
 from perception.segmentation.training.pick_tool import PickSession, make_pick_server
 from perception.segmentation.training.picks import read_picks
+from tests.paper_lab import CLASSES
 from uav_bt.errors import FileError, ValueRangeError
 
 
@@ -29,7 +30,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def page(folder: Path, tmp_path: Path) -> Iterator[HTTPConnection]:
-    server = make_pick_server(PickSession(folder, tmp_path / "picks.csv"))
+    server = make_pick_server(PickSession(folder, tmp_path / "picks.csv", CLASSES))
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
     thread.start()
     connection = HTTPConnection("127.0.0.1", server.server_port, timeout=10)
@@ -63,9 +64,12 @@ def test_a_click_is_on_disk_and_undo_takes_it_back(page: HTTPConnection, tmp_pat
     status, body = _ask(page, "/pick", _click(image="b.jpg"))
     assert status == 200
     assert len(json.loads(body)["picks"]) == 2
-    assert [pick.image for pick in read_picks(tmp_path / "picks.csv")] == ["a.png", "b.jpg"]
+    assert [pick.image for pick in read_picks(tmp_path / "picks.csv", CLASSES)] == [
+        "a.png",
+        "b.jpg",
+    ]
     _ask(page, "/undo", "")
-    (pick,) = read_picks(tmp_path / "picks.csv")
+    (pick,) = read_picks(tmp_path / "picks.csv", CLASSES)
     assert (pick.image, pick.x, pick.y, pick.class_id, pick.origin) == ("a.png", 3, 4, 1, "hand")
 
 
@@ -134,25 +138,25 @@ def test_an_image_that_cannot_be_read_takes_no_click(page: HTTPConnection, folde
 
 def test_earlier_picks_are_gone_on_with(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "picks.csv"
-    PickSession(folder, path).add("a.png", 1, 1, "roof_1")
-    session = PickSession(folder, path)
+    PickSession(folder, path, CLASSES).add("a.png", 1, 1, "roof_1")
+    session = PickSession(folder, path, CLASSES)
     session.add("b.jpg", 2, 2, "roof_2")
-    assert len(read_picks(path)) == 2
+    assert len(read_picks(path, CLASSES)) == 2
 
 
 def test_a_folder_without_photographs_is_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(FileError, match="holds no photographs"):
-        PickSession(tmp_path / "empty", tmp_path / "picks.csv")
+        PickSession(tmp_path / "empty", tmp_path / "picks.csv", CLASSES)
     with pytest.raises(FileError, match="is not a folder"):
-        PickSession(tmp_path / "none", tmp_path / "picks.csv")
+        PickSession(tmp_path / "none", tmp_path / "picks.csv", CLASSES)
 
 
 def test_undo_without_picks_changes_nothing(folder: Path, tmp_path: Path) -> None:
-    PickSession(folder, tmp_path / "picks.csv").undo()
+    PickSession(folder, tmp_path / "picks.csv", CLASSES).undo()
     assert not (tmp_path / "picks.csv").exists()
 
 
 def test_a_name_not_on_the_list_is_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueRangeError, match=r"no photograph 'secret\.png'"):
-        PickSession(folder, tmp_path / "picks.csv").picture("secret.png")
+        PickSession(folder, tmp_path / "picks.csv", CLASSES).picture("secret.png")

@@ -7,8 +7,8 @@ import pytest
 
 from perception.segmentation.features import patch_slices
 from perception.segmentation.training import picks
-from tests.perception.segmentation.patterned import CLASSES, samples
-from uav_bt.classes import HELIPAD_H
+from tests.paper_lab import CLASSES, HELIPAD_H
+from tests.perception.segmentation.patterned import PATTERNED, samples
 from uav_bt.errors import FileError, ValueRangeError
 
 HEADER = "image,x,y,class,origin\n"
@@ -26,8 +26,8 @@ def test_written_picks_come_back(tmp_path: Path) -> None:
         picks.Pick(image='odd, "name".png', x=0, y=9, class_id=16, origin="simulated"),
     ]
     path = tmp_path / "picks.csv"
-    picks.write_picks(path, made)
-    assert picks.read_picks(path) == made
+    picks.write_picks(path, made, CLASSES)
+    assert picks.read_picks(path, CLASSES) == made
     assert path.read_text(encoding="utf-8").startswith(HEADER)
 
 
@@ -45,19 +45,19 @@ def test_written_picks_come_back(tmp_path: Path) -> None:
 def test_a_bad_row_is_refused_with_its_line(tmp_path: Path, row: str, message: str) -> None:
     path = _file(tmp_path, f"{HEADER}a.png,1,2,carpet,hand\n{row}\n")
     with pytest.raises(FileError, match=f"picks.csv:3: .*{message}"):
-        picks.read_picks(path)
+        picks.read_picks(path, CLASSES)
 
 
 def test_absent_empty_and_headless_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no such picks file"):
-        picks.read_picks(tmp_path / "none.csv")
+        picks.read_picks(tmp_path / "none.csv", CLASSES)
     with pytest.raises(FileError, match="holds no picks"):
-        picks.read_picks(_file(tmp_path, HEADER))
+        picks.read_picks(_file(tmp_path, HEADER), CLASSES)
     with pytest.raises(FileError, match="csv:1: the columns must be"):
-        picks.read_picks(_file(tmp_path, "a.png,1,2,carpet,hand\n"))
+        picks.read_picks(_file(tmp_path, "a.png,1,2,carpet,hand\n"), CLASSES)
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileError, match="cannot be read"):
-        picks.read_picks(tmp_path / "binary.csv")
+        picks.read_picks(tmp_path / "binary.csv", CLASSES)
 
 
 def test_drawn_picks_lie_well_inside_their_class() -> None:
@@ -74,7 +74,7 @@ def test_drawn_picks_lie_well_inside_their_class() -> None:
 def test_each_class_gets_its_share_from_seven_to_nine_pictures() -> None:
     exact = {name: ids for name, _, ids in samples(20, seed=4)}
     drawn = picks.draw_picks(exact.items(), np.random.default_rng(0), patch_px=8, total=600)
-    for class_id in CLASSES:
+    for class_id in PATTERNED:
         mine = [pick for pick in drawn if pick.class_id == class_id]
         assert 90 <= len(mine) <= 115
         assert 7 <= len({pick.image for pick in mine}) <= 9
@@ -98,17 +98,17 @@ def test_patches_of_missing_pictures_and_pixels_are_refused() -> None:
     pick = picks.Pick(image="0.png", x=400, y=4, class_id=1)
     (name, rgb, _) = next(samples(1, seed=0))
     with pytest.raises(ValueRangeError, match="outside the 160x90"):
-        picks.gather_patches([pick], [(name, rgb)], 8)
+        picks.gather_patches([pick], [(name, rgb)], 8, CLASSES)
     with pytest.raises(ValueRangeError, match=r"not there: 0\.png"):
-        picks.gather_patches([pick], [("other.png", rgb)], 8)
+        picks.gather_patches([pick], [("other.png", rgb)], 8, CLASSES)
     with pytest.raises(ValueRangeError, match="not one pick"):
-        picks.gather_patches([], [(name, rgb)], 8)
+        picks.gather_patches([], [(name, rgb)], 8, CLASSES)
 
 
 def test_patches_count_every_pixel_of_their_class() -> None:
     (name, rgb, _) = next(samples(1, seed=0))
     pick = picks.Pick(image=name, x=40, y=40, class_id=1)
-    gathered = picks.gather_patches([pick, pick], [(name, rgb)], 8)
+    gathered = picks.gather_patches([pick, pick], [(name, rgb)], 8, CLASSES)
     assert gathered.features.shape == (2, 190)
     assert gathered.colour_counts[1].sum() == 2 * 64
     assert gathered.colour_counts.sum() == 2 * 64

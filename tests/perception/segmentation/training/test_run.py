@@ -19,10 +19,11 @@ from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.training import run, unet
 from perception.segmentation.training.run import AugmentConfig, augmented
 from perception.segmentation.training.unet import UNET_FILES
-from tests.perception.segmentation.patterned import CLASSES, samples
+from tests.paper_lab import CLASSES
+from tests.perception.segmentation.patterned import PATTERNED, samples
 from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError, WeightsError
 
-NET = unet.UNetConfig(width_px=64, height_px=32, channels=(8, 12, 16))
+NET = unet.UNetConfig(width_px=64, height_px=32, channels=(8, 12, 16), outputs=17)
 SHORT = run.TrainingConfig(steps=6, batch=2, checkpoint_every=3, warm_up_steps=2)
 
 
@@ -39,7 +40,7 @@ def _one_thread() -> Iterator[None]:
 def pictures() -> run.LabelledImages:
     made = [(rgb, ids) for _, rgb, ids in samples(16, seed=0, width=64, height=32)]
     rgb, ids = (np.stack(part) for part in zip(*made, strict=True))
-    return run.LabelledImages(rgb=rgb, ids=ids)
+    return run.LabelledImages(rgb=rgb, ids=ids, classes=CLASSES.names)
 
 
 def _state(net: unet.UNet) -> dict[str, np.ndarray]:
@@ -53,7 +54,7 @@ def test_every_pixel_gets_seventeen_scores() -> None:
 
 
 def test_the_shipped_shape_has_about_a_million_parameters() -> None:
-    count = sum(p.numel() for p in unet.UNet(unet.UNetConfig()).parameters())
+    count = sum(p.numel() for p in unet.UNet(unet.UNetConfig(outputs=17)).parameters())
     assert 0.8e6 < count < 1.5e6
 
 
@@ -86,9 +87,9 @@ def test_a_few_steps_teach_the_patterns(pictures: run.LabelledImages) -> None:
     assert [now.step for now in told] == list(range(1, 61))
     assert told[-1].loss < 0.3 * told[0].loss
     predicted = run.predict(net, pictures.rgb)
-    score = score_segmentation(zip(predicted, pictures.ids, strict=True))
+    score = score_segmentation(zip(predicted, pictures.ids, strict=True), CLASSES)
     assert score.accuracy > 0.85
-    assert set(np.unique(predicted)) <= set(CLASSES)
+    assert set(np.unique(predicted)) <= set(PATTERNED)
 
 
 def test_a_resumed_run_ends_where_an_unbroken_one_does(
@@ -129,11 +130,13 @@ def test_a_checkpoint_of_another_run_or_a_damaged_one_is_refused(
 
 def test_bad_training_input_is_refused(pictures: run.LabelledImages) -> None:
     with pytest.raises(ShapeError, match="labels must be 16x32x64"):
-        run.LabelledImages(rgb=pictures.rgb, ids=pictures.ids[:, :4])
+        run.LabelledImages(rgb=pictures.rgb, ids=pictures.ids[:, :4], classes=CLASSES.names)
     with pytest.raises(ValueRangeError, match="within 0 and 16 or be 255"):
-        run.LabelledImages(rgb=pictures.rgb, ids=np.full_like(pictures.ids, 17))
+        run.LabelledImages(
+            rgb=pictures.rgb, ids=np.full_like(pictures.ids, 17), classes=CLASSES.names
+        )
     with pytest.raises(ShapeError, match="images must be NxHxWx3, N > 0"):
-        run.LabelledImages(rgb=pictures.rgb[:0], ids=pictures.ids[:0])
+        run.LabelledImages(rgb=pictures.rgb[:0], ids=pictures.ids[:0], classes=CLASSES.names)
     with pytest.raises(ValueRangeError, match="must be positive"):
         replace(SHORT, steps=0)
     with pytest.raises(UnknownNameError, match="unknown loss 'dice'"):
@@ -156,7 +159,7 @@ def test_the_onnx_file_answers_as_torch_does(tmp_path: Path) -> None:
     weights = tmp_path / "unet.safetensors"
     UNET_FILES.save(weights, net, notes={})
     UNET_FILES.export(weights, tmp_path / "unet.onnx")
-    segmenter = OnnxSegmenter(tmp_path / "unet.onnx")
+    segmenter = OnnxSegmenter(tmp_path / "unet.onnx", CLASSES)
     model = accept_uint8(read_model(tmp_path / "unet.onnx", "nothing"))
     rgb = np.random.default_rng(0).integers(256, size=(32, 64, 3), dtype=np.uint8)
     with torch.inference_mode():

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import ground_depth, view_of
+from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline, PipelineConfig
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import (
     BodyVelocity,
@@ -38,7 +38,7 @@ class Painted:
         self.ids = ids
 
     def segment(self, frame: Frame) -> ClassMap:
-        return ClassMap(ids=self.ids, captured_s=frame.captured_s)
+        return paper_map(ids=self.ids, captured_s=frame.captured_s)
 
 
 class Halves:

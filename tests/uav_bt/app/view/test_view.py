@@ -61,6 +61,7 @@ def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
     live = setting_of(
         flight.tree,
         flight.reader.camera,
+        classes=flight.reader.classes,
         airframe=setting.airframe,
         nodes=tree_nodes(flight.tree),
         lab_map=flight.lab_map,

@@ -5,22 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.display.rerun.setting import CorridorSize, TreeNode, ViewSetting
-from uav_bt.display.video.class_pane import ClassPalette
+from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame, pinhole
 from uav_bt.tree import Status
 from uav_bt.types import HOVER, Attitude, Command, DroneState, FlyingState, Observation, Pose, Truth
 
 CAMERA = pinhole(64, 36)
-NAMES = ("background", "carpet", "box")
-COLOURS = np.array([[40, 40, 48], [126, 158, 120], [214, 39, 40]], dtype=np.uint8)
+CLASSES = LabClasses(
+    [
+        LabClass(name="wall", role="outside", colour=(40, 40, 48)),
+        LabClass(name="floor", role="ground", colour=(126, 158, 120)),
+        LabClass(name="drum", role="obstacle", colour=(214, 39, 40)),
+    ]
+)
 LAB = LabMap(
     carpet_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),
@@ -86,7 +89,7 @@ def values(batch: Any) -> list[Any]:
 def setting(**changes: Any) -> ViewSetting:
     told: dict[str, Any] = {
         "camera": CAMERA,
-        "palette": ClassPalette(names=NAMES, colours=COLOURS),
+        "classes": CLASSES,
         "title": "tour",
         "lab_map": LAB,
         "tree": NODES,

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.paper_lab import paper_map
 from tests.uav_bt.display.rerun.rerun_world import (
     CAMERA,
-    COLOURS,
-    NAMES,
+    CLASSES,
     NotedStream,
     World,
     setting,
@@ -34,7 +34,7 @@ def class_map(captured_s: float = 0.0) -> ClassMap:
     ids = np.zeros((18, 32), dtype=np.uint8)
     ids[9:] = 1
     ids[4:12, 10:20] = 2
-    return ClassMap(ids=ids, captured_s=captured_s)
+    return paper_map(ids=ids, captured_s=captured_s)
 
 
 def depth(captured_s: float = 0.0) -> DepthMap:
@@ -79,9 +79,9 @@ def test_classes_have_our_names_and_colours() -> None:
     (context,) = stream.of("mask")
     assert context.static
     told = [entry["class_description"]["info"] for entry in values(context.thing.context)[0]]
-    assert [info["label"] for info in told] == list(NAMES)
+    assert [info["label"] for info in told] == list(CLASSES.names)
     assert [info["color"] >> 8 for info in told] == [
-        int(red) << 16 | int(green) << 8 | int(blue) for red, green, blue in COLOURS
+        int(red) << 16 | int(green) << 8 | int(blue) for red, green, blue in CLASSES.colours
     ]
 
 
@@ -110,7 +110,7 @@ def test_an_id_without_a_colour_stands_out_and_is_no_error() -> None:
     view = ImageView(stream, setting())
     ids = class_map().ids.copy()
     ids[4:12, 10:20] = 99
-    view.show_mask(ClassMap(ids=ids, captured_s=0.0))
+    view.show_mask(paper_map(ids=ids, captured_s=0.0))
     edges = stream.last("world/camera/mask_edges")
     assert len(set(values(edges.colors))) == 2
 

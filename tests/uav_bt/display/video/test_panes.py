@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.uav_bt.display.display_world import CAMERA, PALETTE, World
+from tests.uav_bt.display.display_world import CAMERA, World
 from uav_bt.board import CLASS_MAP, HELIPAD
 from uav_bt.display.canvas import ACCENT, ALARM, shortened, text_width_px
 from uav_bt.display.phrases import describe_movement
@@ -99,7 +99,7 @@ def test_the_feedback_of_the_running_leaf_is_written_on_the_image() -> None:
 def test_before_the_first_frame_the_panes_say_so() -> None:
     world = World()
     now = readings(world, world.tick(frame=False))
-    for image in (draw_camera(now, CAMERA, PANE_PX), draw_class_map(None, PALETTE, PANE_PX)):
+    for image in (draw_camera(now, CAMERA, PANE_PX), draw_class_map(None, PANE_PX)):
         assert image.shape == (359, 638, 3)
         assert len(np.unique(image.reshape(-1, 3), axis=0)) > 1, "a text"
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.uav_bt.display.display_world import CAMERA, COLOURS, PALETTE
+from tests.paper_lab import CLASSES, paper_map
+from tests.uav_bt.display.display_world import CAMERA
 from uav_bt.display.canvas import ACCENT, PANEL
 from uav_bt.display.video.perception_video import PerceptionPanes, Seen
-from uav_bt.types import ClassMap, DepthMap, Frame, HelipadFix
+from uav_bt.types import DepthMap, Frame, HelipadFix
 
 IDS = np.full((28, 56), 5, np.uint8)
 
@@ -24,7 +25,7 @@ def seen(**changes: object) -> Seen:
     )
     nothing = Seen(
         frame=frame,
-        class_map=ClassMap(ids=IDS, captured_s=1.5),
+        class_map=paper_map(ids=IDS, captured_s=1.5),
         depth=None,
         refusal="the frame is black",
         corridor=None,
@@ -35,24 +36,24 @@ def seen(**changes: object) -> Seen:
 
 
 def test_four_panes_make_a_picture_of_1280x720() -> None:
-    panes = PerceptionPanes(CAMERA, PALETTE)
+    panes = PerceptionPanes(CAMERA)
     image = panes.draw(seen())
     assert panes.size_px == (1280, 720)
     assert image.shape == (720, 1280, 3)
     assert tuple(image[100, 300]) == (90, 90, 90), "the image"
-    assert tuple(image[600, 300]) == tuple(COLOURS[5]), "the class map"
+    assert tuple(image[600, 300]) == tuple(CLASSES.colours[5]), "the class map"
     assert tuple(image[30, 1000]) == PANEL, "no depth"
     assert tuple(image[700, 1000]) == PANEL, "no corridor"
 
 
 def test_depth_takes_its_pane() -> None:
     depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=1.5)
-    image = PerceptionPanes(CAMERA, PALETTE).draw(seen(depth=depth, refusal=""))
+    image = PerceptionPanes(CAMERA).draw(seen(depth=depth, refusal=""))
     assert tuple(image[100, 900]) != PANEL
 
 
 def test_a_helipad_is_ringed() -> None:
-    panes = PerceptionPanes(CAMERA, PALETTE)
+    panes = PerceptionPanes(CAMERA)
     fix = HelipadFix(captured_s=1.5, forward_m=2.0, right_m=0.0, detected=True)
 
     def accents(one: Seen) -> int:
@@ -65,9 +66,9 @@ def test_a_helipad_is_ringed() -> None:
 
 def test_a_picture_that_was_resized_to_another_aspect_is_shown_as_it_was_filmed() -> None:
     squeezed = CAMERA.resized(40, 32)
-    assert PerceptionPanes(squeezed, PALETTE).size_px == (1280, 720)
+    assert PerceptionPanes(squeezed).size_px == (1280, 720)
 
 
 def test_another_aspect_has_panes_of_its_own() -> None:
     square = replace(CAMERA, width_px=64, height_px=64)
-    assert PerceptionPanes(square, PALETTE).size_px == (1280, 1280)
+    assert PerceptionPanes(square).size_px == (1280, 1280)

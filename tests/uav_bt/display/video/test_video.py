@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.uav_bt.display.display_world import CAMERA, COLOURS, LAB, PALETTE, World
+from tests.paper_lab import CLASSES
+from tests.uav_bt.display.display_world import CAMERA, LAB, World
 from tests.uav_bt.display.test_live_map import believed
 from uav_bt.board import SITE_MAP
 from uav_bt.display.canvas import PANEL
@@ -20,7 +21,7 @@ from uav_bt.types import ClassMap, DepthMap, Frame, Pose
 
 
 def panes_of(world: World) -> Panes:
-    return Panes(world.board, CAMERA, palette=PALETTE, lab_map=LAB, title="a flight")
+    return Panes(world.board, CAMERA, lab_map=LAB, title="a flight")
 
 
 def fly(video: FlightVideo, world: World, ticks: int, after_s: float = 0.1) -> None:
@@ -76,10 +77,11 @@ def test_the_four_panes_show_what_is_on_the_board() -> None:
     panes = panes_of(world)
     with_map = panes.draw(world.tick(), FlownPath()).copy()
     assert with_map.shape == (720, 1280, 3)
-    assert tuple(with_map[700, 300]) == tuple(COLOURS[1]), "the class map's lower half"
+    assert tuple(with_map[700, 300]) == tuple(CLASSES.colours[1]), "the class map's lower half"
     assert len(np.unique(with_map[:438, 642:].reshape(-1, 3), axis=0)) > 10, "the map"
     world.clock.advance(5.0)
-    assert tuple(panes.draw(world.tick(), FlownPath())[700, 300]) != tuple(COLOURS[1]), "stale"
+    without = panes.draw(world.tick(), FlownPath())
+    assert tuple(without[700, 300]) != tuple(CLASSES.colours[1]), "stale"
 
 
 def test_the_missions_own_map_takes_the_place_of_the_lab() -> None:
@@ -100,7 +102,7 @@ def test_a_mission_without_depth_is_filmed_without_its_panes() -> None:
     world = World()
     world.see()
     image = panes_of(world).draw(world.tick(), FlownPath())
-    assert (image[560:720, :638] == COLOURS[1]).all(), "one class map"
+    assert (image[560:720, :638] == CLASSES.colours[1]).all(), "one class map"
 
 
 @pytest.mark.parametrize("asked", [True, False], ids=["asked for", "seen"])
@@ -115,7 +117,7 @@ def test_depth_and_corridor_share_the_quarter_of_the_class_map(*, asked: bool) -
         world.clock.advance(5.0)  # the panes stay when the depth is stale
     world.see()
     before = panes.draw(world.tick(), FlownPath()).copy()
-    assert tuple(before[530, 100]) == tuple(COLOURS[1]), "class map"
+    assert tuple(before[530, 100]) == tuple(CLASSES.colours[1]), "class map"
     assert tuple(before[370, 330]) == PANEL, "no depth"
     assert tuple(before[550, 10]) == PANEL, "no corridor"
     world.see_depth()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from perception.camera.ground_plane import ground_depth, view_of
-from uav_bt.classes import CARPET
+from tests.paper_lab import CARPET, paper_map
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.learning.depth_tables.corridors import FOCAL_FACTORS, FRONTS_M, corridor_table
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, ImagePlan, SampleImage, take_images
@@ -32,7 +32,7 @@ class Grey:
     """Replaces a segmentation network: all pixels are carpet."""
 
     def segment(self, frame: Frame) -> ClassMap:
-        return ClassMap(
+        return paper_map(
             ids=np.full(MAP_SIZE_PX[::-1], CARPET, dtype=np.uint8), captured_s=frame.captured_s
         )
 
@@ -119,7 +119,7 @@ def test_landings_are_left_out(raw: list[SampleImage]) -> None:
 def test_masks_of_another_size_are_refused() -> None:
     class Small(Grey):
         def segment(self, frame: Frame) -> ClassMap:
-            return ClassMap(ids=np.zeros((9, 16), dtype=np.uint8), captured_s=frame.captured_s)
+            return paper_map(ids=np.zeros((9, 16), dtype=np.uint8), captured_s=frame.captured_s)
 
     with pytest.raises(ValueRangeError, match="224x112 pixels; the masks are 16x9"):
         next(take_images(PLAN, Small(), None))

@@ -1,0 +1,109 @@
+"""Classes of a lab: ids, roles, tops and colours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.lab.classes import MAX_CLASSES, LabClass, LabClasses
+from uav_bt.lab.roles import GROUND, MARK, OBSTACLE, OUTSIDE, ROLE_NAMES, RoleName
+from uav_bt.lab.shipped import load_lab
+
+PAPER = load_lab("paper").classes
+
+
+def a_class(name: str, role: RoleName, top: str | None = None) -> LabClass:
+    return LabClass(name=name, role=role, colour=(1, 2, 3), top=top)
+
+
+WALL = a_class("wall", "outside")
+
+
+def test_the_papers_lab_has_seventeen_classes_with_unique_colours() -> None:
+    assert len(PAPER) == len(set(PAPER.names)) == 17
+    assert len({tuple(colour) for colour in PAPER.colours.tolist()}) == 17
+    assert PAPER.roles(np.arange(17, dtype=np.uint8)).tolist() == [0, 1, 2, 2] + [3] * 13
+
+
+def test_the_papers_boxes_carry_roofs_and_the_landing_box_carries_the_mark() -> None:
+    assert PAPER.names[PAPER.ground] == "carpet"
+    assert PAPER.mark_sides == PAPER.id_of("helipad_box")
+    assert PAPER.mark_top == PAPER.id_of("helipad_h")
+    assert [PAPER.names[each] for each in PAPER.standing] == [f"box_{k}" for k in range(1, 9)]
+    assert PAPER.top_of[PAPER.id_of("box_7")] == PAPER.id_of("roof_2")
+
+
+def test_a_class_name_gives_its_id_and_a_typo_gets_a_suggestion() -> None:
+    assert PAPER.id_of("roof_5") == 16
+    with pytest.raises(UnknownNameError, match="did you mean 'helipad_box'"):
+        PAPER.id_of("helipad_bx")
+
+
+def test_ids_beyond_the_classes_or_of_another_type_are_refused() -> None:
+    with pytest.raises(ValueRangeError, match="within 0 and 16, got 17"):
+        PAPER.roles(np.array([[3, 17]], dtype=np.uint8))
+    with pytest.raises(ValueRangeError, match="uint8"):
+        PAPER.roles(np.array([1], dtype=np.int64))  # type: ignore[arg-type]
+
+
+def test_an_image_shows_the_colour_of_each_pixels_class() -> None:
+    image = PAPER.colourise(np.array([[0, 16]], dtype=np.uint8))
+    assert image.shape == (1, 2, 3)
+    assert image[0, 1].tolist() == PAPER.colours[16].tolist()
+
+
+def test_the_order_of_the_classes_is_free_behind_the_first_one() -> None:
+    classes = LabClasses(
+        [WALL, a_class("tag", "mark"), a_class("drum", "obstacle"), a_class("floor", "ground")]
+    )
+    ids = np.array([0, 1, 2, 3], dtype=np.uint8)
+    assert classes.roles(ids).tolist() == [OUTSIDE, MARK, OBSTACLE, GROUND]
+    assert (classes.ground, classes.mark_sides, classes.mark_top) == (3, None, 1)
+    assert classes.is_above_ground(ids).tolist() == [False, True, True, False]
+    assert classes.is_ground(ids).tolist() == [False, False, False, True]
+
+
+def test_several_ground_classes_become_the_first_one() -> None:
+    classes = LabClasses([WALL, a_class("rug", "ground"), a_class("tiles", "ground")])
+    ids = np.array([[0, 1, 2]], dtype=np.uint8)
+    assert classes.with_one_ground(ids).tolist() == [[0, 1, 1]]
+    assert PAPER.with_one_ground(ids) is ids
+
+
+def test_the_classes_by_role_are_the_roles() -> None:
+    classes = LabClasses.by_role()
+    assert classes.names == ROLE_NAMES
+    assert classes.roles(np.arange(4, dtype=np.uint8)).tolist() == [0, 1, 2, 3]
+
+
+def test_equal_classes_are_equal() -> None:
+    assert LabClasses(PAPER) == PAPER
+    assert hash(LabClasses(PAPER)) == hash(PAPER)
+    assert LabClasses([*PAPER][:2]) != PAPER
+
+
+def test_a_lab_without_ground_says_so_when_it_is_asked_for() -> None:
+    with pytest.raises(ValueRangeError, match="no class has the role ground"):
+        _ = LabClasses([WALL]).ground
+
+
+@pytest.mark.parametrize(
+    ("classes", "message"),
+    [
+        ([], "expected 1 to 64 classes, got 0"),
+        ([WALL] + [a_class(f"c{k}", "ground") for k in range(MAX_CLASSES)], "got 65"),
+        ([WALL, WALL], "'wall' is listed twice"),
+        ([a_class("floor", "ground")], "'floor' has the role ground"),
+        ([WALL, a_class("box", "obstacle", "lid"), a_class("lid", "ground")], "same role"),
+        ([WALL, a_class("box", "obstacle", "box")], "same role"),
+    ],
+)
+def test_classes_that_make_no_lab_are_refused(classes: list[LabClass], message: str) -> None:
+    with pytest.raises(ValueRangeError, match=message):
+        LabClasses(classes)
+
+
+def test_a_top_that_is_no_class_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="lid"):
+        LabClasses([WALL, a_class("box", "obstacle", "lid")])

@@ -1,0 +1,87 @@
+"""Lab files and labs by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.errors import FileError, InputError, UnknownNameError
+from uav_bt.lab.lab_file import read_lab
+from uav_bt.lab.shipped import load_lab, shipped_labs
+
+GOOD = """\
+version: 1
+classes:
+  wall: {role: outside, colour: "#000000"}
+  floor: {role: ground, colour: "#0a0b0c"}
+  drum: {role: obstacle, colour: "#ff0000", top: lid}
+  lid: {role: obstacle, colour: "#800000"}
+"""
+
+
+def lab_folder(folder: Path, text: str = GOOD) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "lab.yaml").write_text(text)
+    return folder
+
+
+def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
+    lab = read_lab(lab_folder(tmp_path / "hall"))
+
+    assert (lab.name, lab.folder) == ("hall", tmp_path / "hall")
+    assert lab.classes.names == ("wall", "floor", "drum", "lid")
+    assert lab.classes.colours[1].tolist() == [10, 11, 12]
+    assert lab.classes.standing == (2,)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("version: 1", "version: 2", "lab.yaml:1.*of version 2.*update uav-bt"),
+        ("version: 1\n", "", "version"),
+        ("ground", "grund", "lab.yaml:4.*grund"),
+        ('"#0a0b0c"', "green", "lab.yaml:4.*green"),
+        ("floor:", "Floor:", "lab.yaml:4.*small letters"),
+        ("top: lid", "top: lit", "lab.yaml:2.*did you mean 'lid'"),
+        ("role: outside", "role: ground", "lab.yaml:2.*'wall' has the role ground"),
+        ("drum", "floor", "lab.yaml:5.*floor"),
+    ],
+)
+def test_a_mistake_is_reported_with_its_line(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    folder = lab_folder(tmp_path, GOOD.replace(old, new))
+
+    with pytest.raises(FileError, match=message):
+        read_lab(folder)
+
+
+def test_the_paper_ships_and_is_the_default() -> None:
+    assert "paper" in shipped_labs()
+    assert load_lab() is load_lab("paper")
+
+
+def test_a_lab_of_the_user_is_found_by_name_and_by_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lab_folder(tmp_path / "labs" / "hall")
+    lab_folder(tmp_path / "yard")
+
+    assert load_lab("hall").folder == Path("labs/hall")
+    assert load_lab("yard").name == "yard"
+    assert load_lab(tmp_path / "yard" / "lab.yaml").name == "yard"
+    with pytest.raises(UnknownNameError, match="did you mean 'paper'"):
+        load_lab("papr")
+
+
+def test_a_folder_with_the_name_of_a_shipped_lab_needs_a_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lab_folder(tmp_path / "labs" / "paper")
+
+    with pytest.raises(InputError, match=r"give the path \./labs/paper for yours"):
+        load_lab("paper")
+    assert load_lab("labs/paper").classes.names[0] == "wall"
