@@ -21,8 +21,14 @@ _PACKAGES: Final = ("behaviours", "perception", "sim_bridge", "trees")
 BEHAVIOURS: Final = "uav_bt.behaviours"  # each names an iterable of node classes
 POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPolicy
 DRONES: Final = "uav_bt.drones"  # each names a DroneConfig class
+LANDING_MARKS: Final = "uav_bt.landing_marks"  # each names a MarkFinder class
 
-_KINDS: Final = {BEHAVIOURS: "behaviours package", POLICIES: "policy", DRONES: "drone"}
+_KINDS: Final = {
+    BEHAVIOURS: "behaviours package",
+    POLICIES: "policy",
+    DRONES: "drone",
+    LANDING_MARKS: "landing mark",
+}
 # Modules that only some commands import, with the extra that installs each.
 _EXTRAS: Final = {
     "control": "design",

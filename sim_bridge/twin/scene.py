@@ -11,6 +11,7 @@ from functools import cached_property
 from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_problem, roof_of
 from uav_bt.classes import BOXES
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.shipped import default_mark
 from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.ground import Footprint, Ground, Standing
 
@@ -106,7 +107,7 @@ class Helipad:
 
     position_m: Vector2  # centre on the carpet, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
-    size_m: Vector3 = LandingMark().size_m  # along the pad's x and y, and upwards
+    size_m: Vector3 = field(default_factory=lambda: default_mark().size_m)  # along the pad's x and y, and upwards
 
     def __post_init__(self) -> None:
         _check_item("helipad", self.position_m, self.yaw_deg, self.size_m)

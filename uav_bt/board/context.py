@@ -16,6 +16,7 @@ from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
+from uav_bt.lab.shipped import default_mark
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
 from uav_bt.types.area import Area
 from uav_bt.types.flight_results import EventKind, FlightEvent
@@ -121,7 +122,7 @@ class MissionContext:
         sight: perception of a drone without images; replaces networks and optical flow.
         ground: names of the classes that count as ground besides the carpet.
         airframe: size and reaction of the drone's body.
-        mark: size of the landing mark.
+        mark: landing mark. Default: that of the default lab.
         clearances: distances that routes keep.
         take_off: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
         area: area that the mission stays in; None: no bound.
@@ -140,7 +141,7 @@ class MissionContext:
     sight: Sight | None = None
     ground: tuple[str, ...] = ()
     airframe: Airframe = field(default_factory=Airframe)
-    mark: LandingMark = field(default_factory=LandingMark)
+    mark: LandingMark = field(default_factory=default_mark)
     clearances: Clearances = field(default_factory=Clearances)
     take_off: Pose2D | None = None
     area: Area | None = None

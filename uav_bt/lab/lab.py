@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uav_bt.lab.classes import LabClasses
+from uav_bt.types.landing_mark import LandingMark
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,8 +17,10 @@ class Lab:
         name: Name of the folder.
         folder: Folder of the lab file, with the scenes and networks.
         classes: Classes of the place.
+        mark: Landing mark of the place; None without one.
     """
 
     name: str
     folder: Path
     classes: LabClasses
+    mark: LandingMark | None = None

@@ -37,7 +37,7 @@ def look(
             captured_s=bench.clock.now(),
             forward_m=offset_m[0] + CAMERA_FORWARD_M,
             right_m=offset_m[1],
-            detected=True,
+            height_m=0.4, detected=True,
         )
     else:
         del bench.board[HELIPAD]
@@ -163,7 +163,7 @@ def test_a_look_from_before_the_movement_ended_does_not_count() -> None:
         movement=MovementStatus(id=1, state=MovementState.DONE),
     )
     bench.board[HELIPAD] = HelipadFix(
-        captured_s=bench.clock.now() - 0.15, forward_m=0.6, right_m=0.0, detected=True
+        captured_s=bench.clock.now() - 0.15, forward_m=0.6, right_m=0.0, height_m=0.4, detected=True
     )
     bench.tick()
 
@@ -182,7 +182,7 @@ def test_only_what_is_seen_from_above_counts(why: str) -> None:
         movement=MovementStatus(id=1, state=MovementState.DONE),
     )
     bench.board[HELIPAD] = HelipadFix(
-        captured_s=bench.clock.now(), forward_m=0.6, right_m=0.0, detected=why != "tracked"
+        captured_s=bench.clock.now(), forward_m=0.6, right_m=0.0, height_m=0.4, detected=why != "tracked"
     )
     if why == "no frame":
         del bench.board[FRAME]

@@ -77,8 +77,8 @@ def test_a_movement_is_said_as_a_person_would(movement: Movement, words: str) ->
 
 
 def test_a_fix_says_where_and_whether_it_is_seen() -> None:
-    seen = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=-1.0, detected=True)
-    carried = HelipadFix(captured_s=0.0, forward_m=2.0, right_m=0.0, detected=False)
+    seen = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=-1.0, height_m=0.4, detected=True)
+    carried = HelipadFix(captured_s=0.0, forward_m=2.0, right_m=0.0, height_m=0.4, detected=False)
     assert describe_fix(seen, 0.1) == "1.41 m, 45 deg left, seen"
     assert describe_fix(carried, 1.26) == "2.00 m, 0 deg right, carried 1.3 s"
 

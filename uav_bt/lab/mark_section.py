@@ -1,0 +1,64 @@
+"""The section `mark` of lab and site files: kind, size, height and options of the landing mark."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+from typing_extensions import TypedDict
+
+from uav_bt.landing_marks import check_landing_mark
+from uav_bt.types.landing_mark import MAX_HEIGHT_M, LandingMark
+
+_Side = Annotated[float, Field(gt=0.0, le=5.0)]
+
+
+class MarkSection(TypedDict, total=False):
+    """Form of the section. What it leaves out is taken from the lab's mark.
+
+    Attributes:
+        kind: Registered name of the plug-in that finds the mark.
+        size_m: Length and width of the top, metres.
+        height_m: Height of the top above the ground, metres; 0 for a mat.
+        options: Settings of the plug-in.
+    """
+
+    kind: str
+    size_m: tuple[_Side, _Side]
+    height_m: Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
+    options: dict[str, Any]
+
+
+class WholeMarkSection(MarkSection, total=True):
+    """Form of the section where nothing else states the size."""
+
+    size_m: tuple[_Side, _Side]
+    height_m: Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
+
+
+def mark_of_section(section: MarkSection, usual: LandingMark | None = None) -> LandingMark:
+    """Return the landing mark that a section describes.
+
+    Args:
+        section: Content of the section.
+        usual: Source of what the section leaves out; None if it leaves out nothing. Options belong
+            to a kind, so another kind begins without options.
+
+    Raises:
+        InputError: The kind is not registered, or refuses an option.
+    """
+    kind = section.get("kind", "helipad" if usual is None else usual.kind)
+    kept = {} if usual is None or usual.kind != kind else usual.options
+    length_m, width_m = section["size_m"] if usual is None else section.get("size_m", usual.top_m)
+    mark = LandingMark(
+        kind=kind,
+        length_m=length_m,
+        width_m=width_m,
+        height_m=section["height_m"]
+        if usual is None
+        else section.get("height_m", usual.height_m),
+        options=section.get("options", kept),
+    )
+    if "kind" in section or "options" in section:
+        check_landing_mark(mark)
+    return mark
