@@ -20,10 +20,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt import plugins
-from uav_bt.errors import InputError, UavBtError, ValueRangeError
+from uav_bt.errors import ValueRangeError
 from uav_bt.types.camera import CameraModel, ClassMap, Frame
-from uav_bt.types.landing_mark import LandingMark
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,40 +98,3 @@ class MarkFinder(Protocol):
         The image's upper edge is the mark's. None if the simulator's lab has its own.
         """
         ...
-
-
-def make_mark_finder(mark: LandingMark) -> MarkFinder:
-    """Return a finder of a landing mark.
-
-    Args:
-        mark: Kind, size and options of the mark.
-
-    Raises:
-        UnknownNameError: The kind is not registered.
-        InputError: The kind refuses the size or an option.
-    """
-    kind = plugins.load(plugins.LANDING_MARKS, mark.kind)
-    try:
-        finder = kind(mark)
-    except UavBtError:
-        raise
-    except Exception as error:  # a foreign class may raise anything when it is made
-        raise InputError(
-            f"landing mark '{mark.kind}' cannot be made: {plugins.describe_failure(error)}"
-        ) from error
-    if not isinstance(finder, MarkFinder):
-        raise InputError(
-            f"landing mark '{mark.kind}' lacks find, picture, uses_images or shows_heading: "
-            f"{type(finder).__module__}.{type(finder).__qualname__}"
-        )
-    return finder
-
-
-def check_landing_mark(mark: LandingMark) -> None:
-    """Refuse a landing mark that no finder can be made for.
-
-    Raises:
-        UnknownNameError: The kind is not registered.
-        InputError: The kind refuses the size or an option.
-    """
-    make_mark_finder(mark)

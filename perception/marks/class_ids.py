@@ -8,6 +8,10 @@ from uav_bt.types import ClassMap
 
 
 def classes_of(class_map: ClassMap) -> LabClasses:
-    """Return the classes that a class map's ids belong to."""
+    """Return the classes that a class map's ids belong to.
+
+    Args:
+        class_map: The class map. All have the classes of the default lab so far.
+    """
     del class_map
     return load_lab().classes

@@ -111,6 +111,8 @@ def _largest_region(
         return rows, columns, False
     height_px, width_px = binary.shape
     inside = rows.min() > 0 and columns.min() > 0
-    return rows, columns, not (
-        inside and rows.max() < height_px - 1 and columns.max() < width_px - 1
+    return (
+        rows,
+        columns,
+        not (inside and rows.max() < height_px - 1 and columns.max() < width_px - 1),
     )

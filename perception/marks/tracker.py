@@ -79,7 +79,9 @@ class MarkTracker:
             ValueRangeError: The capture time is not finite.
         """
         if not math.isfinite(captured_s):
-            raise ValueRangeError(f"the capture time of a sighting must be finite, got {captured_s}")
+            raise ValueRangeError(
+                f"the capture time of a sighting must be finite, got {captured_s}"
+            )
         pose = self._odometry.at(captured_s)
         if pose is None:
             return False

@@ -107,7 +107,9 @@ class Helipad:
 
     position_m: Vector2  # centre on the carpet, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
-    size_m: Vector3 = field(default_factory=lambda: default_mark().size_m)  # along the pad's x and y, and upwards
+    size_m: Vector3 = field(
+        default_factory=lambda: default_mark().size_m
+    )  # along the pad's x and y, and upwards
 
     def __post_init__(self) -> None:
         _check_item("helipad", self.position_m, self.yaw_deg, self.size_m)

@@ -40,12 +40,12 @@ from uav_bt.display.status import LiveStatus
 from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.depth_panes import Intruding
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
+from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
-from uav_bt.lab.shipped import default_mark
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, Pose2D
 
 

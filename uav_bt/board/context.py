@@ -14,9 +14,9 @@ from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.keys import ELAPSED, MISSION_KEYS
 from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
+from uav_bt.lab.shipped import default_mark
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
-from uav_bt.lab.shipped import default_mark
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
 from uav_bt.types.area import Area
 from uav_bt.types.flight_results import EventKind, FlightEvent

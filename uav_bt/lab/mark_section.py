@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field
 from typing_extensions import TypedDict
 
-from uav_bt.landing_marks import check_landing_mark
+from uav_bt.plugins import make_mark_finder
 from uav_bt.types.landing_mark import MAX_HEIGHT_M, LandingMark
 
 _Side = Annotated[float, Field(gt=0.0, le=5.0)]
@@ -54,11 +54,9 @@ def mark_of_section(section: MarkSection, usual: LandingMark | None = None) -> L
         kind=kind,
         length_m=length_m,
         width_m=width_m,
-        height_m=section["height_m"]
-        if usual is None
-        else section.get("height_m", usual.height_m),
+        height_m=section["height_m"] if usual is None else section.get("height_m", usual.height_m),
         options=section.get("options", kept),
     )
     if "kind" in section or "options" in section:
-        check_landing_mark(mark)
+        make_mark_finder(mark)  # refuses wrong options
     return mark

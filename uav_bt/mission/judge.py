@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.errors import ValueRangeError
-from uav_bt.tree import Status
 from uav_bt.lab.shipped import default_mark
+from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, LandingMark, Truth
 from uav_bt.types.mission_rules import LandOn, MissionRules
 

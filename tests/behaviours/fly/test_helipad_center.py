@@ -37,7 +37,8 @@ def look(
             captured_s=bench.clock.now(),
             forward_m=offset_m[0] + CAMERA_FORWARD_M,
             right_m=offset_m[1],
-            height_m=0.4, detected=True,
+            height_m=0.4,
+            detected=True,
         )
     else:
         del bench.board[HELIPAD]
@@ -182,7 +183,11 @@ def test_only_what_is_seen_from_above_counts(why: str) -> None:
         movement=MovementStatus(id=1, state=MovementState.DONE),
     )
     bench.board[HELIPAD] = HelipadFix(
-        captured_s=bench.clock.now(), forward_m=0.6, right_m=0.0, height_m=0.4, detected=why != "tracked"
+        captured_s=bench.clock.now(),
+        forward_m=0.6,
+        right_m=0.0,
+        height_m=0.4,
+        detected=why != "tracked",
     )
     if why == "no frame":
         del bench.board[FRAME]

@@ -66,7 +66,8 @@ def fly(
             captured_s=now_s - unseen_s,
             forward_m=pad[0],
             right_m=pad[1],
-            height_m=0.4, detected=unseen_s == 0.0,
+            height_m=0.4,
+            detected=unseen_s == 0.0,
             std_m=std_m,
         )
     near = NearObstacles(

@@ -391,7 +391,9 @@ def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
 ) -> None:
     """Further away something hides it."""
     bench = approaching(Says(FREE, NO_WAY))
-    fix = HelipadFix(captured_s=bench.clock.now(), forward_m=range_m, right_m=0.0, height_m=0.4, detected=False)
+    fix = HelipadFix(
+        captured_s=bench.clock.now(), forward_m=range_m, right_m=0.0, height_m=0.4, detected=False
+    )
     for _ in range(3):
         show(bench, seconds=0.6)
         bench.board[HELIPAD] = fix

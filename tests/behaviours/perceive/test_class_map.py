@@ -12,11 +12,12 @@ from behaviours.perceive.class_map import FindHelipad, Segment
 from tests.behaviours.leaf_world import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, ODOMETRY, SITE_MAP, STATE
 from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
+from uav_bt.lab.shipped import default_mark
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import carpet, live, show
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame, LandingMark
+from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 
@@ -133,7 +134,7 @@ def test_a_pad_in_view_gets_a_fix() -> None:
 def test_a_mat_is_found_at_its_own_height() -> None:
     """The same pixels lie further away on a mat of 0.05 m than on a box of 0.4 m: 1.45 to 1.1."""
     bench = LeafBench(FindHelipad)
-    bench.mark = LandingMark(height_m=0.05)
+    bench.mark = replace(default_mark(), height_m=0.05)
     bench.camera = pinhole(640, 360)
     live(bench, ids=pad_map())
     mat, box_bench = bench.board[HELIPAD], finding()

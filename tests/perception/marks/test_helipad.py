@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from perception.marks.helipad import HelipadFinder
 
-from perception.landing.tracker import HelipadFinder
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
 from uav_bt.classes import CARPET, HELIPAD_BOX, HELIPAD_H
-from uav_bt.types import ClassMap, Frame, HelipadFix, LandingMark
+from uav_bt.lab.shipped import default_mark
+from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.types import ClassMap, Frame, LandingMark
 
 SIZE_PX = (224, 112)
 CAMERA = anafi_camera(640, 360)
@@ -22,7 +25,7 @@ SCENE = Scene(name="pad", helipad=Helipad(position_m=(0.0, 0.0), yaw_deg=20), bo
 
 def found(
     ids: np.ndarray, pitch_deg: float, height_m: float, mark: LandingMark | None = None
-) -> HelipadFix | None:
+) -> MarkSighting | None:
     """Return what one class map shows, the camera so high above the carpet."""
     frame = Frame(
         image=np.zeros((4, 8, 3), np.uint8),
@@ -31,12 +34,13 @@ def found(
         gimbal_pitch_rad=math.radians(pitch_deg),
         height_above_carpet_m=height_m,
     )
-    finder = HelipadFinder(mark)
-    finder.see(ClassMap(ids=ids, captured_s=0.0), frame, CAMERA)
-    return finder.fix()
+    class_map = ClassMap(ids=ids, captured_s=0.0)
+    return HelipadFinder(mark or default_mark()).find(
+        MarkView(frame=frame, camera=CAMERA, class_map=class_map)
+    )
 
 
-def view(range_m: float, pitch_deg: float, height_m: float) -> HelipadFix | None:
+def view(range_m: float, pitch_deg: float, height_m: float) -> MarkSighting | None:
     """Return the fix of the twin's pad at a distance ahead of the camera."""
     pose = CameraPose(
         x_m=-range_m, y_m=0.0, z_m=height_m, yaw_rad=0.0, pitch_rad=math.radians(pitch_deg)
@@ -59,7 +63,7 @@ def test_a_whole_h_is_trusted(range_m: float, pitch_deg: float) -> None:
 @pytest.mark.parametrize("above_m", [0.05, 0.15])
 def test_from_just_above_the_pad_it_is_near_but_hardly_trusted(above_m: float) -> None:
     """The camera looks past the pad's middle: the visible part is ahead of it."""
-    fix = view(-CAMERA_FORWARD_M, -42.0, LandingMark.height_m + above_m)
+    fix = view(-CAMERA_FORWARD_M, -42.0, default_mark().height_m + above_m)
 
     assert fix is not None
     assert 0.1 < fix.range_m < 0.4
@@ -81,7 +85,7 @@ def test_of_a_larger_mark_the_same_h_is_a_smaller_part() -> None:
     ids[50:62, 99:125] = HELIPAD_H
     ids[62:76, 99:125] = HELIPAD_BOX
     usual, large = (
-        found(ids, -90.0, 0.4 + 1.0, LandingMark(length_m=side_m, width_m=side_m))
+        found(ids, -90.0, 0.4 + 1.0, replace(default_mark(), length_m=side_m, width_m=side_m))
         for side_m in (0.5, 1.0)
     )
     assert usual is not None
