@@ -21,7 +21,6 @@ from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, RO
 from uav_bt.compiled import compiled
 from uav_bt.types import CameraModel, MoverState
 
-H_SHARE: Final = 0.8  # side of the H panel over the side of the pad's top, as in the twin
 _MARGIN_PX: Final = 2.0  # of rays that look beside their pixel; chosen
 _BESIDE_M: Final = 0.05  # a corner with less depth has no place in the image; chosen
 _COLUMNS: Final = 11  # of the kernel's table of solids
@@ -48,7 +47,11 @@ class Caster:
             for box in scene.boxes
         ]
         solids += [
-            _solid((pad.position_m, pad.size_m, pad.yaw_deg), (HELIPAD_BOX, HELIPAD_H), H_SHARE)
+            _solid(
+                (pad.position_m, pad.drawn_size_m, pad.yaw_deg),
+                (HELIPAD_BOX, HELIPAD_H),
+                pad.panel_share,
+            )
             for pad in scene.pads
         ]
         self._standing = np.array(solids).reshape(-1, _COLUMNS)
