@@ -74,6 +74,16 @@ class TagBoard:
         """The number of cells along the side of a tag, its black border included."""
         return int(self.dictionary.markerSize) + 2
 
+    def own_dictionary(self) -> Any:
+        """Return a cv2.aruco.Dictionary of these tags alone, in their order.
+
+        Comparing with all 587 tags of 36h11 takes 30 ms a frame.
+        """
+        codes = self.dictionary.bytesList[[tag.id for tag in self.tags]]
+        return cv2.aruco.Dictionary(
+            codes, self.dictionary.markerSize, self.dictionary.maxCorrectionBits
+        )
+
 
 def read_board(mark: LandingMark, families: Mapping[str, int], usual: str) -> TagBoard:
     """Return the tags that the options of a landing mark describe.

@@ -54,10 +54,10 @@ class TagFinder:
     def __init__(self, mark: LandingMark) -> None:
         self._mark = mark
         self.board: Final[TagBoard] = read_board(mark, self.families, self.usual_family)
-        self._corners_m = {tag.id: tag.corners_m() for tag in self.board.tags}
+        self._corners_m = [tag.corners_m() for tag in self.board.tags]
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        self._detector = cv2.aruco.ArucoDetector(self.board.dictionary, parameters)
+        self._detector = cv2.aruco.ArucoDetector(self.board.own_dictionary(), parameters)
 
     def find(self, view: MarkView) -> MarkSighting | None:
         """Return the mark in an image; None if it shows none of the tags."""
@@ -91,13 +91,13 @@ class TagFinder:
         return draw_board(self.board, self._mark, _PICTURE_PX_PER_M)
 
     def _detect(self, image: Image) -> dict[int, Floats]:
-        """Return the corners of this mark's tags in an image, (4, 2) each, by number."""
+        """Return the corners of the tags in an image, (4, 2) each, by their place on the list."""
         corners, ids, _ = self._detector.detectMarkers(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
         if ids is None:
             return {}
         found: dict[int, Floats] = {}
         for each, square in zip(ids.ravel().tolist(), corners, strict=True):
-            if each in self._corners_m and each not in found:
+            if each not in found:
                 found[each] = np.asarray(square, dtype=np.float64).reshape(4, 2)
         return found
 

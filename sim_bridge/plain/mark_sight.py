@@ -102,8 +102,9 @@ def _in_level_frame(
     # From the world (x, y up to the left of x) to forward and right.
     level = np.array([[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]])
     turn = math.radians(pad.yaw_deg)
-    along, across = np.array([math.cos(turn), math.sin(turn)]), np.array(
-        [-math.sin(turn), math.cos(turn)]
+    along, across = (
+        np.array([math.cos(turn), math.sin(turn)]),
+        np.array([-math.sin(turn), math.cos(turn)]),
     )
     half_m = np.array(pad.size_m[:2]) * _TOP_SHARE / 2.0
     signs = ((-1, 1), (1, 1), (1, -1), (-1, -1))

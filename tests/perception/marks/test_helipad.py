@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perception.marks.helipad import HelipadFinder
 
+from perception.marks.helipad import HelipadFinder
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene

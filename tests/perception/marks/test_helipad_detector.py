@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from perception.marks.helipad_detector import (
     HelipadDetection,
     HelipadDetector,
     HelipadDetectorConfig,
     locate,
 )
-
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene

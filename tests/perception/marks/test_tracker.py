@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from perception.marks.tracker import MarkTracker, MarkTrackerConfig
 
+from perception.marks.tracker import MarkTracker, MarkTrackerConfig
 from tests.uav_bt.types.circle_flight import TICK_S, Flight, state
 from uav_bt.errors import ValueRangeError
 from uav_bt.landing_marks import MarkSighting
@@ -156,8 +156,7 @@ def test_many_outliers_in_a_row_move_the_track() -> None:
     """If they keep coming the track was wrong: it begins again at the next one."""
     tracker = _noisy_track(lambda _: (2.0, 0.0), 10)
     answers = [
-        see(tracker, 3.5, 1.5, captured_s=1.0 + TICK_S * tick, confidence=0.9)
-        for tick in range(6)
+        see(tracker, 3.5, 1.5, captured_s=1.0 + TICK_S * tick, confidence=0.9) for tick in range(6)
     ]
 
     assert answers == [False] * 5 + [True]
