@@ -16,6 +16,7 @@ from perception.marks.tag_board import (
     draw_board,
     read_board,
 )
+from perception.marks.tag_edges import refine_corners
 from perception.marks.tag_pose import BoardPose, level_pose
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import LandingMark
@@ -55,9 +56,7 @@ class TagFinder:
         self._mark = mark
         self.board: Final[TagBoard] = read_board(mark, self.families, self.usual_family)
         self._corners_m = [tag.corners_m() for tag in self.board.tags]
-        parameters = cv2.aruco.DetectorParameters()
-        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        self._detector = cv2.aruco.ArucoDetector(self.board.own_dictionary(), parameters)
+        self._detector = cv2.aruco.ArucoDetector(self.board.own_dictionary())
 
     def find(self, view: MarkView) -> MarkSighting | None:
         """Return the mark in an image; None if it shows none of the tags."""
@@ -92,13 +91,15 @@ class TagFinder:
 
     def _detect(self, image: Image) -> dict[int, Floats]:
         """Return the corners of the tags in an image, (4, 2) each, by their place on the list."""
-        corners, ids, _ = self._detector.detectMarkers(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+        grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        corners, ids, _ = self._detector.detectMarkers(grey)
         if ids is None:
             return {}
         found: dict[int, Floats] = {}
         for each, square in zip(ids.ravel().tolist(), corners, strict=True):
             if each not in found:
-                found[each] = np.asarray(square, dtype=np.float64).reshape(4, 2)
+                rough = np.asarray(square, dtype=np.float64).reshape(4, 2)
+                found[each] = refine_corners(grey, rough)
         return found
 
     def _agreement(self, pose: BoardPose, view: MarkView) -> float:
