@@ -38,8 +38,8 @@ def _check_item(what: str, position_m: Vector2, yaw_deg: float, size_m: Vector3)
         raise ValueRangeError(f"{what}: position, yaw and size must be finite numbers")
     if min(size_m) < _LEAST_M or size_m[2] > MAX_HEIGHT_M:
         raise ValueRangeError(
-            f"{what}: size_m must be at least {_LEAST_M} m each way and at most {MAX_HEIGHT_M} m high, "
-            f"got {list(size_m)}"
+            f"{what}: size_m must be at least {_LEAST_M} m each way and at most {MAX_HEIGHT_M} m "
+            f"high, got {list(size_m)}"
         )
 
 

@@ -14,6 +14,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
 from uav_bt.classes import CARPET, HELIPAD_BOX, HELIPAD_H
+from uav_bt.errors import InputError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.types import ClassMap, Frame, LandingMark
@@ -92,3 +93,25 @@ def test_of_a_larger_mark_the_same_h_is_a_smaller_part() -> None:
     assert large is not None
     assert usual.confidence < 0.9
     assert large.confidence == pytest.approx(usual.confidence / 4.0)
+
+
+@pytest.mark.parametrize("height_m", [0.0, 0.05, 0.2, 0.6])
+@pytest.mark.parametrize(("range_m", "pitch_deg"), [(0.0, -90.0), (1.5, -42.0), (3.0, -28.0)])
+def test_the_distance_is_right_for_pads_and_mats(
+    height_m: float, range_m: float, pitch_deg: float
+) -> None:
+    pad = Helipad(position_m=(0.0, 0.0), yaw_deg=20, size_m=(0.5, 0.5, height_m))
+    pose = CameraPose(
+        x_m=-range_m, y_m=0.0, z_m=1.5, yaw_rad=0.0, pitch_rad=math.radians(pitch_deg)
+    )
+    [drawn] = render_views(Scene(name="pad", helipad=pad), [pose], truth_size_px=SIZE_PX)
+    seen = found(drawn.ids, pitch_deg, 1.5, pad.mark)
+
+    assert seen is not None
+    assert seen.forward_m == pytest.approx(range_m + CAMERA_FORWARD_M, abs=0.04)
+    assert seen.height_m == height_m
+
+
+def test_the_helipad_takes_no_options() -> None:
+    with pytest.raises(InputError, match="landing mark 'helipad' has no option 'id'"):
+        HelipadFinder(replace(default_mark(), options={"id": 7}))
