@@ -100,7 +100,7 @@ def test_an_empty_view_shows_none() -> None:
 
 
 def test_a_tag_of_another_size_than_stated_is_hardly_trusted() -> None:
-    """The lab says 0.36 m; the tag that lies there has 0.2 m, so it looks farther away than it is."""
+    """The lab says 0.36 m, and the tag that lies there has 0.2 m: it looks farther away."""
     small = tag_mark(options={"id": 7, "size_m": 0.2})
     picture = AprilTagFinder(small).picture()
     frame = view_of(picture, small, forward_m=0.0, pitch_deg=-90.0)

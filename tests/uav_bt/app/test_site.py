@@ -295,6 +295,37 @@ def test_half_a_mark_keeps_the_other_half(tmp_path: Path) -> None:
     assert large.mark == replace(default_mark(), length_m=1.0, width_m=1.5)
 
 
+def test_a_tag_as_mark(tmp_path: Path) -> None:
+    text = "mark: {kind: apriltag, height_m: 0, options: {family: 36h11, id: 7, size_m: 0.3}}"
+    site = load_site(site_file(tmp_path, text))
+
+    assert site.mark is not None
+    assert (site.mark.kind, site.mark.height_m) == ("apriltag", 0.0)
+    assert site.mark.options == {"family": "36h11", "id": 7, "size_m": 0.3}
+    flight = app.assemble("land_only", drone=ScriptedDrone(), site=site)
+    assert flight.context.mark == site.mark
+
+
+@pytest.mark.parametrize(
+    ("mark", "message"),
+    [
+        ("{kind: april}", r"2: mark: unknown landing mark 'april'"),
+        ("{kind: apriltag}", r"2: mark: landing mark 'apriltag' needs the option id"),
+        ("{kind: aruco, options: {id: 70, size_m: 0.3}}", r"family 4x4_50 has the tags 0 to 49"),
+        ("{options: {id: 7}}", r"2: mark: landing mark 'helipad' has no option 'id'"),
+    ],
+)
+def test_a_wrong_mark_is_refused_before_a_flight(tmp_path: Path, mark: str, message: str) -> None:
+    with pytest.raises(FileError, match=message):
+        load_site(site_file(tmp_path, f"flight_height_m: 1.2\nmark: {mark}"))
+
+
+def test_a_wrong_mark_in_python_is_refused_before_a_flight() -> None:
+    site = Site(mark=replace(default_mark(), kind="apriltag"))
+    with pytest.raises(InputError, match="needs the option id"):
+        app.assemble("land_only", drone=ScriptedDrone(), site=site)
+
+
 def test_a_mark_that_no_leaf_looks_for_is_no_mistake(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
