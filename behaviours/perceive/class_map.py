@@ -144,8 +144,11 @@ class FindHelipad(Leaf):
 
     def _view_s(self) -> float | None:
         """Return the capture time of the newest view that the finder can use; None without one."""
-        view = self.read(FRAME if self._finder.uses_images else CLASS_MAP).value
-        return None if view is None else view.captured_s
+        if self._finder.uses_images:
+            frame = self.read(FRAME).value
+            return None if frame is None else frame.captured_s
+        class_map = self.read(CLASS_MAP).value
+        return None if class_map is None else class_map.captured_s
 
     def _sighting(self, captured_s: float) -> MarkSighting | None:
         """Return the mark in the view of a capture time."""

@@ -96,10 +96,10 @@ class TagFinder:
         if ids is None:
             return {}
         found: dict[int, Floats] = {}
-        for each, square in zip(ids.ravel().tolist(), corners, strict=True):
-            if each not in found:
+        for number, square in zip(ids.ravel(), corners, strict=True):
+            if int(number) not in found:
                 rough = np.asarray(square, dtype=np.float64).reshape(4, 2)
-                found[each] = refine_corners(grey, rough)
+                found[int(number)] = refine_corners(grey, rough)
         return found
 
     def _agreement(self, pose: BoardPose, view: MarkView) -> float:

@@ -43,6 +43,7 @@ class Beacon:
 
     def find(self, view: MarkView) -> MarkSighting | None:
         """Return a sighting straight ahead."""
+        del view
         return MarkSighting(forward_m=1.0, right_m=0.0, height_m=self.mark.height_m)
 
     def picture(self) -> None:

@@ -13,30 +13,38 @@ from uav_bt.types.landing_mark import MAX_HEIGHT_M, LandingMark
 _Side = Annotated[float, Field(gt=0.0, le=5.0)]
 
 
-class MarkSection(TypedDict, total=False):
-    """Form of the section. What it leaves out is taken from the lab's mark.
+_Height = Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
 
-    Attributes:
-        kind: Registered name of the plug-in that finds the mark.
-        size_m: Length and width of the top, metres.
-        height_m: Height of the top above the ground, metres; 0 for a mat.
-        options: Settings of the plug-in.
-    """
 
+class _Kind(TypedDict, total=False):
     kind: str
-    size_m: tuple[_Side, _Side]
-    height_m: Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
     options: dict[str, Any]
 
 
-class WholeMarkSection(MarkSection, total=True):
-    """Form of the section where nothing else states the size."""
+class MarkSection(_Kind, total=False):
+    """Form of the section of a site file. What it leaves out is taken from the lab's mark.
+
+    Attributes:
+        kind: Registered name of the plug-in that finds the mark.
+        options: Settings of the plug-in.
+        size_m: Length and width of the top, metres.
+        height_m: Height of the top above the ground, metres; 0 for a mat.
+    """
 
     size_m: tuple[_Side, _Side]
-    height_m: Annotated[float, Field(ge=0.0, lt=MAX_HEIGHT_M)]
+    height_m: _Height
 
 
-def mark_of_section(section: MarkSection, usual: LandingMark | None = None) -> LandingMark:
+class WholeMarkSection(_Kind):
+    """Form of the section of a lab file, which states the size."""
+
+    size_m: tuple[_Side, _Side]
+    height_m: _Height
+
+
+def mark_of_section(
+    section: MarkSection | WholeMarkSection, usual: LandingMark | None = None
+) -> LandingMark:
     """Return the landing mark that a section describes.
 
     Args:
