@@ -26,7 +26,7 @@ from uav_bt.types.camera import CameraModel, ClassMap, Frame
 
 @dataclass(frozen=True, kw_only=True)
 class MarkView:
-    """Input of a finder: one frame with what is known about it.
+    """Input of a finder: one frame, its camera and its class map.
 
     Attributes:
         frame: Undistorted image, gimbal pitch, and height of the camera above the ground at its
@@ -95,6 +95,6 @@ class MarkFinder(Protocol):
     def picture(self) -> NDArray[np.uint8] | None:
         """Return the image of the mark's whole top, (H, W, 3) RGB, for a simulator.
 
-        The image's upper edge is the mark's. None if the simulator's lab has its own.
+        The image's upper edge is the mark's. None if the simulator draws the mark by itself.
         """
         ...

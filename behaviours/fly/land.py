@@ -72,8 +72,8 @@ class Land(LandingLeaf):
 
     The leaf expects the landing mark below the camera, as `HelipadCenter` leaves it, and does not
     check. It moves by the camera's offset, or, with a fix of the mark near there, by that fix,
-    which corrects what is left of the offset ahead and to the side. After a pilot has taken over
-    and handed back, it flies no step: it lands where the pilot left the drone, whatever the
+    which corrects the remaining offset ahead and to the side. After a pilot has taken over and
+    handed back, it flies no step: it lands where the pilot left the drone, whatever the
     surface. A pilot who wants another place must not hand back.
     """
 

@@ -11,7 +11,7 @@ def classes_of(class_map: ClassMap) -> LabClasses:
     """Return the classes that a class map's ids belong to.
 
     Args:
-        class_map: The class map. All have the classes of the default lab so far.
+        class_map: The class map.
     """
     del class_map
     return load_lab().classes

@@ -33,7 +33,7 @@ class TrackedMark:
         self._seen, self._accepted = None, False
 
     def see(self, sighting: MarkSighting | None, captured_s: float) -> None:
-        """Take what the newest frame shows.
+        """Update the track with the newest frame.
 
         Args:
             sighting: The mark in that frame; None if the frame does not show it.

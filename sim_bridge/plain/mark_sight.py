@@ -22,7 +22,7 @@ _TOP_SHARE = 0.6  # side of a tag over the side of the mark's top, white margin 
 
 @dataclass(frozen=True, kw_only=True)
 class MarkErrors:
-    """Errors of a finder in images, as `benchmarks/landing_marks.py` measures those of tags.
+    """Errors of a finder in images: those that `benchmarks/landing_marks.py views` shows for tags.
 
     Attributes:
         range_share: Standard deviation of the range, as a share of it.
@@ -34,7 +34,7 @@ class MarkErrors:
 
     range_share: float = 0.01
     bearing_rad: float = 0.001
-    heading_deg: float = 1.0
+    heading_deg: float = 0.3
     least_px: float = 10.0
     sure_px: float = 16.0
 

@@ -22,7 +22,7 @@ class _Kind(TypedDict, total=False):
 
 
 class MarkSection(_Kind, total=False):
-    """Form of the section of a site file. What it leaves out is taken from the lab's mark.
+    """Form of the section of a site file. Missing keys keep the values of the lab's mark.
 
     Attributes:
         kind: Registered name of the plug-in that finds the mark.
@@ -49,8 +49,8 @@ def mark_of_section(
 
     Args:
         section: Content of the section.
-        usual: Source of what the section leaves out; None if it leaves out nothing. Options belong
-            to a kind, so another kind begins without options.
+        usual: Source of the missing keys; None if the section is whole. Options belong to a kind,
+            so another kind begins without options.
 
     Raises:
         InputError: The kind is not registered, or refuses an option.

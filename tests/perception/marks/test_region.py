@@ -1,4 +1,4 @@
-"""A region of one class as landing mark: its place at any height, and what is none."""
+"""A region of one class as landing mark: its place at any height, and regions that are refused."""
 
 from __future__ import annotations
 
