@@ -14,15 +14,23 @@ from typing import TYPE_CHECKING, Any, Final
 from uav_bt.errors import InputError, MissingDependencyError, UavBtError, UnknownNameError
 
 if TYPE_CHECKING:
+    from uav_bt.landing_marks import MarkFinder
     from uav_bt.protocols import LeafPolicy
+    from uav_bt.types.landing_mark import LandingMark
 
 _PACKAGES: Final = ("behaviours", "perception", "sim_bridge", "trees")
 
 BEHAVIOURS: Final = "uav_bt.behaviours"  # each names an iterable of node classes
 POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPolicy
 DRONES: Final = "uav_bt.drones"  # each names a DroneConfig class
+LANDING_MARKS: Final = "uav_bt.landing_marks"  # each names a MarkFinder class
 
-_KINDS: Final = {BEHAVIOURS: "behaviours package", POLICIES: "policy", DRONES: "drone"}
+_KINDS: Final = {
+    BEHAVIOURS: "behaviours package",
+    POLICIES: "policy",
+    DRONES: "drone",
+    LANDING_MARKS: "landing mark",
+}
 # Modules that only some commands import, with the extra that installs each.
 _EXTRAS: Final = {
     "control": "design",
@@ -218,6 +226,35 @@ def make_policy(name: str, own: Mapping[str, Any] | None = None) -> LeafPolicy:
         kind = f"{type(policy).__module__}.{type(policy).__qualname__}"
         raise InputError(f"policy '{name}' has no method `decide(view)`: {kind}")
     return policy
+
+
+def make_mark_finder(mark: LandingMark) -> MarkFinder:
+    """Return a finder of a landing mark.
+
+    Args:
+        mark: kind, size and options of the mark.
+
+    Raises:
+        UnknownNameError: the kind is not registered.
+        InputError: the kind refuses the size or an option, or is no `MarkFinder`.
+    """
+    from uav_bt.landing_marks import MarkFinder  # noqa: PLC0415  (NumPy, as above)
+
+    kind = load(LANDING_MARKS, mark.kind)
+    try:
+        finder = kind(mark)
+    except UavBtError:
+        raise
+    except Exception as error:  # a foreign class may raise anything when it is made
+        raise InputError(
+            f"landing mark '{mark.kind}' cannot be made: {describe_failure(error)}"
+        ) from error
+    if not isinstance(finder, MarkFinder):
+        name = f"{type(finder).__module__}.{type(finder).__qualname__}"
+        raise InputError(
+            f"landing mark '{mark.kind}' lacks find, picture, uses_images or shows_heading: {name}"
+        )
+    return finder
 
 
 def _policy_factory(registered: str, argument: str | None, own: Mapping[str, Any]) -> Any:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from uav_bt.answers import Answer
 from uav_bt.lab.classes import LabClasses
+from uav_bt.landing_marks import MarkSighting
 from uav_bt.types import (
     Airframe,
     CameraModel,
@@ -185,7 +186,7 @@ class DepthEstimator(Protocol):
 
 @runtime_checkable
 class Sight(Protocol):
-    """Perception of a simulated drone without images; it replaces the networks and the flow."""
+    """Perception of a simulated drone without images: replaces networks, flow and tag detector."""
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a delivered frame, with the errors of a network."""
@@ -193,6 +194,10 @@ class Sight(Protocol):
 
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the relative depth of a delivered frame, with the errors of a network."""
+        ...
+
+    def mark(self, frame: Frame) -> MarkSighting | None:
+        """Return the landing mark in a delivered frame, with the errors of a finder in images."""
         ...
 
     def motion(self, first: Frame, second: Frame) -> Pose2D | None:

@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, FRAME, HELIPAD, PHASE, STATE
+from uav_bt.board.context import MissionContext
+from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.plugins import make_mark_finder
 from uav_bt.tree import Port, Status
 from uav_bt.types import CameraModel, DroneState, HelipadFix, MissionPhase, Velocity
 
@@ -30,10 +33,33 @@ class CenterConfig:
     gain_per_s: float = 0.8  # speed per offset; stable with images up to 0.6 s late
     max_mps: float = 0.25
     held_s: float = 0.3  # the velocity is held for this time without a new detection
+    # Least height above the mark of the second centring: lower, the view is too small for the mark.
+    above_mark_m: float = 0.7
+    heading_slack_rad: float = math.radians(3)  # largest deviation from the wanted heading. Chosen.
+
+
+_ANY: Final = "any"
+
+
+def _heading_rad(text: str) -> float | None:
+    """Return the heading of the port's text; None for any."""
+    if text == _ANY:
+        return None
+    try:
+        heading_deg = float(text)
+    except ValueError:
+        heading_deg = math.nan
+    if not -360.0 <= heading_deg <= 360.0:
+        raise ValueRangeError(f"expected {_ANY}, or degrees from -360 to 360, got '{text}'")
+    return math.radians(heading_deg)
 
 
 class HelipadCenter(MovingLeaf):
-    """Tilt the gimbal down, climb and centre the camera above the pad; FAILURE when it is lost."""
+    """Tilt the gimbal down, climb and centre the camera above the pad; FAILURE when it is lost.
+
+    With `heading_deg` it also turns to a heading relative to the mark, which must show its heading,
+    as tags do.
+    """
 
     points = True
     config: ClassVar[CenterConfig] = CenterConfig()
@@ -52,7 +78,7 @@ class HelipadCenter(MovingLeaf):
             default=1.1,
             least=0.3,
             most=20,
-            doc="height above the carpet of the second centring, m",
+            doc="height above the carpet of the second centring, m; at least 0.7 m above the mark",
         ),
         Port(
             "tolerance_m",
@@ -70,9 +96,33 @@ class HelipadCenter(MovingLeaf):
             most=3600,
             doc="seconds until it is lost, take-overs apart",
         ),
+        Port(
+            "heading_deg",
+            str,
+            default=_ANY,
+            check=_heading_rad,
+            doc="heading to land with, relative to the mark, clockwise, 0 towards its upper edge, "
+            "degrees. any: as it is",
+            at_setup=True,
+        ),
     )
     reads = (STATE, FRAME, CAMERA, HELIPAD)
     writes = (PHASE,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Note the mark's height and the heading to land with.
+
+        Raises:
+            InputError: A heading is wanted, but the mark does not show its heading.
+        """
+        super().on_setup(mission)
+        self._low_m = mission.mark.height_m + self.config.above_mark_m
+        self._heading_rad = _heading_rad(self.port_value("heading_deg"))
+        if self._heading_rad is not None and not make_mark_finder(mission.mark).shows_heading:
+            raise InputError(
+                f"HelipadCenter: heading_deg needs a landing mark that shows its heading, and one "
+                f"of kind '{mission.mark.kind}' does not: remove heading_deg, or use a tag"
+            )
 
     def initialise(self) -> None:
         """Climb first."""
@@ -120,6 +170,11 @@ class HelipadCenter(MovingLeaf):
 
     def _centre(self, state: DroneState, fix: HelipadFix, camera: CameraModel) -> Status:
         self._judged_s = fix.captured_s
+        turn_rad = self._turn_to(fix)
+        if abs(turn_rad) > self.config.heading_slack_rad:
+            self._confirmed, self._steered_s = 0, -math.inf
+            self.start_move(yaw_rad=turn_rad)
+            return Status.RUNNING
         forward_m = fix.forward_m - camera.forward_offset_m
         offset_m = math.hypot(forward_m, fix.right_m)
         self.feedback_message = f"{100 * offset_m:.0f} cm off"
@@ -132,8 +187,15 @@ class HelipadCenter(MovingLeaf):
         if self._low:
             return Status.SUCCESS
         self._low, self._confirmed, self._steered_s = True, 0, -math.inf
-        self.start_move(down_m=state.height_above_carpet_m - self.port_value("low_m"))
+        low_m = max(self.port_value("low_m"), self._low_m)
+        self.start_move(down_m=state.height_above_carpet_m - low_m)
         return Status.RUNNING
+
+    def _turn_to(self, fix: HelipadFix) -> float:
+        """Return the turn to the wanted heading, clockwise; 0 without one or an unknown heading."""
+        if self._heading_rad is None or fix.heading_deg is None:
+            return 0.0
+        return math.remainder(self._heading_rad - math.radians(fix.heading_deg), math.tau)
 
     def _towards(self, forward_m: float, right_m: float) -> Velocity:
         """Return the velocity that brings the camera above the pad."""

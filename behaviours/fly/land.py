@@ -10,7 +10,7 @@ from typing import ClassVar, Final
 from behaviours.fly.landing_spot import LandingSpot, nearest_landing_spot
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, MissionPhase
@@ -19,6 +19,9 @@ from uav_bt.types import Land as LandCommand
 # Seconds without telemetry after which the drone lands where it is. Chosen: ten periods of
 # telemetry at 5 Hz; a shorter gap does not cancel the step to the spot.
 _UNHEARD_S: Final = 2.0
+# Distance from the point below the lens within which the mark corrects the step before a landing.
+# Chosen: three times the tolerance of `HelipadCenter`; a mark farther away is not landed on.
+_NEAR_M: Final = 0.12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,36 +68,50 @@ class LandingLeaf(MovingLeaf):
 
 
 class Land(LandingLeaf):
-    """Move the camera's offset forward, descend, stop the motors; SUCCESS on the ground.
+    """Move the body above the mark, descend, stop the motors; SUCCESS on the ground.
 
     The leaf expects the landing mark below the camera, as `HelipadCenter` leaves it, and does not
-    check. After a pilot has taken over and handed back, it flies no step: it lands where the pilot
-    left the drone, whatever the surface. A pilot who wants another place must not hand back.
+    check. It moves by the camera's offset, or, with a fix of the mark near there, by that fix,
+    which corrects the remaining offset ahead and to the side. After a pilot has taken over and
+    handed back, it flies no step: it lands where the pilot left the drone, whatever the
+    surface. A pilot who wants another place must not hand back.
     """
 
     answers = (Status.SUCCESS, Status.RUNNING)
-    reads = (STATE, CAMERA)
+    reads = (STATE, CAMERA, HELIPAD)
     writes = (PHASE,)
 
     def initialise(self) -> None:
-        """Begin with the forward step."""
+        """Begin with the step above the mark."""
         super().initialise()
         self.write(PHASE, MissionPhase.LAND)
         self._moved = False
 
     def work(self, state: DroneState) -> Status:
-        """Move forward, then ask for the landing until the motors are off."""
+        """Move above the mark, then ask for the landing until the motors are off."""
         if state.flying is FlyingState.LANDED:
             return Status.SUCCESS
         camera = self.read(CAMERA).value
         self._moved |= state.flying is FlyingState.LANDING  # too late for a step
         if not self._moved and camera is not None and camera.forward_offset_m != 0.0:
             self._moved = True
-            self.start_move(forward_m=camera.forward_offset_m)
+            forward_m, right_m = self._to_mark(camera.forward_offset_m)
+            self.start_move(forward_m=forward_m, right_m=right_m)
             return Status.RUNNING
         if self.moving(state):
             return Status.RUNNING
         return self.descend()
+
+    def _to_mark(self, offset_m: float) -> tuple[float, float]:
+        """Return the step from the body's centre to the mark, forward and right.
+
+        Args:
+            offset_m: Distance of the lens ahead of the body's centre.
+        """
+        fix = self.read(HELIPAD).value
+        if fix is None or math.hypot(fix.forward_m - offset_m, fix.right_m) > _NEAR_M:
+            return offset_m, 0.0
+        return fix.forward_m, fix.right_m
 
 
 _RADIUS: Final = Port(

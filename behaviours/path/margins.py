@@ -7,11 +7,12 @@ numbers were chosen in flights on the training scenes unless their line says oth
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.shipped import default_mark
 from uav_bt.types import NARROWER_M, Clearances, LandingMark
 from uav_bt.types.arrays import Floats
 
@@ -95,7 +96,7 @@ class Margins:
     unknown_times: float = 3.0
     pad_m: float = 0.38
     pad_edge_m: float = 0.2
-    over_m: float = LandingMark().radius_m + 0.1
+    over_m: float = field(default_factory=lambda: default_mark().radius_m + 0.1)
 
     def __post_init__(self) -> None:
         speeds_mps = (self.away_mps, self.slow_mps, self.fast_mps)
@@ -109,9 +110,10 @@ class Margins:
 
         Args:
             place: Distances that the place requires.
-            mark: Landing mark of the place; default: `LandingMark()`.
+            mark: Landing mark of the place; default: that of the default lab.
         """
-        usual, mark = LandingMark(), mark or LandingMark()
+        usual = default_mark()
+        mark = mark or usual
         if place == Clearances() and mark == usual:
             return self
         wider_m = place.obstacle_m - Clearances.obstacle_m

@@ -1,4 +1,4 @@
-"""Perception leaves for the class map and the helipad. They tick before the mission's leaves."""
+"""Perception leaves for the class map and the landing mark; they tick before the others."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from uav_bt.board import (
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import FileError
 from uav_bt.files import did_you_mean_file
+from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
 
@@ -93,50 +95,68 @@ class Segment(Leaf):
 
 
 class FindHelipad(Leaf):
-    """Find the helipad in each new class map and track it through misses; SUCCESS always."""
+    """Find the landing mark in each new view and track it through misses; SUCCESS always.
+
+    Kind, size and height of the mark are those of the lab, the site or the scene.
+    """
 
     answers = (Status.SUCCESS,)
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
     writes = (HELIPAD,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Make the finder."""
-        from perception.landing.tracker import HelipadFinder  # noqa: PLC0415  (OpenCV is heavy)
+        """Make the finder of the mark; raises InputError if the mark's options are wrong."""
+        from perception.marks.tracked_mark import TrackedMark  # noqa: PLC0415  (filterpy is heavy)
 
-        self._finder = HelipadFinder(mission.mark)
+        self._finder, self._track = make_mark_finder(mission.mark), TrackedMark()
+        self._sight = mission.sight if self._finder.uses_images else None
         self._timer = StageTimer(mission, "helipad")
         self._last_s, self._map_restarts = -1.0, 0
 
     def on_inherit(self, former: Self) -> None:
-        """Keep the helipad's track."""
-        self._finder, self._last_s = former._finder, former._last_s
+        """Keep the mark's track."""
+        self._track, self._last_s = former._track, former._last_s
         self._map_restarts = former._map_restarts
 
     def update(self) -> Status:
-        """Move the track with the drone, and search a new class map for the helipad."""
+        """Move the track with the drone, and search a new view for the mark."""
         state = self.read(STATE).value
         if state is None:
             return Status.SUCCESS
         site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
         if site_map is not None and site_map.restarts > self._map_restarts:
             self._map_restarts = site_map.restarts
-            self._finder.forget()  # the track is relative to the drone's pose before the restart
-        # The pad is fixed to the ground, so it is moved by the motion over the ground, not by
+            self._track.forget()  # the track is relative to the drone's pose before the restart
+        # The mark is fixed to the ground, so it is moved by the motion over the ground, not by
         # telemetry's.
         over_ground = state if motion is None else motion.over_ground(state)
-        self._finder.predict(over_ground, self.clock.now())
-        class_map = self.read(CLASS_MAP).value
-        if class_map is None:
-            self._finder.miss()
-        elif class_map.captured_s != self._last_s:
-            self._last_s = class_map.captured_s
-            frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        self._track.predict(over_ground, self.clock.now())
+        captured_s = self._view_s()
+        if captured_s is None:
+            self._track.see(None, self._last_s)
+        elif captured_s != self._last_s:
+            self._last_s = captured_s
             with self._timer:
-                if frame is None or camera is None or frame.captured_s != self._last_s:
-                    self._finder.miss()
-                else:
-                    self._finder.see(class_map, frame, camera)
-        fix = self._finder.fix()
+                self._track.see(self._sighting(captured_s), captured_s)
+        fix = self._track.fix()
         if fix is not None:
             self.write(HELIPAD, fix, captured_s=fix.captured_s)
         return Status.SUCCESS
+
+    def _view_s(self) -> float | None:
+        """Return the capture time of the newest view that the finder can use; None without one."""
+        if self._finder.uses_images:
+            frame = self.read(FRAME).value
+            return None if frame is None else frame.captured_s
+        class_map = self.read(CLASS_MAP).value
+        return None if class_map is None else class_map.captured_s
+
+    def _sighting(self, captured_s: float) -> MarkSighting | None:
+        """Return the mark in the view of a capture time."""
+        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        if frame is None or camera is None or frame.captured_s != captured_s:
+            return None
+        if self._sight is not None:
+            return self._sight.mark(frame)
+        class_map = self.read(CLASS_MAP).value
+        return self._finder.find(MarkView(frame=frame, camera=camera, class_map=class_map))

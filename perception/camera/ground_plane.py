@@ -110,7 +110,7 @@ def ground_depth(
 
     Args:
         view: the camera.
-        plane_m: height of the plane above the carpet; 0.4 for the top of the helipad.
+        plane_m: height of the plane above the carpet, such as that of the landing mark's top.
         rays: `level_rays(view)`, if already computed.
 
     Returns:

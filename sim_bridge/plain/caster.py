@@ -21,7 +21,6 @@ from uav_bt.compiled import compiled
 from uav_bt.lab.roles import OUTSIDE
 from uav_bt.types import CameraModel, MoverState
 
-H_SHARE: Final = 0.8  # side of the H panel over the side of the pad's top, as in the twin
 _MARGIN_PX: Final = 2.0  # of rays that look beside their pixel; chosen
 _BESIDE_M: Final = 0.05  # a corner with less depth has no place in the image; chosen
 _COLUMNS: Final = 11  # of the kernel's table of solids
@@ -51,9 +50,9 @@ class Caster:
         ]
         solids += [
             _solid(
-                (pad.position_m, pad.size_m, pad.yaw_deg),
+                (pad.position_m, pad.drawn_size_m, pad.yaw_deg),
                 (scene.mark_class, scene.mark_top),
-                H_SHARE,
+                pad.panel_share,
             )
             for pad in scene.pads
         ]

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.plain.caster import Caster
+from sim_bridge.plain.mark_sight import MarkErrors, is_covered, see_mark
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.simulation import Capture, Simulation
+from uav_bt.landing_marks import MarkSighting
 from uav_bt.types import ClassMap, DepthMap, Frame, Pose2D
 
 
@@ -84,7 +86,8 @@ class PlainSight:
     def __init__(
         self, scene: Scene, simulation: Simulation, seed: int, errors: SightErrors | None = None
     ) -> None:
-        self.exact = ExactCasts(scene)
+        self.exact, self._scene = ExactCasts(scene), scene
+        self._mark_errors = MarkErrors()
         self._simulation, self._seed = simulation, seed
         self._errors = errors or SightErrors()
         self._caster = Caster(scene, SIZE_PX)
@@ -108,6 +111,14 @@ class PlainSight:
         unit = _UNIT * math.exp(generator.normal(0.0, self._errors.depth_share))
         depth = np.asarray(depth_m * np.float32(unit), dtype=np.float32)
         return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
+
+    def mark(self, frame: Frame) -> MarkSighting | None:
+        """Return the landing mark in a frame as a finder in images does; None without a view."""
+        camera, pad = self._capture(frame).camera, self._scene.helipad
+        if pad is None or is_covered(pad, camera, self._look(frame)[1], self._caster.camera):
+            return None
+        generator = np.random.default_rng(child_seed(self._seed, 17, frame.index))
+        return see_mark(pad, camera, self._mark_errors, generator)
 
     def motion(self, first: Frame, second: Frame) -> Pose2D | None:
         """Return the pose of the second lens in the level frame of the first, with errors."""

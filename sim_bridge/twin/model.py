@@ -20,6 +20,7 @@ from sim_bridge.anafi import ANAFI_AIRFRAME
 from sim_bridge.twin import textures
 from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
 from sim_bridge.twin.scene import (
+    MAT_M,
     BoxSpec,
     Helipad,
     Lighting,
@@ -31,6 +32,7 @@ from sim_bridge.twin.scene import (
 from sim_bridge.twin.solids import Solid, stacked, yaw_quaternion
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.roles import OUTSIDE
+from uav_bt.plugins import make_mark_finder
 
 HULL_HALF_M = tuple(side / 2 for side in ANAFI_AIRFRAME.body_size_m)  # forward, sideways, up
 HULL_MASS_KG = 0.32  # mass of the ANAFI
@@ -42,7 +44,6 @@ _DRONE_GROUP = 4  # not drawn by default either: the camera never sees the drone
 
 _PAINT_M = 0.0001  # height of the H above the pad, enough to be drawn over it
 _FLOOR_M = -0.004  # height of the floor: the carpet is 4 mm thick, its surface is z = 0
-_H_SHARE = 0.8  # side of the H panel / side of the pad's top
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,10 +174,11 @@ class _Builder:
 
     def helipad(self, pad: Helipad) -> None:
         self._texture("stripes", textures.stripes)
-        self._texture("h", textures.helipad_top)
-        whole, _, _ = stacked(pad.position_m, pad.size_m, math.radians(pad.yaw_deg))
-        width, depth, height = pad.size_m
-        panel_m = (_H_SHARE * width, _H_SHARE * depth)
+        picture = make_mark_finder(pad.mark).picture() if self._drawn else None
+        self._texture("h", textures.helipad_top if picture is None else lambda: picture)
+        whole, _, _ = stacked(pad.position_m, pad.drawn_size_m, math.radians(pad.yaw_deg))
+        width, depth, height = pad.drawn_size_m
+        panel_m = (pad.panel_share * width, pad.panel_share * depth)
         half_m, centre_m = (panel_m[0] / 2, panel_m[1] / 2, _PAINT_M), (*pad.position_m, height)
         panel = replace(whole, half_m=half_m, centre_m=centre_m)
         parts = (
@@ -185,7 +187,8 @@ class _Builder:
         )
         for name, solid, material, class_id, tile_m in parts:
             self._show(name, solid, material=material, class_id=class_id, tile_m=tile_m)
-        self._hit("helipad", whole)
+        if pad.size_m[2] >= MAT_M:  # on a flat mat the drone stands on the ground
+            self._hit("helipad", whole)
 
     def box(self, name: str, box: BoxSpec) -> None:
         self._wrapped(name, stacked(box.position_m, box.size_m, math.radians(box.yaw_deg)), box)

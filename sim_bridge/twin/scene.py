@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, Final
 
 from sim_bridge.twin.movers import (
     KEPT_FREE_M,
@@ -18,7 +19,8 @@ from sim_bridge.twin.movers import (
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.roles import MARK
-from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
+from uav_bt.lab.shipped import DEFAULT_LAB, default_mark, load_lab
+from uav_bt.plugins import make_mark_finder
 from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.ground import Footprint, Ground, Standing
 
@@ -29,6 +31,9 @@ _GROUND_SIDES_M = (2.0, 12.0)
 MAX_MOVERS = 8
 MAX_BOXES = 64  # the class masks distinguish fewer than 256 geoms; a box has two
 MAX_HEIGHT_M = 4.0  # leaves 1 m below the ceiling
+H_SHARE: Final = 0.8  # side of the panel with the H over the side of the pad's top
+MAT_M: Final = 0.002  # height of a drawn mat
+_LEAST_M: Final = 0.05  # least side of an object
 
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
@@ -37,10 +42,10 @@ Vector3 = tuple[float, float, float]
 def _check_item(what: str, position_m: Vector2, yaw_deg: float, size_m: Vector3) -> None:
     if not all(math.isfinite(value) for value in (*position_m, yaw_deg, *size_m)):
         raise ValueRangeError(f"{what}: position, yaw and size must be finite numbers")
-    if min(size_m) < 0.05 or size_m[2] > MAX_HEIGHT_M:
+    if min(size_m) < _LEAST_M or size_m[2] > MAX_HEIGHT_M:
         raise ValueRangeError(
-            f"{what}: size_m must be at least 0.05 m each way and at most {MAX_HEIGHT_M} m high, "
-            f"got {list(size_m)}"
+            f"{what}: size_m must be at least {_LEAST_M} m each way and at most {MAX_HEIGHT_M} m "
+            f"high, got {list(size_m)}"
         )
 
 
@@ -105,18 +110,52 @@ class BoxSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Helipad:
-    """The landing box: an H on top, yellow and red stripes on the sides.
+    """The landing box or mat: the mark on top, yellow and red stripes on the sides.
 
     Raises:
-        ValueRangeError: a number is out of range.
+        ValueRangeError: a number is out of range, or the kind refuses an option.
+        UnknownNameError: the kind of mark is not registered.
     """
 
     position_m: Vector2  # centre on the carpet, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
-    size_m: Vector3 = LandingMark().size_m  # along the pad's x and y, and upwards
+    size_m: Vector3 = field(
+        default_factory=lambda: default_mark().size_m
+    )  # along the pad's x and y, and upwards; a mat has the height 0
+    kind: str = "helipad"  # registered name of the landing mark
+    options: Mapping[str, Any] = field(default_factory=dict, hash=False)  # of that kind
 
     def __post_init__(self) -> None:
-        _check_item("helipad", self.position_m, self.yaw_deg, self.size_m)
+        length_m, width_m, height_m = self.size_m
+        if height_m < 0.0:
+            raise ValueRangeError(f"helipad: the height must be 0 or more, got {height_m} m")
+        solid_m = (length_m, width_m, max(height_m, _LEAST_M))
+        _check_item("helipad", self.position_m, self.yaw_deg, solid_m)
+        if self.options or self.kind != "helipad":
+            make_mark_finder(self.mark)  # refuses wrong options
+
+    @property
+    def mark(self) -> LandingMark:
+        """Kind, size and options of the landing mark."""
+        length_m, width_m, height_m = self.size_m
+        return LandingMark(
+            kind=self.kind,
+            length_m=length_m,
+            width_m=width_m,
+            height_m=height_m,
+            options=self.options,
+        )
+
+    @property
+    def drawn_size_m(self) -> Vector3:
+        """The size as it is drawn: a flat mat has 2 mm, to be seen above the carpet."""
+        length_m, width_m, height_m = self.size_m
+        return length_m, width_m, max(height_m, MAT_M)
+
+    @property
+    def panel_share(self) -> float:
+        """The side of the panel with the mark over the side of the top."""
+        return H_SHARE if self.kind == "helipad" else 1.0
 
     @cached_property
     def footprint(self) -> Footprint:
@@ -256,11 +295,8 @@ class Scene:
 
     @property
     def mark(self) -> LandingMark | None:
-        """The size of the landing box; None without one."""
-        if self.helipad is None:
-            return None
-        length_m, width_m, height_m = self.helipad.size_m
-        return LandingMark(length_m=length_m, width_m=width_m, height_m=height_m)
+        """The landing mark; None without one."""
+        return None if self.helipad is None else self.helipad.mark
 
     @property
     def take_off_pose(self) -> Pose2D | None:

@@ -90,6 +90,7 @@ class Flight(Generic[DroneT]):
         self.outputs = outputs
         self._clock = TickClock(drone.clock)
         self.mark = mark_of(options, drone)
+        plugins.make_mark_finder(self.mark)  # refuses wrong options before the flight
         self.rules = rules_of(mission)
         self.judge_config = judge_of(options.judge, self.rules, rehearse=options.rehearse)
         if judge is None:

@@ -44,6 +44,7 @@ def examine(draws: Callable[[], str]) -> Iterator[Check]:
     yield _opengl(draws)
     yield _registered(plugins.DRONES, "drones")
     yield _registered(plugins.POLICIES, "policies")
+    yield _registered(plugins.LANDING_MARKS, "landing marks")
     yield _behaviours()
 
 

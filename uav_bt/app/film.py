@@ -32,12 +32,13 @@ from uav_bt.display.status import LiveStatus
 from uav_bt.display.video.depth_panes import Intruding
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
 from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, LandingMark, Pose2D
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame, Pose2D
 
 
 def map_of_scene(scene: Scene) -> LabMap:
@@ -115,7 +116,7 @@ class VideoListeners:
     def __init__(self, video: FlightVideo, title: str = "") -> None:
         self._video = video
         self._title = title
-        self._mark = LandingMark()  # of a flight that has not begun
+        self._mark = default_mark()  # of a flight that has not begun
 
     def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin the video of a connected drone's flight."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import Site
 from uav_bt.errors import InputError
+from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.limits import Limits
 from uav_bt.protocols import Drone
 from uav_bt.types import LandingMark
@@ -22,23 +23,23 @@ def limits_of(options: FlightOptions) -> Limits:
 
 
 def mark_of(options: FlightOptions, drone: Drone) -> LandingMark:
-    """Return the size of the landing mark, from the site or the scene of a simulated drone.
+    """Return the landing mark, from the site or the scene of a simulated drone.
 
     Args:
         options: options of the flight.
         drone: drone that flies.
 
     Raises:
-        InputError: site and scene state different sizes.
+        InputError: site and scene state different marks.
     """
     site = site_of(options)
     stated = None if site is None else site.mark
     mark = None if drone.scene is None else drone.scene.mark
     if drone.scene is None or mark is None:
-        return stated or LandingMark()
+        return stated or default_mark()
     if stated not in {None, mark}:
         raise InputError(
             f"the site's mark ({stated}) is not that of scene '{drone.scene.name}' ({mark}): "
-            "remove 'mark' from the site file, or change 'helipad.size_m' of the scene"
+            "remove 'mark' from the site file, or change 'helipad' of the scene"
         )
     return mark

@@ -9,7 +9,7 @@
     limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2.0}
     take_off: {position_m: [0.5, -1.2], yaw_deg: 90}   # in the lab's drawing, for lab:1,2
     area: "start:-1,-2; start:4,-2; start:4,2; start:-1,2"   # that every mission stays in
-    mark: {size_m: [0.5, 0.5], height_m: 0.4}   # top of the landing mark, and its height
+    mark: {kind: apriltag, size_m: [0.5, 0.5], height_m: 0.2, options: {id: 7, size_m: 0.3}}
     margins: {obstacle_m: 0.4, edge_m: 0.3, unknown_m: 0.35, lane_m: 0.7}   # that routes keep
     battery: {take_off: 0.4, critical: 0.15}
     link: {take_off: 0.4}
@@ -33,11 +33,13 @@ from typing_extensions import TypedDict
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.files import did_you_mean_file
+from uav_bt.lab.mark_section import MarkSection, mark_of_section
+from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark, Pose2D
 from uav_bt.types.place import Place, area_corners
-from uav_bt.yaml_file import read_yaml
+from uav_bt.yaml_file import YamlFile, read_yaml
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +56,7 @@ class Site:
         ground: names of the classes that the drone may fly over and scale depth by.
         limits: Limits of all commands.
         area: corners of the polygon that every mission stays in; None: no bound.
-        mark: size of the landing mark; None: the paper's, at the height in the tree.
+        mark: Landing mark; None: that of the scene or of the lab.
         clearances: distances that routes keep.
         preflight: least battery and link of a real drone before it takes off.
         video_latency_s: least time from exposure to arrival of a frame, seconds.
@@ -103,6 +105,7 @@ def load_site(path: str | Path) -> Site:
         if "take_off" in section
     }
     network = found.network or {}
+    mark = None if found.mark is None else _mark(file, found.mark)
     try:
         return Site(
             flight_height_m=found.flight_height_m,
@@ -114,7 +117,7 @@ def load_site(path: str | Path) -> Site:
             ground=found.ground,
             limits=Limits(**limits),
             area=None if found.area is None else area_corners(found.area),
-            mark=None if found.mark is None else _mark(found.mark),
+            mark=mark,
             clearances=Clearances(**(found.margins or {})),
             preflight=PreflightConfig(**preflight),
             video_latency_s=(found.video or {}).get("latency_s", Site.video_latency_s),
@@ -156,10 +159,11 @@ def _pose(section: _TakeOff) -> Pose2D:
     return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(section.get("yaw_deg", 0.0)))
 
 
-def _mark(section: _Mark) -> LandingMark:
-    length_m, width_m = section.get("size_m", (LandingMark.length_m, LandingMark.width_m))
-    height_m = section.get("height_m", LandingMark.height_m)
-    return LandingMark(length_m=length_m, width_m=width_m, height_m=height_m)
+def _mark(file: YamlFile[_SiteFile], section: MarkSection) -> LandingMark:
+    try:
+        return mark_of_section(section, default_mark())
+    except InputError as error:
+        raise file.error(str(error), "mark") from error
 
 
 # --- the form of the file -------------------------------------------------------------------------
@@ -187,7 +191,6 @@ def _area(value: str) -> str:
 
 _Number = Annotated[float, Field(ge=0.0, le=1000.0)]
 _Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]
-_Side = Annotated[float, Field(gt=0.0, le=5.0)]
 _Distance = Annotated[float, Field(ge=0.0, le=5.0)]
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
 _Port = Annotated[int, Field(ge=1, le=65_535)]
@@ -204,11 +207,6 @@ class _Limits(TypedDict, total=False):
     climb_mps: _Number
     yaw_rate_radps: _Number
     ceiling_m: _Number
-
-
-class _Mark(TypedDict, total=False):
-    size_m: tuple[_Side, _Side]
-    height_m: Annotated[float, Field(ge=0.0, lt=2.0)]
 
 
 class _Margins(TypedDict, total=False):
@@ -251,7 +249,7 @@ class _SiteFile:
     ground: Annotated[tuple[str, ...], Field(min_length=1)] = ()
     limits: _Limits | None = None
     area: Annotated[str, AfterValidator(_area)] | None = None
-    mark: _Mark | None = None
+    mark: MarkSection | None = None
     margins: _Margins | None = None
     battery: _Battery | None = None
     link: _Link | None = None

@@ -15,7 +15,7 @@ from uav_bt.board.keys import ELAPSED, MISSION_KEYS
 from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
 from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.shipped import load_lab
+from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
@@ -124,7 +124,7 @@ class MissionContext:
         classes: classes of the lab. Default: those of the paper's lab.
         ground: names of further classes that count as ground.
         airframe: size and reaction of the drone's body.
-        mark: size of the landing mark.
+        mark: landing mark. Default: that of the default lab.
         clearances: distances that routes keep.
         take_off: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
         area: area that the mission stays in; None: no bound.
@@ -144,7 +144,7 @@ class MissionContext:
     classes: LabClasses = field(default_factory=lambda: load_lab().classes)
     ground: tuple[str, ...] = ()
     airframe: Airframe = field(default_factory=Airframe)
-    mark: LandingMark = field(default_factory=LandingMark)
+    mark: LandingMark = field(default_factory=default_mark)
     clearances: Clearances = field(default_factory=Clearances)
     take_off: Pose2D | None = None
     area: Area | None = None

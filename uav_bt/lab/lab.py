@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.lab.classes import LabClasses
+from uav_bt.types.landing_mark import LandingMark
 
 LAB_FILE: Final = "lab.yaml"
 
@@ -19,8 +20,10 @@ class Lab:
         name: Name of the folder.
         folder: Folder of the lab file, with the scenes and networks.
         classes: Classes of the place.
+        mark: Landing mark of the place; None without one.
     """
 
     name: str
     folder: Path
     classes: LabClasses
+    mark: LandingMark | None = None

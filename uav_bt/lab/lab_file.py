@@ -9,10 +9,12 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
 from uav_bt.lab.classes import Colour, LabClass, LabClasses
 from uav_bt.lab.lab import LAB_FILE, Lab
+from uav_bt.lab.mark_section import WholeMarkSection, mark_of_section
 from uav_bt.lab.roles import RoleName
+from uav_bt.types.landing_mark import LandingMark
 from uav_bt.yaml_file import YamlFile, read_yaml
 
 VERSION: Final = 1
@@ -37,7 +39,12 @@ def read_lab(path: Path) -> Lab:
             f"{VERSION}: update uav-bt",
             "version",
         )
-    return Lab(name=path.parent.resolve().name, folder=path.parent, classes=_classes(file))
+    return Lab(
+        name=path.parent.resolve().name,
+        folder=path.parent,
+        classes=_classes(file),
+        mark=_mark(file),
+    )
 
 
 def _classes(file: YamlFile[_LabFile]) -> LabClasses:
@@ -56,6 +63,14 @@ def _classes(file: YamlFile[_LabFile]) -> LabClasses:
         return LabClasses(listed)
     except (UnknownNameError, ValueRangeError) as error:
         raise file.error(str(error), "classes") from error
+
+
+def _mark(file: YamlFile[_LabFile]) -> LandingMark | None:
+    section = file.value.mark
+    try:
+        return None if section is None else mark_of_section(section)
+    except InputError as error:
+        raise file.error(str(error), "mark") from error
 
 
 def _colour(text: str) -> Colour:
@@ -77,3 +92,4 @@ class _Class:
 class _LabFile:
     version: Annotated[int, Field(ge=1)]
     classes: Annotated[dict[str, _Class], Field(min_length=1)]
+    mark: WholeMarkSection | None = None

@@ -8,6 +8,7 @@ from typing import Final
 
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.lab.lab import LAB_FILE, Lab
+from uav_bt.types.landing_mark import LandingMark
 
 DEFAULT_LAB: Final = "paper"
 
@@ -47,6 +48,18 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
             f"give the path ./{own} for yours, or rename its folder"
         )
     return _shipped_lab(ours)
+
+
+def default_mark() -> LandingMark:
+    """Return the landing mark of the default lab, for places that state none.
+
+    Raises:
+        InputError: The lab file states no mark.
+    """
+    lab = load_lab()
+    if lab.mark is None:
+        raise InputError(f"the lab '{lab.name}' states no landing mark: add 'mark' to its lab file")
+    return lab.mark
 
 
 @cache

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.shipped import default_mark
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, LandingMark, Truth
 from uav_bt.types.mission_rules import LandOn, MissionRules
@@ -104,7 +105,7 @@ class Judge:
 
     def __init__(self, config: JudgeConfig | None = None, mark: LandingMark | None = None) -> None:
         self._config = config or JudgeConfig()
-        self._mark = mark or LandingMark()
+        self._mark = mark or default_mark()
         self._land_on = self._config.land_on or LandOn.MARK
         self._mark_m: float | None = None  # when the drone was last in the air
         self._lands = False

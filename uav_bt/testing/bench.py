@@ -11,6 +11,7 @@ from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.numbers import BATTERY_SHARE, FLYING, LINK_SHARE, UNKNOWN
 from uav_bt.clock import ManualClock
 from uav_bt.errors import InputError, MissionError, ValueRangeError
+from uav_bt.lab.shipped import default_mark
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import LeafPolicy, Segmenter, Sight
 from uav_bt.testing.board import BenchBoard, StrictBlackboard
@@ -24,7 +25,6 @@ from uav_bt.types import (
     DroneState,
     FlyingState,
     GimbalTo,
-    LandingMark,
     MoveBy,
     Movement,
     MovementState,
@@ -48,7 +48,7 @@ class BenchWorld:
         self.sight: Sight | None = None  # of a drone without images
         self.outputs: FlightFolder | None = None  # such as FlightFolder(tmp_path)
         self.notes = FlightNotes()  # events and photographs
-        self.mark, self.clearances = LandingMark(), Clearances()
+        self.mark, self.clearances = default_mark(), Clearances()
         self.area: Area | None = None
         self.seed = 0
         self.camera = pinhole()

@@ -1,44 +1,56 @@
-"""The landing mark's size: the top that carries the mark, and its height above the ground."""
+"""The landing mark of a place: its kind, the size of its top, and its height above the ground."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 from uav_bt.errors import ValueRangeError
+
+MAX_HEIGHT_M: Final = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class LandingMark:
-    """Size of the box or mat that carries the landing mark.
-
-    The defaults are the landing box of the paper's lab.
+    """Kind and size of the box or mat that carries the landing mark.
 
     Attributes:
+        kind: Registered name of the plug-in that finds the mark.
         length_m: Length of the top, metres.
         width_m: Width of the top, metres.
         height_m: Height of the top above the ground, metres; 0 for a mark on the ground.
+        options: Settings of that plug-in, such as the family and size of a tag.
 
     Raises:
-        ValueRangeError: length or width is not positive, or the height is negative.
+        ValueRangeError: Length or width is not positive, or the height is negative.
     """
 
-    length_m: float = 0.5
-    width_m: float = 0.5
-    height_m: float = 0.4
+    kind: str = "helipad"
+    length_m: float
+    width_m: float
+    height_m: float
+    options: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         sides = (self.length_m, self.width_m)
-        if not all(0.0 < side_m < math.inf for side_m in sides) or not 0.0 <= self.height_m < 2.0:
+        sized = all(0.0 < side_m < math.inf for side_m in sides)
+        if not sized or not 0.0 <= self.height_m < MAX_HEIGHT_M:
             raise ValueRangeError(
-                "a landing mark needs a positive length and width and a height from 0 to 2 m, "
-                f"got {self}"
+                "a landing mark needs a positive length and width and a height from 0 to "
+                f"{MAX_HEIGHT_M:g} m, got {self}"
             )
 
     @property
     def size_m(self) -> tuple[float, float, float]:
         """Length, width and height, metres."""
         return self.length_m, self.width_m, self.height_m
+
+    @property
+    def top_m(self) -> tuple[float, float]:
+        """Length and width of the top, metres."""
+        return self.length_m, self.width_m
 
     @property
     def area_m2(self) -> float:

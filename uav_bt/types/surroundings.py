@@ -11,29 +11,41 @@ from numpy.typing import NDArray
 
 from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError
-from uav_bt.types.landing_mark import LandingMark
 
 
 @dataclass(frozen=True, kw_only=True)
 class HelipadFix:
-    """Position of the helipad, from the body's centre in the heading-aligned level plane."""
+    """Position of the landing mark, from the body's centre in the heading-aligned level plane.
 
-    captured_s: float  # of the frame of the last detection used
+    Attributes:
+        captured_s: Capture time of the last frame in which the mark was detected.
+        forward_m: Distance ahead.
+        right_m: Distance to the right.
+        height_m: Height of the mark's top above the ground.
+        detected: True if the newest frame shows the mark, False if the tracker predicts it.
+        confidence: 0 to 1, of the last detection.
+        std_m: Standard deviation of the position.
+        heading_deg: Heading of the drone relative to the mark, clockwise, -180 to 180; 0 if the
+            drone looks towards the mark's upper edge. None if the mark does not show it.
+    """
+
+    captured_s: float
     forward_m: float
     right_m: float
-    detected: bool  # True: seen in this frame; False: predicted by the tracker
-    confidence: float = 1.0  # 0 to 1, of the last detection
-    std_m: float = 0.0  # one standard deviation of the position
-    height_m: float = LandingMark.height_m  # of its top above the ground
+    height_m: float
+    detected: bool
+    confidence: float = 1.0
+    std_m: float = 0.0
+    heading_deg: float | None = None
 
     @property
     def range_m(self) -> float:
-        """Horizontal distance from the body's centre to the pad's centre."""
+        """Horizontal distance from the body's centre to the mark's centre."""
         return math.hypot(self.forward_m, self.right_m)
 
     @property
     def bearing_rad(self) -> float:
-        """Direction of the pad, clockwise positive from the heading."""
+        """Direction of the mark, clockwise positive from the heading."""
         return math.atan2(self.right_m, self.forward_m)
 
 

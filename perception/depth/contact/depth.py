@@ -38,7 +38,8 @@ from perception.depth.contact.lines import fit_base
 from perception.depth.contact.panorama import Panorama
 from perception.depth.contact.side_loops import sides
 from uav_bt.errors import ShapeError
-from uav_bt.types import ClassMap, LandingMark
+from uav_bt.lab.shipped import default_mark
+from uav_bt.types import ClassMap
 from uav_bt.types.arrays import Floats, Indices
 
 
@@ -46,7 +47,8 @@ from uav_bt.types.arrays import Floats, Indices
 class ContactDepthConfig:
     """Dimensions of the lab, and limits for noise in the class map."""
 
-    pad_height_m: float = LandingMark.height_m  # top of the helipad above the carpet
+    # Height of the landing mark's top above the ground.
+    pad_height_m: float = field(default_factory=lambda: default_mark().height_m)
     max_depth_m: float = 8.0  # the lab's diagonal; larger depths are mask noise
     max_roof_m: float = 1.0  # largest extent of a roof behind its front edge
     min_edge: int = 3  # least number of columns in which a roof must meet its side

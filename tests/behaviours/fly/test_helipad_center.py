@@ -10,10 +10,19 @@ import pytest
 from behaviours.fly.helipad_center import HelipadCenter
 from tests.behaviours.leaf_world import halted_proposals
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
+from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import show
 from uav_bt.tree import Status
-from uav_bt.types import GimbalTo, HelipadFix, MoveBy, MovementState, MovementStatus, Velocity
+from uav_bt.types import (
+    GimbalTo,
+    HelipadFix,
+    LandingMark,
+    MoveBy,
+    MovementState,
+    MovementStatus,
+    Velocity,
+)
 
 DOWN = GimbalTo(pitch_rad=-math.pi / 2)
 CAMERA_FORWARD_M = 0.15
@@ -37,6 +46,7 @@ def look(
             captured_s=bench.clock.now(),
             forward_m=offset_m[0] + CAMERA_FORWARD_M,
             right_m=offset_m[1],
+            height_m=0.4,
             detected=True,
         )
     else:
@@ -163,7 +173,7 @@ def test_a_look_from_before_the_movement_ended_does_not_count() -> None:
         movement=MovementStatus(id=1, state=MovementState.DONE),
     )
     bench.board[HELIPAD] = HelipadFix(
-        captured_s=bench.clock.now() - 0.15, forward_m=0.6, right_m=0.0, detected=True
+        captured_s=bench.clock.now() - 0.15, forward_m=0.6, right_m=0.0, height_m=0.4, detected=True
     )
     bench.tick()
 
@@ -182,7 +192,11 @@ def test_only_what_is_seen_from_above_counts(why: str) -> None:
         movement=MovementStatus(id=1, state=MovementState.DONE),
     )
     bench.board[HELIPAD] = HelipadFix(
-        captured_s=bench.clock.now(), forward_m=0.6, right_m=0.0, detected=why != "tracked"
+        captured_s=bench.clock.now(),
+        forward_m=0.6,
+        right_m=0.0,
+        height_m=0.4,
+        detected=why != "tracked",
     )
     if why == "no frame":
         del bench.board[FRAME]
@@ -271,3 +285,68 @@ def test_halted_it_commands_nothing() -> None:
 
     look(bench, None)
     assert moved(bench).id == 2
+
+
+# --- the heading to land with ---------------------------------------------------------------------
+
+TAG = LandingMark(
+    kind="apriltag", length_m=0.5, width_m=0.5, height_m=0.0, options={"id": 7, "size_m": 0.3}
+)
+
+
+def tagged(heading_deg: float | None, wanted: str) -> LeafBench:
+    """Return a bench above a tag that is seen at a heading, after the climb."""
+    bench = LeafBench(HelipadCenter, heading_deg=wanted)
+    bench.mark = TAG
+    look(bench, None, height_m=1.5)
+    movement = MovementStatus(id=1, state=MovementState.DONE)
+    show(bench, seconds=1.0, height_m=1.7, gimbal_deg=-90.0, movement=movement)
+    bench.board[HELIPAD] = HelipadFix(
+        captured_s=bench.clock.now(),
+        forward_m=CAMERA_FORWARD_M,
+        right_m=0.0,
+        height_m=0.0,
+        detected=True,
+        heading_deg=heading_deg,
+    )
+    assert bench.tick() is Status.RUNNING
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("seen_deg", "wanted", "turn_deg"),
+    [(30.0, "90", 60.0), (170.0, "-170", 20.0), (5.0, "0", -5.0)],
+)
+def test_turns_the_short_way_to_the_wanted_heading(
+    seen_deg: float, wanted: str, turn_deg: float
+) -> None:
+    assert moved(tagged(seen_deg, wanted)).yaw_rad == pytest.approx(math.radians(turn_deg))
+
+
+@pytest.mark.parametrize(("seen_deg", "wanted"), [(88.0, "90"), (30.0, "any"), (None, "90")])
+def test_does_not_turn_within_the_slack_or_without_need(
+    seen_deg: float | None, wanted: str
+) -> None:
+    assert isinstance(tagged(seen_deg, wanted).proposed, Velocity)
+
+
+def test_a_heading_needs_a_mark_that_shows_it() -> None:
+    with pytest.raises(InputError, match="kind 'helipad' does not"):
+        look(LeafBench(HelipadCenter, heading_deg="90"), None)
+
+
+def test_a_heading_is_a_number() -> None:
+    with pytest.raises(InputError, match="expected any, or degrees from -360 to 360, got 'north'"):
+        LeafBench(HelipadCenter, heading_deg="north")
+
+
+@pytest.mark.parametrize(("mark_m", "low_m"), [(0.0, 1.1), (0.4, 1.1), (0.6, 1.3)])
+def test_centres_again_above_the_mark_as_high_as_it_is(mark_m: float, low_m: float) -> None:
+    """From less than 0.7 m above, a pad of half a metre does not fit into the view."""
+    bench = LeafBench(HelipadCenter)
+    bench.mark = replace(TAG, height_m=mark_m)
+    look(bench, None, height_m=1.5)
+    look(bench, (0.0, 0.0), seconds=1.0, ended=1)
+    look(bench, (0.0, 0.0))
+
+    assert moved(bench).down_m == pytest.approx(1.7 - low_m)

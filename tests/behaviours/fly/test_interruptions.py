@@ -68,6 +68,7 @@ def sense(drone: ScriptedDrone) -> type[Leaf]:
                 captured_s=self.seen_s,
                 forward_m=x_m * math.cos(heading) - y_m * math.sin(heading),
                 right_m=-x_m * math.sin(heading) - y_m * math.cos(heading),
+                height_m=0.4,
                 detected=detected,
             )
             self.write(HELIPAD, fix, self.seen_s)

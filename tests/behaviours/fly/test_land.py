@@ -12,7 +12,7 @@ from behaviours.fly.land import EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
 from tests.behaviours.leaf_world import halted_proposals
 from tests.paper_lab import BACKGROUND, BOXES, CARPET
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import ground, live, show
 from uav_bt.tree import Status
@@ -20,6 +20,7 @@ from uav_bt.types import (
     BodyVelocity,
     FlyingState,
     GimbalTo,
+    HelipadFix,
     LandingMark,
     MoveBy,
     MovementState,
@@ -141,6 +142,29 @@ def test_an_emergency_landing_takes_a_mat_for_what_it_is() -> None:
     hull_m = bench.leaf.mission.airframe.radius_m + EmergencyLand.config.margin_m
     assert 0.3 + hull_m - 0.03 <= step.right_m <= 0.9 - hull_m + 0.03
     assert -0.1 + hull_m - 0.03 <= step.forward_m <= 0.5 - hull_m + 0.03
+
+
+def above_mark(forward_m: float, right_m: float) -> LeafBench:
+    """Return a bench whose landing begins with a fix of the mark, from the body's centre."""
+    bench = bench_with_lens(0.15)
+    bench.board[HELIPAD] = HelipadFix(
+        captured_s=bench.clock.now(),
+        forward_m=forward_m,
+        right_m=right_m,
+        height_m=0.0,
+        detected=True,
+    )
+    live(bench)
+    return bench
+
+
+def test_the_fix_corrects_the_step_ahead_and_to_the_side() -> None:
+    assert above_mark(0.12, -0.04).proposed == MoveBy(id=1, forward_m=0.12, right_m=-0.04)
+
+
+def test_a_mark_that_is_not_below_the_lens_is_not_stepped_to() -> None:
+    """The mission lands elsewhere on purpose."""
+    assert above_mark(0.9, 0.5).proposed == MoveBy(id=1, forward_m=0.15)
 
 
 @pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])

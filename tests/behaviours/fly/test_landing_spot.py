@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from behaviours.fly.landing_spot import nearest_landing_spot
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
+from uav_bt.lab.shipped import default_mark
 from uav_bt.testing import pinhole
-from uav_bt.types import Frame, LandingMark
+from uav_bt.types import Frame
 from uav_bt.types.projection import ground_points
 
 HEIGHT_M = 1.5
@@ -30,7 +31,7 @@ def from_above() -> Frame:
 
 
 def spot(
-    ids: NDArray[np.uint8], radius_m: float = 0.25, mark_m: float = LandingMark.height_m
+    ids: NDArray[np.uint8], radius_m: float = 0.25, mark_m: float = default_mark().height_m
 ) -> tuple[float, float] | None:
     view = paper_map(ids=ids, captured_s=0.0)
     found = nearest_landing_spot(view, CAMERA_DOWN, from_above(), radius_m=radius_m, mark_m=mark_m)

@@ -160,7 +160,9 @@ def test_a_turn_waits_for_the_first_telemetry() -> None:
 
 
 def _fix(captured_s: float) -> HelipadFix:
-    return HelipadFix(captured_s=captured_s, forward_m=1.0, right_m=0.0, detected=False)
+    return HelipadFix(
+        captured_s=captured_s, forward_m=1.0, right_m=0.0, height_m=0.4, detected=False
+    )
 
 
 def test_knows_the_helipad_while_the_fix_is_young() -> None:

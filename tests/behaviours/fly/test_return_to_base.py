@@ -66,6 +66,7 @@ def fly(
             captured_s=now_s - unseen_s,
             forward_m=pad[0],
             right_m=pad[1],
+            height_m=0.4,
             detected=unseen_s == 0.0,
             std_m=std_m,
         )
@@ -595,7 +596,7 @@ def test_almost_above_the_pad_a_map_that_is_stale_permits_nothing() -> None:
     for _ in range(12):
         show(bench)
         bench.board[HELIPAD] = HelipadFix(
-            captured_s=bench.clock.now(), forward_m=0.4, right_m=0.0, detected=True
+            captured_s=bench.clock.now(), forward_m=0.4, right_m=0.0, height_m=0.4, detected=True
         )
         bench.tick()
         assert bench.proposed is None or velocity(bench).forward_mps == 0.0

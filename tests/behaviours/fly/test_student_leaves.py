@@ -218,7 +218,7 @@ def off_the_carpet(pad: tuple[float, float] | None = None) -> Status:
     now_s = bench.clock.now()
     if pad is not None:
         bench.board[HELIPAD] = HelipadFix(
-            captured_s=now_s, forward_m=pad[0], right_m=pad[1], detected=True
+            captured_s=now_s, forward_m=pad[0], right_m=pad[1], height_m=0.4, detected=True
         )
     bench.board[CORRIDOR] = Corridor(
         captured_s=now_s,
@@ -275,7 +275,7 @@ EDGE = Blocked(yaw_rad=0.5, ground_ends=True, free_m=1.0, reason="edge")
 def fly(bench: LeafBench, pad: tuple[float, float], *, seconds: float = 0.3) -> Status:
     show(bench, seconds=seconds)
     bench.board[HELIPAD] = HelipadFix(
-        captured_s=bench.clock.now(), forward_m=pad[0], right_m=pad[1], detected=True
+        captured_s=bench.clock.now(), forward_m=pad[0], right_m=pad[1], height_m=0.4, detected=True
     )
     return bench.tick()
 
@@ -391,7 +391,9 @@ def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
 ) -> None:
     """Further away something hides it."""
     bench = approaching(Says(FREE, NO_WAY))
-    fix = HelipadFix(captured_s=bench.clock.now(), forward_m=range_m, right_m=0.0, detected=False)
+    fix = HelipadFix(
+        captured_s=bench.clock.now(), forward_m=range_m, right_m=0.0, height_m=0.4, detected=False
+    )
     for _ in range(3):
         show(bench, seconds=0.6)
         bench.board[HELIPAD] = fix

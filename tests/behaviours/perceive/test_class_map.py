@@ -11,7 +11,12 @@ import pytest
 from behaviours.perceive.class_map import FindHelipad, Segment
 from tests.behaviours.leaf_world import replace_tree
 from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
+from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
+from tests.perception.marks.tag_views import view_of
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, ODOMETRY, SITE_MAP, STATE
+from uav_bt.lab.shipped import default_mark
+from uav_bt.landing_marks import MarkSighting
+from uav_bt.plugins import make_mark_finder
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import ground, live, show
@@ -130,10 +135,55 @@ def test_a_pad_in_view_gets_a_fix() -> None:
     assert fix.right_m == pytest.approx(0.0, abs=0.01)
 
 
+TAG = LandingMark(
+    kind="apriltag", length_m=0.5, width_m=0.5, height_m=0.0, options={"id": 7, "size_m": 0.36}
+)
+
+
+def test_a_tag_is_found_in_the_image_without_a_class_map() -> None:
+    """Place, height and heading are on the board as those of any mark."""
+    bench = finding()
+    bench.mark = TAG
+    picture = make_mark_finder(TAG).picture()
+    assert picture is not None
+    shown = view_of(picture, TAG, forward_m=1.2, heading_deg=30.0, pitch_deg=-45.0)
+    bench.camera = TAG_CAMERA
+    live(bench, gimbal_deg=-45.0)
+    del bench.board[CLASS_MAP]
+    bench.clock.advance(0.1)
+    bench.board[FRAME] = replace(shown, index=99, captured_s=bench.clock.now())
+    bench.tick()
+
+    fix = bench.board[HELIPAD]
+    assert fix.detected
+    assert fix.forward_m - TAG_CAMERA.forward_offset_m == pytest.approx(1.2, abs=0.01)
+    assert (fix.height_m, fix.heading_deg) == (0.0, pytest.approx(30.0, abs=1.0))
+
+
+class TagSight:
+    """Perception without images that sees a tag ahead."""
+
+    def mark(self, frame: Frame) -> MarkSighting:
+        """Return a tag, as far ahead as the frame's number says."""
+        return MarkSighting(
+            forward_m=float(frame.index), right_m=0.0, height_m=0.0, heading_deg=5.0
+        )
+
+
+def test_without_images_a_tag_is_seen_by_the_drones_sight() -> None:
+    bench = finding()
+    bench.mark, bench.sight = TAG, TagSight()  # type: ignore[assignment]  # only `mark` is asked
+    live(bench)
+
+    fix = bench.board[HELIPAD]
+    assert fix.forward_m == pytest.approx(bench.board[FRAME].index)
+    assert fix.heading_deg == pytest.approx(5.0)
+
+
 def test_a_mat_is_found_at_its_own_height() -> None:
     """The same pixels lie further away on a mat of 0.05 m than on a box of 0.4 m: 1.45 to 1.1."""
     bench = LeafBench(FindHelipad)
-    bench.mark = LandingMark(height_m=0.05)
+    bench.mark = replace(default_mark(), height_m=0.05)
     bench.camera = pinhole(640, 360)
     live(bench, ids=pad_map())
     mat, box_bench = bench.board[HELIPAD], finding()

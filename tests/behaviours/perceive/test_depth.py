@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.lab.roles import RoleName
+from uav_bt.lab.shipped import default_mark
 from uav_bt.protocols import DepthEstimator
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.tree import Status
@@ -25,7 +27,6 @@ from uav_bt.types import (
     DroneState,
     FlyingState,
     Frame,
-    LandingMark,
 )
 
 SIZE = (224, 112)
@@ -181,7 +182,7 @@ def test_contact_flies_without_a_network() -> None:
 def test_contact_knows_the_height_of_the_mark(height_m: float) -> None:
     """Of the depth at which a ray meets the ground, it is the share (1.5 m - height) / 1.5 m."""
     bench = LeafBench(EstimateDepth, model="contact")
-    bench.mark = LandingMark(height_m=height_m)
+    bench.mark = replace(default_mark(), height_m=height_m)
     ids = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
     ids[70:85, 100:125] = HELIPAD_H
     fly(bench, ids=ids)

@@ -192,12 +192,16 @@ def test_the_mark_corrects_and_is_remembered() -> None:
     mapper = SiteMapper(CLASSES)
     still = OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)
     mapper.follow(motion(still))
-    mapper.see_mark(HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.5, detected=True))
+    mapper.see_mark(
+        HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True)
+    )
     for tenths in range(1, 600):
         drifted = OdometryPose(time_s=tenths / 10, x_m=0.1, y_m=0.0, yaw_rad=0.0)
         mapper.follow(motion(drifted))
         mapper.see_mark(
-            HelipadFix(captured_s=tenths / 10, forward_m=1.0, right_m=0.5, detected=True)
+            HelipadFix(
+                captured_s=tenths / 10, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True
+            )
         )
     found = mapper.map(motion(drifted))
     assert found.mark is not None
@@ -219,6 +223,7 @@ def sighted(
                 captured_s=time_s,
                 forward_m=1.0,
                 right_m=right_m,
+                height_m=0.4,
                 detected=True,
                 confidence=confidence,
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +17,14 @@ from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, MissingDependencyError, NodeFailedError
+from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.record import channels, record_file
 from uav_bt.record.channels import Channel
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
-from uav_bt.types import Airframe, Clearances, Command, LandingMark, TakeOff
+from uav_bt.types import Airframe, Clearances, Command, TakeOff
 
 
 class Notes:
@@ -277,7 +279,7 @@ def test_the_take_off_is_where_it_was(noted: tuple[Path, Notes]) -> None:
 
 def test_a_replay_has_the_mark_and_the_clearances_of_the_record(tmp_path: Path) -> None:
     record = tmp_path / "flight.mcap"
-    mat, place = LandingMark(height_m=0.05), Clearances(obstacle_m=0.5, edge_m=0.4)
+    mat, place = replace(default_mark(), height_m=0.05), Clearances(obstacle_m=0.5, edge_m=0.4)
     site = Site(mark=mat, clearances=place)
     app.fly(tree_file(tmp_path), app.FlightOptions(drone=NoisyDrone(), site=site, record=record))
     replayed, _ = assemble_recorded(RecordReader(record), ReplayOptions())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from uav_bt.app.loading import load_mission
 from uav_bt.app.site import Site, load_site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT
 from uav_bt.errors import FileError, InputError
+from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.mission.tick import TickRecord
@@ -247,7 +249,7 @@ def test_a_setting_that_no_leaf_asks_for_is_logged(
 
 def test_the_mark_and_the_clearances_of_a_site_reach_the_leaves() -> None:
     """A real drone has no scene, so that the site describes the mark."""
-    site = Site(mark=LandingMark(height_m=0.05), clearances=Clearances(obstacle_m=0.5))
+    site = Site(mark=replace(default_mark(), height_m=0.05), clearances=Clearances(obstacle_m=0.5))
     flight = app.assemble("land_only", drone=ScriptedDrone(), site=site)
 
     assert flight.context.mark.height_m == 0.05
@@ -288,16 +290,47 @@ def test_a_large_drone_needs_more_than_the_default(tmp_path: Path) -> None:
 
 def test_half_a_mark_keeps_the_other_half(tmp_path: Path) -> None:
     flat = load_site(site_file(tmp_path, "mark: {height_m: 0.05}"))
-    assert flat.mark == LandingMark(height_m=0.05)
+    assert flat.mark == replace(default_mark(), height_m=0.05)
     large = load_site(site_file(tmp_path, "mark: {size_m: [1, 1.5]}"))
-    assert large.mark == LandingMark(length_m=1.0, width_m=1.5)
+    assert large.mark == replace(default_mark(), length_m=1.0, width_m=1.5)
+
+
+def test_a_tag_as_mark(tmp_path: Path) -> None:
+    text = "mark: {kind: apriltag, height_m: 0, options: {family: 36h11, id: 7, size_m: 0.3}}"
+    site = load_site(site_file(tmp_path, text))
+
+    assert site.mark is not None
+    assert (site.mark.kind, site.mark.height_m) == ("apriltag", 0.0)
+    assert site.mark.options == {"family": "36h11", "id": 7, "size_m": 0.3}
+    flight = app.assemble("land_only", drone=ScriptedDrone(), site=site)
+    assert flight.context.mark == site.mark
+
+
+@pytest.mark.parametrize(
+    ("mark", "message"),
+    [
+        ("{kind: april}", r"2: mark: unknown landing mark 'april'"),
+        ("{kind: apriltag}", r"2: mark: landing mark 'apriltag' needs the option id"),
+        ("{kind: aruco, options: {id: 70, size_m: 0.3}}", r"family 4x4_50 has the tags 0 to 49"),
+        ("{options: {id: 7}}", r"2: mark: landing mark 'helipad' has no option 'id'"),
+    ],
+)
+def test_a_wrong_mark_is_refused_before_a_flight(tmp_path: Path, mark: str, message: str) -> None:
+    with pytest.raises(FileError, match=message):
+        load_site(site_file(tmp_path, f"flight_height_m: 1.2\nmark: {mark}"))
+
+
+def test_a_wrong_mark_in_python_is_refused_before_a_flight() -> None:
+    site = Site(mark=replace(default_mark(), kind="apriltag"))
+    with pytest.raises(InputError, match="needs the option id"):
+        app.assemble("land_only", drone=ScriptedDrone(), site=site)
 
 
 def test_a_mark_that_no_leaf_looks_for_is_no_mistake(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """An emergency landing also needs the height."""
-    loaded(tmp_path, "<EmergencyLand/>", Site(mark=LandingMark()))
+    loaded(tmp_path, "<EmergencyLand/>", Site(mark=default_mark()))
     assert caplog.messages == []
 
 

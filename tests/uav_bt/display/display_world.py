@@ -53,7 +53,9 @@ class World:
         ids[14:] = 1
         self.board.write(CLASS_MAP, paper_map(ids=ids, captured_s=now_s), captured_s=now_s)
         if helipad:
-            fix = HelipadFix(captured_s=now_s, forward_m=1.2, right_m=0.3, detected=True)
+            fix = HelipadFix(
+                captured_s=now_s, forward_m=1.2, right_m=0.3, height_m=0.4, detected=True
+            )
             self.board.write(HELIPAD, fix, captured_s=now_s)
 
     def see_depth(self) -> None:

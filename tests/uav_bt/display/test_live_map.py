@@ -80,7 +80,7 @@ def test_the_camera_view_lies_where_the_drone_looks() -> None:
 def test_a_fix_is_marked_where_the_drone_believes_the_helipad() -> None:
     world, flown, live = World(), FlownPath(), LiveMap(LAB, CAMERA, SIZE_PX)
     flown.add(world.tick(pose=Pose(x_m=0.0, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)))
-    fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=0.5, detected=True)
+    fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=0.5, height_m=0.4, detected=True)
     image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=fix)
     column, row = (round(v) for v in FRAME.to_px(0.5, -1.0))
     assert tuple(image[row, column]) == (255, 196, 0)

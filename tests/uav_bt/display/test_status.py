@@ -10,6 +10,7 @@ from rich.console import Console
 from tests.uav_bt.display.display_world import World, flight_report
 from uav_bt.board.context import MissionContext
 from uav_bt.display.status import LiveStatus, StandardError, summary
+from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
@@ -19,7 +20,7 @@ from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone
 from uav_bt.testing.faults import Fault, FaultyDrone
 from uav_bt.tree import parse_tree
-from uav_bt.types import CutMotors, FlyingState, LandingMark, Pose
+from uav_bt.types import CutMotors, FlyingState, Pose
 from uav_bt.types.flight_results import EventKind, FlightEvent, Photo
 
 
@@ -239,7 +240,7 @@ def _fail_after(status: LiveStatus, world: World) -> None:
 
 def shown(report: FlightReport, width: int = 200) -> str:
     out = io.StringIO()
-    Console(file=out, width=width, color_system=None).print(summary(report, LandingMark()))
+    Console(file=out, width=width, color_system=None).print(summary(report, default_mark()))
     return out.getvalue()
 
 

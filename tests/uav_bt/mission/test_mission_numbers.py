@@ -199,7 +199,7 @@ def test_the_map_is_counted_and_stays_counted_when_it_is_stale() -> None:
 
 def test_a_tracked_mark_is_known_until_it_is_stale() -> None:
     world = World()
-    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.0, detected=True)
+    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.0, height_m=0.4, detected=True)
     world.board.write(HELIPAD, fix, captured_s=0.0)
     assert world.tick()["mark_known"] == 1.0
     assert world.whereabouts.belief().mark_m == 1.0

@@ -66,7 +66,9 @@ BOARD: dict[str, Any] = {
         nearest_side="left",
         time_to_impact_s=math.inf,
     ),
-    "helipad": HelipadFix(captured_s=CAPTURED_S, forward_m=0.1, right_m=0.2, detected=True),
+    "helipad": HelipadFix(
+        captured_s=CAPTURED_S, forward_m=0.1, right_m=0.2, height_m=0.4, detected=True
+    ),
     "site_map": map_with(NearObstacles(captured_s=CAPTURED_S)),
     "phase": "explore",
 }

@@ -152,7 +152,9 @@ def test_values_are_immutable_and_compare_by_content() -> None:
 
 
 def test_a_helipad_has_range_and_bearing_clockwise_from_the_heading() -> None:
-    right_behind = HelipadFix(captured_s=0.0, forward_m=-3.0, right_m=4.0, detected=True)
+    right_behind = HelipadFix(
+        captured_s=0.0, forward_m=-3.0, right_m=4.0, height_m=0.4, detected=True
+    )
     assert right_behind.range_m == 5.0
     assert math.degrees(right_behind.bearing_rad) == pytest.approx(126.87, abs=0.01)
 

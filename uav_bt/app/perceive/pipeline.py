@@ -20,16 +20,19 @@ from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.depth.metric import MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.depth.stage import DepthStage
-from perception.landing.detector import HelipadDetection
-from perception.landing.tracker import HelipadFinder
+from perception.marks.tracked_mark import TrackedMark
 from uav_bt.display.video.perception_video import Seen
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.shipped import default_mark
+from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import (
     CameraModel,
     DepthMap,
     DroneState,
     Frame,
+    LandingMark,
 )
 
 STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "helipad")
@@ -54,7 +57,7 @@ class Perceived(Seen):
 
     relative: DepthMap | None  # None without a network, and of a frozen image
     scale: Scale | None  # of the network's depth; None where none went in
-    detection: HelipadDetection | None  # in this frame
+    sighting: MarkSighting | None  # the landing mark in this frame
     stage_s: Mapping[str, float]  # wall time by stage; a stage that did not run is not in it
 
 
@@ -67,10 +70,12 @@ class Pipeline:
         camera: intrinsics at the frames' size; with distortion where the frames are distorted.
         generator: draws the carpet's pixels for the scale.
         config: how the stages work.
+        mark: landing mark. Default: that of the default lab.
         timer: the wall clock that computing is measured with, seconds.
 
     Raises:
         UnknownNameError: the config names no source that exists.
+        InputError: the landing mark's options are wrong.
     """
 
     def __init__(
@@ -81,6 +86,7 @@ class Pipeline:
         *,
         generator: np.random.Generator,
         config: PipelineConfig | None = None,
+        mark: LandingMark | None = None,
         timer: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._config = config or PipelineConfig()
@@ -92,7 +98,7 @@ class Pipeline:
         )
         self._depth = DepthStage(network, maker, timer=timer)
         self._corridors = CorridorBuilder(self._config.corridor)
-        self._finder = HelipadFinder()
+        self._finder, self._track = make_mark_finder(mark or default_mark()), TrackedMark()
         self._state: DroneState | None = None
         self._timer = timer
 
@@ -116,7 +122,7 @@ class Pipeline:
         spent: dict[str, float] = {}
         frame = replace(frame, image=self._undistorter.undistort(frame.image))
         for state in states:
-            self._finder.predict(state)
+            self._track.predict(state)
             self._state = state
         with self._timed(spent, "segmentation"):
             class_map = self._segmenter.segment(frame)
@@ -135,8 +141,11 @@ class Pipeline:
                 )
             intruding = self._corridors.intruding(metric.depth, view, things=things)
         with self._timed(spent, "helipad"):
-            detection = self._finder.see(class_map, frame, self.camera)
-            helipad = self._finder.fix()
+            sighting = self._finder.find(
+                MarkView(frame=frame, camera=self.camera, class_map=class_map)
+            )
+            self._track.see(sighting, frame.captured_s)
+            helipad = self._track.fix()
             if helipad and frame.captured_s - helipad.captured_s > self._config.carried_s:
                 helipad = None
         return Perceived(
@@ -148,7 +157,7 @@ class Pipeline:
             scale=metric.scale,
             corridor=corridor,
             intruding=intruding,
-            detection=detection,
+            sighting=sighting,
             helipad=helipad,
             stage_s=spent,
         )

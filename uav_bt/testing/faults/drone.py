@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import InputError
+from uav_bt.landing_marks import MarkSighting
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone, Referee, Sight
@@ -259,6 +260,9 @@ class _FaultySight:
     def estimate(self, frame: Frame) -> DepthMap:
         seen = self._sight.estimate(self._drone.source_of(frame))
         return replace(seen, captured_s=frame.captured_s)
+
+    def mark(self, frame: Frame) -> MarkSighting | None:
+        return self._sight.mark(self._drone.source_of(frame))
 
     def motion(self, first: Frame, second: Frame) -> Pose2D | None:
         return self._sight.motion(self._drone.source_of(first), self._drone.source_of(second))

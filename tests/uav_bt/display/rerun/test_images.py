@@ -117,7 +117,7 @@ def test_an_id_without_a_colour_stands_out_and_is_no_error() -> None:
 
 def test_the_ring_lies_where_the_helipad_is_seen() -> None:
     seen = frame(gimbal_pitch_rad=0.0, height_above_carpet_m=0.4)  # level with the pad
-    ahead = HelipadFix(captured_s=0.0, forward_m=2.0, right_m=0.0, detected=True)
+    ahead = HelipadFix(captured_s=0.0, forward_m=2.0, right_m=0.0, height_m=0.4, detected=True)
     ring = pad_circle(ahead, seen, CAMERA)
     assert ring is not None
     assert ring[:2] == pytest.approx((CAMERA.cx_px, CAMERA.cy_px), abs=1e-3)
@@ -125,7 +125,7 @@ def test_the_ring_lies_where_the_helipad_is_seen() -> None:
 
 @pytest.mark.parametrize("forward_m", [-2.0, 0.1])
 def test_a_helipad_behind_or_below_the_lens_has_no_ring(forward_m: float) -> None:
-    fix = HelipadFix(captured_s=0.0, forward_m=forward_m, right_m=0.0, detected=True)
+    fix = HelipadFix(captured_s=0.0, forward_m=forward_m, right_m=0.0, height_m=0.4, detected=True)
     assert pad_circle(fix, frame(gimbal_pitch_rad=0.0), CAMERA) is None
 
 

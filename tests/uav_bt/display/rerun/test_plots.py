@@ -67,7 +67,7 @@ def test_what_is_known_of_the_way_is_plotted() -> None:
         time_to_impact_s=2.0,
     )
     obstacles = NearObstacles(points_m=np.array([[0.3, 0.4]]), captured_s=0.0)
-    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=1.0, detected=True)
+    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=1.0, height_m=0.4, detected=True)
     FlightPlots(stream).show(World().tick(), corridor=corridor, near=obstacles, fix=fix)
     assert shown(stream, "plots/free_distance/ahead") == 1.2
     assert shown(stream, "plots/free_distance/intrusion") == 0.7

@@ -160,7 +160,7 @@ def test_remembered_points_lie_where_the_drone_believes_them() -> None:
     points = NearObstacles(
         points_m=np.array([[2.0, 0.5]]), edges_m=np.array([[1.0, 0.0]]), captured_s=0.0
     )
-    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.0, detected=True)
+    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.0, height_m=0.4, detected=True)
     flight.view.show_near(points, fix)
     shown = flight.stream.last("world/obstacles")
     seen = values(shown.positions)

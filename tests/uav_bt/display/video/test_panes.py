@@ -46,7 +46,7 @@ def has(image: NDArray[np.uint8], colour: int | tuple[int, int, int]) -> bool:
 
 
 def test_a_pad_straight_below_lies_on_the_axis_of_a_lens_that_looks_down() -> None:
-    fix = HelipadFix(captured_s=0.0, forward_m=0.15, right_m=0.0, detected=True)
+    fix = HelipadFix(captured_s=0.0, forward_m=0.15, right_m=0.0, height_m=0.4, detected=True)
     frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_carpet_m=1.5)
     assert project_fix(fix, frame, CAMERA) == pytest.approx((0.0, 0.0, 1.1))
 
@@ -58,14 +58,14 @@ def test_a_mat_lies_where_its_height_says() -> None:
 
 
 def test_a_level_lens_has_a_pad_ahead_below_its_axis() -> None:
-    fix = HelipadFix(captured_s=0.0, forward_m=2.15, right_m=0.7, detected=True)
+    fix = HelipadFix(captured_s=0.0, forward_m=2.15, right_m=0.7, height_m=0.4, detected=True)
     frame = frame_of(World(), gimbal_pitch_rad=0.0, height_above_carpet_m=1.5)
     assert project_fix(fix, frame, CAMERA) == pytest.approx((0.7, 1.1, 2.0))
 
 
 def test_a_pad_in_view_is_ringed_where_it_appears() -> None:
     world = World()
-    fix = HelipadFix(captured_s=0.0, forward_m=2.4, right_m=0.4, detected=True)
+    fix = HelipadFix(captured_s=0.0, forward_m=2.4, right_m=0.4, height_m=0.4, detected=True)
     world.board.write(HELIPAD, fix)
     image = draw_camera(readings(world, world.tick(feedback="")), CAMERA, PANE_PX)
     rows, columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))
@@ -80,7 +80,7 @@ def test_a_pad_in_view_is_ringed_where_it_appears() -> None:
 @pytest.mark.parametrize(("right_m", "side"), [(3.0, "right"), (-3.0, "left")])
 def test_a_pad_out_of_view_is_pointed_at_from_the_edge(right_m: float, side: str) -> None:
     world = World()
-    fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=right_m, detected=True)
+    fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=right_m, height_m=0.4, detected=True)
     world.board.write(HELIPAD, fix)
     image = draw_camera(readings(world, world.tick(feedback="")), CAMERA, PANE_PX)
     columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))[1]

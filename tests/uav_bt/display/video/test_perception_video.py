@@ -54,7 +54,7 @@ def test_depth_takes_its_pane() -> None:
 
 def test_a_helipad_is_ringed() -> None:
     panes = PerceptionPanes(CAMERA)
-    fix = HelipadFix(captured_s=1.5, forward_m=2.0, right_m=0.0, detected=True)
+    fix = HelipadFix(captured_s=1.5, forward_m=2.0, right_m=0.0, height_m=0.4, detected=True)
 
     def accents(one: Seen) -> int:
         upper_left = panes.draw(one)[:360, :640]

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from perception.landing.tracker import HelipadFinder
+from perception.marks.helipad import HelipadFinder
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
-from uav_bt.types import Frame, HelipadFix, LandingMark
+from uav_bt.errors import InputError
+from uav_bt.lab.shipped import default_mark
+from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.types import Frame, LandingMark
 
 SIZE_PX = (224, 112)
 CAMERA = anafi_camera(640, 360)
@@ -22,7 +26,7 @@ SCENE = Scene(name="pad", helipad=Helipad(position_m=(0.0, 0.0), yaw_deg=20), bo
 
 def found(
     ids: np.ndarray, pitch_deg: float, height_m: float, mark: LandingMark | None = None
-) -> HelipadFix | None:
+) -> MarkSighting | None:
     """Return what one class map shows, the camera so high above the carpet."""
     frame = Frame(
         image=np.zeros((4, 8, 3), np.uint8),
@@ -31,12 +35,12 @@ def found(
         gimbal_pitch_rad=math.radians(pitch_deg),
         height_above_carpet_m=height_m,
     )
-    finder = HelipadFinder(mark)
-    finder.see(paper_map(ids=ids, captured_s=0.0), frame, CAMERA)
-    return finder.fix()
+    return HelipadFinder(mark or default_mark()).find(
+        MarkView(frame=frame, camera=CAMERA, class_map=paper_map(ids))
+    )
 
 
-def view(range_m: float, pitch_deg: float, height_m: float) -> HelipadFix | None:
+def view(range_m: float, pitch_deg: float, height_m: float) -> MarkSighting | None:
     """Return the fix of the twin's pad at a distance ahead of the camera."""
     pose = CameraPose(
         x_m=-range_m, y_m=0.0, z_m=height_m, yaw_rad=0.0, pitch_rad=math.radians(pitch_deg)
@@ -59,7 +63,7 @@ def test_a_whole_h_is_trusted(range_m: float, pitch_deg: float) -> None:
 @pytest.mark.parametrize("above_m", [0.05, 0.15])
 def test_from_just_above_the_pad_it_is_near_but_hardly_trusted(above_m: float) -> None:
     """The camera looks past the pad's middle: the visible part is ahead of it."""
-    fix = view(-CAMERA_FORWARD_M, -42.0, LandingMark.height_m + above_m)
+    fix = view(-CAMERA_FORWARD_M, -42.0, default_mark().height_m + above_m)
 
     assert fix is not None
     assert 0.1 < fix.range_m < 0.4
@@ -81,10 +85,32 @@ def test_of_a_larger_mark_the_same_h_is_a_smaller_part() -> None:
     ids[50:62, 99:125] = HELIPAD_H
     ids[62:76, 99:125] = HELIPAD_BOX
     usual, large = (
-        found(ids, -90.0, 0.4 + 1.0, LandingMark(length_m=side_m, width_m=side_m))
+        found(ids, -90.0, 0.4 + 1.0, replace(default_mark(), length_m=side_m, width_m=side_m))
         for side_m in (0.5, 1.0)
     )
     assert usual is not None
     assert large is not None
     assert usual.confidence < 0.9
     assert large.confidence == pytest.approx(usual.confidence / 4.0)
+
+
+@pytest.mark.parametrize("height_m", [0.0, 0.05, 0.2, 0.6])
+@pytest.mark.parametrize(("range_m", "pitch_deg"), [(0.0, -90.0), (1.5, -42.0), (3.0, -28.0)])
+def test_the_distance_is_right_for_pads_and_mats(
+    height_m: float, range_m: float, pitch_deg: float
+) -> None:
+    pad = Helipad(position_m=(0.0, 0.0), yaw_deg=20, size_m=(0.5, 0.5, height_m))
+    pose = CameraPose(
+        x_m=-range_m, y_m=0.0, z_m=1.5, yaw_rad=0.0, pitch_rad=math.radians(pitch_deg)
+    )
+    [drawn] = render_views(Scene(name="pad", helipad=pad), [pose], truth_size_px=SIZE_PX)
+    seen = found(drawn.ids, pitch_deg, 1.5, pad.mark)
+
+    assert seen is not None
+    assert seen.forward_m == pytest.approx(range_m + CAMERA_FORWARD_M, abs=0.04)
+    assert seen.height_m == height_m
+
+
+def test_the_helipad_takes_no_options() -> None:
+    with pytest.raises(InputError, match="landing mark 'helipad' has no option 'id'"):
+        HelipadFinder(replace(default_mark(), options={"id": 7}))

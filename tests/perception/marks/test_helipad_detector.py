@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.landing.detector import (
+from perception.marks.helipad_detector import (
     HelipadDetection,
     HelipadDetector,
     HelipadDetectorConfig,

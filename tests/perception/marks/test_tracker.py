@@ -1,4 +1,4 @@
-"""The helipad's track: latency, gating, doubt."""
+"""The mark's track: latency, gating, doubt, heading."""
 
 from __future__ import annotations
 
@@ -8,10 +8,21 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from perception.landing.tracker import HelipadTracker, HelipadTrackerConfig
+from perception.marks.tracker import MarkTracker, MarkTrackerConfig
 from tests.uav_bt.types.circle_flight import TICK_S, Flight, state
 from uav_bt.errors import ValueRangeError
+from uav_bt.landing_marks import MarkSighting
 from uav_bt.types import HelipadFix
+
+
+def see(
+    tracker: MarkTracker, forward_m: float, right_m: float, *, captured_s: float, confidence: float
+) -> bool:
+    """Give the tracker a sighting of a mark that shows no heading."""
+    sighting = MarkSighting(
+        forward_m=forward_m, right_m=right_m, height_m=0.2, confidence=confidence
+    )
+    return tracker.update(sighting, captured_s=captured_s)
 
 
 def known(fix: HelipadFix | None) -> HelipadFix:
@@ -24,19 +35,19 @@ def known(fix: HelipadFix | None) -> HelipadFix:
 
 def test_nothing_is_known_before_a_detection() -> None:
     """Telemetry alone gives no fix; a detection before any telemetry cannot be placed."""
-    tracker = HelipadTracker()
+    tracker = MarkTracker()
 
-    assert not tracker.update(1.0, 0.0, captured_s=0.0, confidence=1.0)
+    assert not see(tracker, 1.0, 0.0, captured_s=0.0, confidence=1.0)
     tracker.predict(state(0.1))
     assert tracker.fix(detected=False) is None
 
 
 def test_the_first_detection_is_the_fix() -> None:
     """Place, capture time and confidence are those of the detection."""
-    tracker = HelipadTracker()
+    tracker = MarkTracker()
     tracker.predict(state(0.3, yaw_rad=1.1))
 
-    assert tracker.update(2.0, -0.5, captured_s=0.3, confidence=0.8)
+    assert see(tracker, 2.0, -0.5, captured_s=0.3, confidence=0.8)
     fix = known(tracker.fix(detected=True))
 
     assert (fix.forward_m, fix.right_m) == pytest.approx((2.0, -0.5))
@@ -47,10 +58,10 @@ def test_the_first_detection_is_the_fix() -> None:
 @pytest.mark.parametrize("rate", [0.0, 0.7, -1.0])
 def test_the_fix_stands_still_while_the_drone_moves(rate: float) -> None:
     """Unseen for three seconds of flying and turning, the pad is still where it was."""
-    flight, tracker = Flight(0.45, rate), HelipadTracker()
+    flight, tracker = Flight(0.45, rate), MarkTracker()
     pad = flight.pose(0.0).to_world(2.5, 0.3)
     tracker.predict(flight.state(0.0))
-    tracker.update(2.5, 0.3, captured_s=0.0, confidence=1.0)
+    see(tracker, 2.5, 0.3, captured_s=0.0, confidence=1.0)
 
     for tick in range(1, 31):
         tracker.predict(flight.state(TICK_S * tick))
@@ -62,14 +73,14 @@ def test_the_fix_stands_still_while_the_drone_moves(rate: float) -> None:
 
 def test_a_late_frame_counts_from_where_it_was_captured() -> None:
     """Turning at 1 rad/s, a frame 0.25 s old would be off by 0.6 m if it counted from now."""
-    flight, tracker = Flight(0.3, 1.0), HelipadTracker()
+    flight, tracker = Flight(0.3, 1.0), MarkTracker()
     pad = flight.pose(0.0).to_world(2.5, 0.0)
     for tick in range(11):
         tracker.predict(flight.state(TICK_S * tick))
     captured_s = 0.75
     seen = flight.pose(captured_s).to_body(*pad)
 
-    tracker.update(*seen, captured_s=captured_s, confidence=1.0)
+    see(tracker, *seen, captured_s=captured_s, confidence=1.0)
     fix = known(tracker.fix(detected=True))
 
     truth = flight.pose(1.0).to_body(*pad)
@@ -79,11 +90,11 @@ def test_a_late_frame_counts_from_where_it_was_captured() -> None:
 
 def _noisy_track(
     place: Callable[[float], tuple[float, float]], count: int, confidence: float = 1.0
-) -> HelipadTracker:
-    tracker = HelipadTracker()
+) -> MarkTracker:
+    tracker = MarkTracker()
     for tick in range(count):
         tracker.predict(state(TICK_S * tick))
-        tracker.update(*place(TICK_S * tick), captured_s=TICK_S * tick, confidence=confidence)
+        see(tracker, *place(TICK_S * tick), captured_s=TICK_S * tick, confidence=confidence)
     return tracker
 
 
@@ -115,20 +126,20 @@ def test_range_is_trusted_less_than_bearing() -> None:
     """Far away, an error along the line of sight is forgiven where one across it is rejected."""
     along, across = (_noisy_track(lambda _: (4.0, 0.0), 3) for _ in range(2))
 
-    assert along.update(4.6, 0.0, captured_s=0.2, confidence=1.0)
-    assert not across.update(4.0, 0.6, captured_s=0.2, confidence=1.0)
+    assert see(along, 4.6, 0.0, captured_s=0.2, confidence=1.0)
+    assert not see(across, 4.0, 0.6, captured_s=0.2, confidence=1.0)
 
 
 def test_the_line_of_sight_turns_with_the_heading() -> None:
     """The same at another heading, where the line of sight lies along the odometry's y."""
-    along, across = HelipadTracker(), HelipadTracker()
+    along, across = MarkTracker(), MarkTracker()
     for tracker in (along, across):
         for tick in range(3):
             tracker.predict(state(TICK_S * tick, yaw_rad=math.pi / 2))
-            tracker.update(4.0, 0.0, captured_s=TICK_S * tick, confidence=1.0)
+            see(tracker, 4.0, 0.0, captured_s=TICK_S * tick, confidence=1.0)
 
-    assert along.update(4.6, 0.0, captured_s=0.2, confidence=1.0)
-    assert not across.update(4.0, 0.6, captured_s=0.2, confidence=1.0)
+    assert see(along, 4.6, 0.0, captured_s=0.2, confidence=1.0)
+    assert not see(across, 4.0, 0.6, captured_s=0.2, confidence=1.0)
 
 
 def test_an_outlier_leaves_the_track_alone() -> None:
@@ -136,7 +147,7 @@ def test_an_outlier_leaves_the_track_alone() -> None:
     tracker = _noisy_track(lambda _: (2.0, 0.0), 10)
     before = known(tracker.fix(detected=True))
 
-    assert not tracker.update(3.5, 1.5, captured_s=0.9, confidence=0.5)
+    assert not see(tracker, 3.5, 1.5, captured_s=0.9, confidence=0.5)
 
     assert tracker.fix(detected=True) == before
 
@@ -145,8 +156,7 @@ def test_many_outliers_in_a_row_move_the_track() -> None:
     """If they keep coming the track was wrong: it begins again at the next one."""
     tracker = _noisy_track(lambda _: (2.0, 0.0), 10)
     answers = [
-        tracker.update(3.5, 1.5, captured_s=1.0 + TICK_S * tick, confidence=0.9)
-        for tick in range(6)
+        see(tracker, 3.5, 1.5, captured_s=1.0 + TICK_S * tick, confidence=0.9) for tick in range(6)
     ]
 
     assert answers == [False] * 5 + [True]
@@ -159,8 +169,8 @@ def test_scattered_outliers_never_add_up() -> None:
     tracker = _noisy_track(lambda _: (2.0, 0.0), 10)
     for _ in range(5):
         for _ in range(4):
-            assert not tracker.update(3.5, 1.5, captured_s=0.9, confidence=1.0)
-        assert tracker.update(2.0, 0.0, captured_s=0.9, confidence=1.0)
+            assert not see(tracker, 3.5, 1.5, captured_s=0.9, confidence=1.0)
+        assert see(tracker, 2.0, 0.0, captured_s=0.9, confidence=1.0)
 
     fix = known(tracker.fix(detected=True))
     assert (fix.forward_m, fix.right_m) == pytest.approx((2.0, 0.0), abs=0.01)
@@ -171,7 +181,7 @@ def test_doubtful_detections_move_the_track_less() -> None:
 
     def shift(confidence: float) -> float:
         tracker = _noisy_track(lambda _: (1.0, 0.0), 5)
-        assert tracker.update(1.1, 0.0, captured_s=0.4, confidence=confidence)
+        assert see(tracker, 1.1, 0.0, captured_s=0.4, confidence=confidence)
         return known(tracker.fix(detected=True)).forward_m - 1.0
 
     assert 0.0 < shift(0.5) < 0.5 * shift(1.0)
@@ -181,22 +191,22 @@ def test_an_older_detection_does_not_age_the_fix() -> None:
     """Frames may come out of order; the fix keeps the newest capture time."""
     tracker = _noisy_track(lambda _: (2.0, 0.0), 10)
 
-    tracker.update(2.0, 0.0, captured_s=0.4, confidence=1.0)
+    see(tracker, 2.0, 0.0, captured_s=0.4, confidence=1.0)
 
     assert known(tracker.fix(detected=True)).captured_s == pytest.approx(0.9)
 
 
 def test_forgetting_keeps_the_odometry() -> None:
     """The track is gone; a detection made before the forgetting can still be placed right."""
-    tracker = HelipadTracker()
+    tracker = MarkTracker()
     for tick in range(11):
         tracker.predict(state(TICK_S * tick, forward_mps=0.5))
-    tracker.update(2.0, 0.0, captured_s=1.0, confidence=1.0)
+    see(tracker, 2.0, 0.0, captured_s=1.0, confidence=1.0)
 
     tracker.forget()
     assert tracker.fix(detected=False) is None
 
-    tracker.update(2.0, 0.0, captured_s=0.6, confidence=1.0)
+    see(tracker, 2.0, 0.0, captured_s=0.6, confidence=1.0)
     fix = known(tracker.fix(detected=True))
     assert fix.forward_m == pytest.approx(1.8)
     assert fix.captured_s == pytest.approx(0.6)
@@ -220,16 +230,66 @@ def test_refuses_what_is_no_detection(
     tracker = _noisy_track(lambda _: (2.0, 0.0), 3)
     before = tracker.fix(detected=True)
 
-    with pytest.raises(ValueRangeError, match="detection must be finite"):
-        tracker.update(forward_m, right_m, captured_s=captured_s, confidence=confidence)
+    with pytest.raises(ValueRangeError, match="must be finite"):
+        see(tracker, forward_m, right_m, captured_s=captured_s, confidence=confidence)
 
     assert tracker.fix(detected=True) == before
 
 
 def test_the_noise_model_is_configurable() -> None:
     """A wide gate accepts detections that the default rejects."""
-    tracker = HelipadTracker(HelipadTrackerConfig(gate=1e6))
+    tracker = MarkTracker(MarkTrackerConfig(gate=1e6))
     tracker.predict(state(0.0))
-    tracker.update(2.0, 0.0, captured_s=0.0, confidence=1.0)
+    see(tracker, 2.0, 0.0, captured_s=0.0, confidence=1.0)
 
-    assert tracker.update(3.5, 1.5, captured_s=0.0, confidence=1.0)
+    assert see(tracker, 3.5, 1.5, captured_s=0.0, confidence=1.0)
+
+
+# --- heading --------------------------------------------------------------------------------------
+
+
+def _seen_at(heading_deg: float | None) -> MarkSighting:
+    return MarkSighting(forward_m=2.0, right_m=0.0, height_m=0.0, heading_deg=heading_deg)
+
+
+def test_the_heading_turns_with_the_drone() -> None:
+    """Seen at 30 degrees, and then turned by 20 clockwise without a view: 50 degrees."""
+    tracker = MarkTracker()
+    tracker.predict(state(0.0))
+    tracker.update(_seen_at(30.0), captured_s=0.0)
+
+    tracker.predict(state(0.1, yaw_rad=math.radians(20.0)))
+
+    assert known(tracker.fix(detected=False)).heading_deg == pytest.approx(50.0)
+
+
+def test_a_mark_that_shows_no_heading_has_none() -> None:
+    tracker = MarkTracker()
+    tracker.predict(state(0.0))
+    tracker.update(_seen_at(None), captured_s=0.0)
+
+    assert known(tracker.fix(detected=True)).heading_deg is None
+
+
+def test_headings_average_across_the_half_turn() -> None:
+    """179 and -179 degrees are two degrees apart; their mean is 180, not 0."""
+    tracker = MarkTracker()
+    for index, heading_deg in enumerate((179.0, -179.0)):
+        tracker.predict(state(TICK_S * index))
+        tracker.update(_seen_at(heading_deg), captured_s=TICK_S * index)
+
+    heading_deg = known(tracker.fix(detected=True)).heading_deg
+    assert heading_deg is not None
+    assert abs(heading_deg) == pytest.approx(180.0, abs=0.1)
+
+
+def test_a_wrong_heading_is_an_outlier_until_it_stays() -> None:
+    tracker = MarkTracker()
+    headings: list[float | None] = []
+    for index in range(12):
+        tracker.predict(state(TICK_S * index))
+        tracker.update(_seen_at(0.0 if index < 5 else 90.0), captured_s=TICK_S * index)
+        headings.append(known(tracker.fix(detected=True)).heading_deg)
+
+    assert headings[5] == pytest.approx(0.0, abs=0.1)
+    assert headings[-1] == pytest.approx(90.0, abs=1.0)

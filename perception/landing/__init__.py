@@ -1,1 +1,0 @@
-"""The landing mark: detection and tracking."""

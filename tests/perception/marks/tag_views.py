@@ -1,0 +1,69 @@
+"""Views of a level picture at a known place, warped without a renderer."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.anafi import anafi_camera
+from uav_bt.types import Frame, LandingMark
+from uav_bt.types.projection import project
+
+CAMERA = anafi_camera(640, 360)
+_FINER = 3  # the view is warped larger and shrunk, which smooths it as a lens does
+
+
+def tag_mark(
+    *, kind: str = "apriltag", height_m: float = 0.2, options: dict[str, Any] | None = None
+) -> LandingMark:
+    """Return a mark of half a metre with tag 7 of 0.36 m."""
+    tag = {"id": 7, "size_m": 0.36} if options is None else options
+    return LandingMark(kind=kind, length_m=0.5, width_m=0.5, height_m=height_m, options=tag)
+
+
+def view_of(
+    picture: NDArray[np.uint8],
+    mark: LandingMark,
+    *,
+    forward_m: float,
+    right_m: float = 0.0,
+    heading_deg: float = 0.0,
+    pitch_deg: float = -45.0,
+    camera_m: float = 1.5,
+) -> Frame:
+    """Return a frame that shows a mark's picture.
+
+    Args:
+        picture: The top of the mark, its upper edge first.
+        mark: Size and height.
+        forward_m: Distance of its middle ahead of the lens.
+        right_m: Distance to the right.
+        heading_deg: Heading of the camera relative to the mark, clockwise.
+        pitch_deg: Pitch of the gimbal.
+        camera_m: Height of the lens above the ground.
+    """
+    up_rad = math.radians(-heading_deg)
+    up = np.array([math.cos(up_rad), math.sin(up_rad), 0.0]) * mark.width_m / 2.0
+    right = np.array([-math.sin(up_rad), math.cos(up_rad), 0.0]) * mark.length_m / 2.0
+    middle = np.array([forward_m, right_m, camera_m - mark.height_m])
+    corners = np.array([middle - right + up, middle + right + up, middle + right - up])
+    corners = np.vstack([corners, middle - right - up])
+    pixels = project(corners, CAMERA, math.radians(pitch_deg))
+    width, height = picture.shape[1] - 0.5, picture.shape[0] - 0.5
+    edges = np.array([(-0.5, -0.5), (width, -0.5), (width, height), (-0.5, height)], np.float32)
+    finer = (pixels + 0.5) * _FINER - 0.5
+    warp = cv2.getPerspectiveTransform(edges, finer.astype(np.float32))
+    size = (CAMERA.width_px * _FINER, CAMERA.height_px * _FINER)
+    large = cv2.warpPerspective(picture, warp, size, borderValue=(110, 120, 110))
+    image = cv2.resize(large, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_AREA)
+    return Frame(
+        image=np.asarray(image, dtype=np.uint8),
+        index=0,
+        captured_s=0.0,
+        gimbal_pitch_rad=math.radians(pitch_deg),
+        height_above_carpet_m=camera_m,
+    )

@@ -1,0 +1,119 @@
+"""A region of one class as landing mark: its place at any height, and regions that are refused."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from perception.marks.region import RegionFinder
+from tests.paper_lab import paper_map
+from tests.perception.marks.tag_views import CAMERA
+from uav_bt.errors import InputError
+from uav_bt.lab.shipped import load_lab
+from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.types import ClassMap, Frame, LandingMark
+from uav_bt.types.projection import project
+
+SIZE_PX = (224, 112)
+CLASSES = load_lab().classes
+TOP = CLASSES.id_of("helipad_h")
+CAMERA_M = 1.5
+
+
+def mark(height_m: float = 0.2, **options: object) -> LandingMark:
+    return LandingMark(kind="region", length_m=0.5, width_m=0.5, height_m=height_m, options=options)
+
+
+def drawn(height_m: float, forward_m: float, pitch_deg: float, side_m: float = 0.5) -> ClassMap:
+    """Return the class map of a square mark ahead of the lens."""
+    half_m = side_m / 2.0
+    square = [(-half_m, -half_m), (half_m, -half_m), (half_m, half_m), (-half_m, half_m)]
+    corners = [(forward_m + x, y, CAMERA_M - height_m) for x, y in square]
+    pixels = project(corners, CAMERA.resized(*SIZE_PX), math.radians(pitch_deg))
+    ids: NDArray[np.uint8] = np.full(SIZE_PX[::-1], CLASSES.ground, dtype=np.uint8)
+    cv2.fillPoly(ids, [np.round(pixels * 16).astype(np.int32)], TOP, shift=4)
+    return paper_map(ids=ids, captured_s=0.0)
+
+
+def seen(
+    class_map: ClassMap | None, pitch_deg: float, *, of: LandingMark, camera_m: float = CAMERA_M
+) -> MarkSighting | None:
+    frame = Frame(
+        image=np.zeros((4, 8, 3), np.uint8),
+        index=0,
+        captured_s=0.0,
+        gimbal_pitch_rad=math.radians(pitch_deg),
+        height_above_carpet_m=camera_m,
+    )
+    return RegionFinder(of).find(MarkView(frame=frame, camera=CAMERA, class_map=class_map))
+
+
+@pytest.mark.parametrize("height_m", [0.0, 0.3, 0.6])
+@pytest.mark.parametrize(
+    ("forward_m", "pitch_deg"), [(0.0, -90.0), (1.0, -50.0), (2.0, -35.0), (3.5, -25.0)]
+)
+def test_the_place_is_right_at_any_height(
+    height_m: float, forward_m: float, pitch_deg: float
+) -> None:
+    found = seen(drawn(height_m, forward_m, pitch_deg), pitch_deg, of=mark(height_m))
+
+    assert found is not None
+    assert found.forward_m - CAMERA.forward_offset_m == pytest.approx(forward_m, abs=0.03)
+    assert found.right_m == pytest.approx(0.0, abs=0.02)
+    assert (found.height_m, found.heading_deg) == (height_m, None)
+    assert found.confidence > 0.8
+
+
+def test_a_cut_or_partial_region_is_trusted_less() -> None:
+    whole, cut, part = (
+        seen(class_map, -90.0, of=mark())
+        for class_map in (
+            drawn(0.2, 0.0, -90.0),
+            drawn(0.2, 0.45, -90.0),
+            drawn(0.2, 0.0, -90.0, side_m=0.35),
+        )
+    )
+    assert whole is not None
+    assert cut is not None
+    assert part is not None
+    assert whole.confidence > 0.9
+    assert cut.confidence < 0.5
+    assert part.confidence == pytest.approx(0.5, abs=0.05)
+
+
+def test_specks_and_empty_views_are_no_mark() -> None:
+    assert seen(drawn(0.2, 1.0, -45.0, side_m=0.1), -45.0, of=mark()) is None
+    assert (
+        seen(paper_map(ids=np.zeros((112, 224), np.uint8), captured_s=0.0), -45.0, of=mark())
+        is None
+    )
+    assert seen(None, -45.0, of=mark()) is None
+
+
+@pytest.mark.parametrize("camera_m", [math.nan, 0.1])
+def test_without_a_height_above_the_mark_it_has_no_place(camera_m: float) -> None:
+    assert seen(drawn(0.2, 1.0, -45.0), -45.0, of=mark(), camera_m=camera_m) is None
+
+
+def test_the_class_is_one_of_the_lab_with_the_role_mark() -> None:
+    view = drawn(0.2, 1.0, -45.0)
+
+    assert view.classes.names == CLASSES.names
+    named = LandingMark(
+        kind="region", length_m=0.5, width_m=0.5, height_m=0.2, options={"class": "helipad_h"}
+    )
+    assert seen(view, -45.0, of=named) is not None
+    wrong = LandingMark(
+        kind="region", length_m=0.5, width_m=0.5, height_m=0.2, options={"class": "helipad"}
+    )
+    with pytest.raises(InputError, match="unknown class with the role mark 'helipad'"):
+        seen(view, -45.0, of=wrong)
+
+
+def test_unknown_options_are_refused() -> None:
+    with pytest.raises(InputError, match="no option 'size_m'"):
+        RegionFinder(mark(size_m=0.3))

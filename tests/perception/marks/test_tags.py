@@ -1,0 +1,144 @@
+"""Tags: place, heading and confidence from one image; options that are refused."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from perception.marks.tags import AprilTagFinder, ArucoFinder, TagFinder
+from tests.perception.marks.tag_views import CAMERA, tag_mark, view_of
+from uav_bt.errors import InputError
+from uav_bt.landing_marks import MarkSighting, MarkView
+from uav_bt.types import LandingMark
+
+OFFSET_M = CAMERA.forward_offset_m
+BOARD = {
+    "family": "36h11",
+    "tags": [
+        {"id": 3, "size_m": 0.18, "at_m": [-0.12, 0.12]},
+        {"id": 4, "size_m": 0.18, "at_m": [0.12, 0.12]},
+        {"id": 5, "size_m": 0.18, "at_m": [0.12, -0.12]},
+    ],
+}
+
+
+def seen(finder: TagFinder, mark: LandingMark, **place: float) -> MarkSighting | None:
+    frame = view_of(finder.picture(), mark, **place)
+    return finder.find(MarkView(frame=frame, camera=CAMERA))
+
+
+@pytest.mark.parametrize("finder", [AprilTagFinder, ArucoFinder])
+@pytest.mark.parametrize("height_m", [0.0, 0.4, 0.6])
+@pytest.mark.parametrize(
+    ("forward_m", "pitch_deg", "within_m"),
+    [(0.05, -90.0, 0.01), (1.2, -45.0, 0.01), (2.5, -28.0, 0.06)],
+)
+def test_place_and_heading(
+    finder: type[TagFinder], height_m: float, forward_m: float, pitch_deg: float, within_m: float
+) -> None:
+    mark = tag_mark(kind="tag", height_m=height_m)
+    found = seen(
+        finder(mark),
+        mark,
+        forward_m=forward_m,
+        right_m=-0.1,
+        heading_deg=35.0,
+        pitch_deg=pitch_deg,
+    )
+
+    assert found is not None
+    place = (found.forward_m - OFFSET_M, found.right_m, found.height_m)
+    assert place == pytest.approx((forward_m, -0.1, height_m), abs=within_m)
+    assert found.heading_deg == pytest.approx(35.0, abs=1.0)
+    assert found.confidence > 0.8
+
+
+@pytest.mark.parametrize("heading_deg", [-170.0, -90.0, 0.0, 45.0, 180.0])
+def test_the_heading_counts_clockwise_from_the_upper_edge(heading_deg: float) -> None:
+    mark = tag_mark()
+    found = seen(AprilTagFinder(mark), mark, forward_m=1.0, heading_deg=heading_deg)
+
+    assert found is not None
+    assert found.heading_deg is not None
+    assert math.remainder(found.heading_deg - heading_deg, 360.0) == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_board_is_one_mark_even_if_a_tag_is_hidden() -> None:
+    """The middle is that of the mark, whichever tags are seen."""
+    mark = tag_mark(options=BOARD)
+    finder = AprilTagFinder(mark)
+    picture = finder.picture()
+    picture[: picture.shape[0] // 2, : picture.shape[1] // 2] = 255  # tag 3
+    for shown in (finder.picture(), picture):
+        frame = view_of(shown, mark, forward_m=1.0, right_m=0.2, heading_deg=-20.0)
+        found = finder.find(MarkView(frame=frame, camera=CAMERA))
+
+        assert found is not None
+        place = (found.forward_m - OFFSET_M, found.right_m)
+        assert place == pytest.approx((1.0, 0.2), abs=0.01)
+        assert found.heading_deg == pytest.approx(-20.0, abs=1.0)
+
+
+def test_other_tags_are_not_the_mark() -> None:
+    mark = tag_mark()
+    other = replace(mark, options={"id": 8, "size_m": 0.36})
+    frame = view_of(AprilTagFinder(other).picture(), mark, forward_m=1.0)
+
+    assert AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA)) is None
+    assert AprilTagFinder(other).find(MarkView(frame=frame, camera=CAMERA)) is not None
+
+
+def test_an_empty_view_shows_none() -> None:
+    mark = tag_mark()
+    frame = view_of(np.full((64, 64, 3), 255, np.uint8), mark, forward_m=1.0)
+
+    assert AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA)) is None
+
+
+def test_a_tag_of_another_size_than_stated_is_hardly_trusted() -> None:
+    """The lab says 0.36 m, and the tag that lies there has 0.2 m: it looks farther away."""
+    small = tag_mark(options={"id": 7, "size_m": 0.2})
+    picture = AprilTagFinder(small).picture()
+    frame = view_of(picture, small, forward_m=0.0, pitch_deg=-90.0)
+    right, wrong = (
+        AprilTagFinder(mark).find(MarkView(frame=frame, camera=CAMERA))
+        for mark in (small, tag_mark())
+    )
+
+    assert right is not None
+    assert wrong is not None
+    assert right.confidence == 1.0
+    assert wrong.confidence < 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"id": 7, "size_m": 0.3, "familly": "36h11"},
+            "no option 'familly'; did you mean 'family'",
+        ),
+        ({"id": 7, "size_m": 0.3, "family": "36h12"}, "unknown family of landing mark 'apriltag'"),
+        ({"id": 7}, "needs the option size_m"),
+        ({"size_m": 0.3}, "needs the option id"),
+        ({"id": 587, "size_m": 0.3}, "family 36h11 has the tags 0 to 586, got id 587"),
+        ({"id": 1.5, "size_m": 0.3}, "option id: expected a whole number from 0, got 1.5"),
+        (
+            {"id": 7, "size_m": -0.3},
+            "option size_m: expected a positive number of metres, got -0.3",
+        ),
+        ({"id": 7, "size_m": 0.45}, "does not fit on a top of 0.5 x 0.5 m"),
+        ({"tags": []}, "option tags: expected a list of tags, got"),
+        ({"id": 7, "size_m": 0.3, "tags": BOARD["tags"]}, "give one tag by id and size_m, or"),
+        ({"tags": [{"id": 7, "size_m": 0.1, "at": [0, 0]}]}, "has no option 'at'"),
+        ({"tags": [{"id": 7, "size_m": 0.1, "at_m": [0.3, 0]}]}, "tag 7 of 0.1 m at .0.3, 0.0."),
+        ({"tags": [{"id": 7, "size_m": 0.1}, {"id": 7, "size_m": 0.1}]}, "tag 7 is listed twice"),
+    ],
+)
+def test_wrong_options_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        AprilTagFinder(tag_mark(options=options))

@@ -1,0 +1,100 @@
+"""Landing marks as plug-ins: the interface of a finder, its input and its result.
+
+A kind of landing mark is a class that is registered in the group `uav_bt.landing_marks`. It is made
+with a `LandingMark`, whose options it checks, and it finds that mark in one view at a time:
+
+    class Beacon:
+        uses_images, shows_heading = True, False
+
+        def __init__(self, mark: LandingMark) -> None: ...
+        def find(self, view: MarkView) -> MarkSighting | None: ...
+        def picture(self) -> NDArray[np.uint8] | None: ...
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types.camera import CameraModel, ClassMap, Frame
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkView:
+    """Input of a finder: one frame, its camera and its class map.
+
+    Attributes:
+        frame: Undistorted image, gimbal pitch, and height of the camera above the ground at its
+            capture.
+        camera: Intrinsics at any size with the image's aspect ratio.
+        class_map: Class map of the frame; None without one.
+    """
+
+    frame: Frame
+    camera: CameraModel
+    class_map: ClassMap | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkSighting:
+    """A landing mark in one frame, from the body's centre in the heading-aligned level plane.
+
+    Attributes:
+        forward_m: Distance ahead.
+        right_m: Distance to the right.
+        height_m: Height of the mark's top above the ground.
+        confidence: 0 to 1.
+        heading_deg: Heading of the drone relative to the mark, clockwise, -180 to 180; 0 if the
+            drone looks towards the mark's upper edge. None if the mark does not show it.
+
+    Raises:
+        ValueRangeError: A number is not finite, or out of its range.
+    """
+
+    forward_m: float
+    right_m: float
+    height_m: float
+    confidence: float = 1.0
+    heading_deg: float | None = None
+
+    def __post_init__(self) -> None:
+        values = (self.forward_m, self.right_m, self.height_m, self.heading_deg or 0.0)
+        if not all(map(math.isfinite, values)) or not 0.0 <= self.confidence <= 1.0:
+            raise ValueRangeError(
+                "a sighting of a landing mark must be finite and its confidence within 0 and 1, "
+                f"got {self}"
+            )
+
+    @property
+    def range_m(self) -> float:
+        """Horizontal distance from the body's centre to the mark's centre."""
+        return math.hypot(self.forward_m, self.right_m)
+
+
+@runtime_checkable
+class MarkFinder(Protocol):
+    """Finder of one landing mark, registered in `uav_bt.landing_marks` by its class.
+
+    Attributes:
+        uses_images: Whether `find` needs the image of a frame; otherwise the class map is enough.
+        shows_heading: Whether sightings have a heading.
+    """
+
+    uses_images: bool
+    shows_heading: bool
+
+    def find(self, view: MarkView) -> MarkSighting | None:
+        """Return the mark in a view; None if it is not there."""
+        ...
+
+    def picture(self) -> NDArray[np.uint8] | None:
+        """Return the image of the mark's whole top, (H, W, 3) RGB, for a simulator.
+
+        The image's upper edge is the mark's. None if the simulator draws the mark by itself.
+        """
+        ...
