@@ -121,8 +121,8 @@ DEFECTS: Final = (
     Defect(
         name="land-steps-back",
         file="behaviours/fly/land.py",
-        sound="self.start_move(forward_m=camera.forward_offset_m)",
-        planted="self.start_move(forward_m=-camera.forward_offset_m)",
+        sound="self.start_move(forward_m=forward_m, right_m=right_m)",
+        planted="self.start_move(forward_m=-forward_m, right_m=right_m)",
         wrong="The step from the camera's place to the body's place above the mark goes backward.",
     ),
     Defect(

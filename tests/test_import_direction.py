@@ -30,6 +30,7 @@ FLOOR_ONE = {
         "inputs",
         "json_text",
         "lab",
+        "landing_marks",
         "plugins",
         "progress",
         "protocols",

@@ -70,7 +70,7 @@ class ClearanceMap:
         recent: Obstacles that are not on the map.
         margins: The distances that routes keep.
         over: Landing mark that routes may lead over, (x, y) metres in the map's frame. Ground
-            within `margins.over_m` of it counts as seen and free.
+            within `margins.over_mark_m` of it counts as seen and free.
         distances: Distances on this map with these obstacles; default: computed here.
     """
 
@@ -86,7 +86,7 @@ class ClearanceMap:
         distances = distances or Distances(site_map, recent)
         self.margins = margins = (margins or Margins()).by(site_map.residual_m)
         self.map = site_map
-        self._free = site_map.free | self._around(over, margins.over_m)
+        self._free = site_map.free | self._around(over, margins.over_mark_m)
         self._doubted: Flags | None = None  # cells that may hold an obstacle; None: none
         if margins.cross_unknown:
             beside = self._around(over, margins.cross_m) if over is not None else True

@@ -7,7 +7,7 @@ numbers were chosen in flights on the training scenes unless their line says oth
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class Margins:
         pad_m: `touch_m` of the last metres before the pad.
         pad_edge_m: `edge_m` of the last metres before the pad.
         over_m: Radius around the landing mark that counts as seen, free ground when routes may lead
-            over it: half of the pad's diagonal, and a cell.
+            over it. None: half of the diagonal of the default lab's mark, and a cell.
     """
 
     touch_m: float = Clearances.obstacle_m
@@ -96,7 +96,7 @@ class Margins:
     unknown_times: float = 3.0
     pad_m: float = 0.38
     pad_edge_m: float = 0.2
-    over_m: float = field(default_factory=lambda: default_mark().radius_m + 0.1)
+    over_m: float | None = None
 
     def __post_init__(self) -> None:
         speeds_mps = (self.away_mps, self.slow_mps, self.fast_mps)
@@ -112,9 +112,7 @@ class Margins:
             place: Distances that the place requires.
             mark: Landing mark of the place; default: that of the default lab.
         """
-        usual = default_mark()
-        mark = mark or usual
-        if place == Clearances() and mark == usual:
+        if place == Clearances() and mark is None:
             return self
         wider_m = place.obstacle_m - Clearances.obstacle_m
         return replace(
@@ -129,8 +127,13 @@ class Margins:
             unknown_m=self.unknown_m + (place.unknown_m - Clearances.unknown_m),
             lane_m=self.lane_m + (place.lane_m - Clearances.lane_m),
             edge_m=self.edge_m + (place.edge_m - Clearances.edge_m),
-            over_m=self.over_m + (mark.radius_m - usual.radius_m),
+            over_m=self.over_m if mark is None else _over_m(mark),
         )
+
+    @property
+    def over_mark_m(self) -> float:
+        """The radius `over_m`, also where it is the default one."""
+        return _over_m(default_mark()) if self.over_m is None else self.over_m
 
     def by(self, residual_m: float) -> Margins:
         """Return the margins widened for a map that the views do not fit exactly.
@@ -188,3 +191,8 @@ class Margins:
         """Return the speed at each clearance, metres."""
         at_m = min(self.min_start_m, self.touch_m - self.start_slack_m), self.touch_m, self.wide_m
         return np.interp(clear_m, at_m, (self.away_mps, self.slow_mps, self.fast_mps))
+
+
+def _over_m(mark: LandingMark) -> float:
+    """Return half of the diagonal of a mark, and a cell of the map."""
+    return mark.radius_m + 0.1

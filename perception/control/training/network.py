@@ -33,7 +33,7 @@ class ControlNet(nn.Module):
                 width_px=config.width_px,
                 height_px=config.height_px,
                 channels=config.channels,
-                outputs=1,  # the decoder is not used
+                outputs=17,  # unused, but the draws of the initial weights depend on it
             )
         )
         self.down = whole.down

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.paper_lab import paper_map
 from tests.uav_bt.app.view.recorded_world import Seen
 from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader
-from uav_bt.types import Frame, NearObstacles
+from uav_bt.types import ClassMap, Frame, NearObstacles
 
 
 @pytest.fixture
@@ -25,7 +24,7 @@ def plain(value: Any) -> Any:
     match value:
         case Frame():
             return (value.index, value.captured_s, value.image.tobytes())
-        case paper_map():
+        case ClassMap():
             return (value.captured_s, value.ids.tobytes())
         case NearObstacles():
             return (value.captured_s, value.points_m.tolist(), value.unplaced_rad.tolist())
