@@ -1,9 +1,9 @@
 """Measure GoTo: how near to random places it comes, how fast, and how far from obstacles.
 
-    python benchmarks/go_to.py --drone plain --scenes val-a,val-b --flights 4 --out runs/go-to
-    python benchmarks/go_to.py --exact-masks --image-size 320x180 --out runs/go-to-exact
-    python benchmarks/go_to.py --scenes test-a,test-b --movers 1 --out runs/go-to-movers
-    python benchmarks/go_to.py --places 1 --faults "pilot@go to+1~3" --out runs/go-to-pilot
+    python -m benchmarks.go_to --drone plain --scenes val-a,val-b --flights 4 --out runs/go-to
+    python -m benchmarks.go_to --exact-masks --image-size 320x180 --out runs/go-to-exact
+    python -m benchmarks.go_to --scenes test-a,test-b --movers 1 --out runs/go-to-movers
+    python -m benchmarks.go_to --places 1 --faults "pilot@go to+1~3" --out runs/go-to-pilot
 
 Each flight visits some places that are 0.5 m and more from obstacles, movers' paths and edges. The
 distances to them are those of the truth. A flight is a line of DIR/flights.jsonl, and those that
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.mission_text import in_flight
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt import app
@@ -111,22 +112,7 @@ def mission_of(places: list[tuple[float, float]], take_off: Pose2D) -> str:
           </Sequence>
           <HoverFor name="missed_{index}" seconds="0.5"/>
         </Fallback>""")
-    return f"""
-<root BTCPP_format="4">
-  <BehaviorTree ID="Mission">
-    <ReactiveSequence>
-      <SubTree ID="Perceive"/>
-      <Fallback>
-        <Sequence>
-          <TakeOff height_m="1.5" gimbal_deg="-42"/>
-          {"".join(visits)}
-          <SubTree ID="ComeHome"/>
-        </Sequence>
-        <EmergencyLand/>
-      </Fallback>
-    </ReactiveSequence>
-  </BehaviorTree>
-</root>"""
+    return in_flight("".join(visits) + '<SubTree ID="ComeHome"/>', gimbal_deg=-42)
 
 
 def main() -> None:

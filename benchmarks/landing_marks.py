@@ -1,8 +1,8 @@
 """Measure landing marks: errors of tags by distance and tilt, and errors of landings by kind.
 
-    python benchmarks/landing_marks.py views --views 12
-    python benchmarks/landing_marks.py flights --flights 4 --out runs/landing-marks
-    python benchmarks/landing_marks.py flights --drone plain --flights 24 --out runs/marks-plain
+    python -m benchmarks.landing_marks views --views 12
+    python -m benchmarks.landing_marks flights --flights 4 --out runs/landing-marks
+    python -m benchmarks.landing_marks flights --drone plain --flights 24 --out runs/marks-plain
 
 `views` renders tags through the twin's camera, with its noise. `flights` takes off at random places
 2 m and more from the mark, flies to it on exact masks and lands; tags are landed on with heading 0.
@@ -21,10 +21,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks.mission_text import in_flight
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.profile import Profile
-from sim_bridge.twin.scene import Helipad, Scene, TakeOffSpec
+from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import scene_text
 from sim_bridge.twin.views import render_views
 from uav_bt import app
@@ -202,24 +204,9 @@ class LastPose:
 def mission_text(mark: LandingMark) -> str:
     """Return the text of a tree that flies to the mark and lands, on a tag with heading 0."""
     heading = ' heading_deg="0"' if make_mark_finder(mark).shows_heading else ""
-    return f"""
-<root BTCPP_format="4">
-  <BehaviorTree ID="Mission">
-    <ReactiveSequence>
-      <SubTree ID="Perceive"/>
-      <Fallback>
-        <Sequence>
-          <TakeOff height_m="1.5" gimbal_deg="-30"/>
-          <RetryUntilSuccessful num_attempts="5">
-            <Sequence><ReturnToBase/><HelipadCenter{heading}/></Sequence>
-          </RetryUntilSuccessful>
-          <Land/>
-        </Sequence>
-        <EmergencyLand/>
-      </Fallback>
-    </ReactiveSequence>
-  </BehaviorTree>
-</root>"""
+    attempt = f"<Sequence><ReturnToBase/><HelipadCenter{heading}/></Sequence>"
+    work = f'<RetryUntilSuccessful num_attempts="5">{attempt}</RetryUntilSuccessful><Land/>'
+    return in_flight(work, gimbal_deg=-30)
 
 
 def scene_of(mark: LandingMark, seed: int) -> Scene:

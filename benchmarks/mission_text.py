@@ -1,6 +1,30 @@
-"""The mission that ablations vary: explore for a time, come home, land."""
+"""Texts of the missions that benchmarks fly."""
 
 from __future__ import annotations
+
+
+def in_flight(work: str, *, gimbal_deg: int) -> str:
+    """Return the text of a tree that takes off and works; it lands at once if that fails.
+
+    Args:
+        work: Nodes after the take-off, the landing included.
+        gimbal_deg: Pitch of the camera from the take-off on.
+    """
+    return f"""
+<root BTCPP_format="4">
+  <BehaviorTree ID="Mission">
+    <ReactiveSequence>
+      <SubTree ID="Perceive"/>
+      <Fallback>
+        <Sequence>
+          <TakeOff height_m="1.5" gimbal_deg="{gimbal_deg}"/>
+          {work}
+        </Sequence>
+        <EmergencyLand/>
+      </Fallback>
+    </ReactiveSequence>
+  </BehaviorTree>
+</root>"""
 
 
 def cover_or_turn(policy: str = "coverage", *, by_map: bool = True) -> str:

@@ -17,9 +17,10 @@ import numpy as np
 
 from sim_bridge.loopback.world import WorldLimits, WorldState
 from sim_bridge.twin.gl import load_mujoco
+from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace
-from sim_bridge.twin.scene import ROOM_SIZE_M, Helipad, Scene, TakeOffSpec
+from sim_bridge.twin.scene import ROOM_SIZE_M, Scene, TakeOffSpec
 from sim_bridge.twin.variation import start_pose
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Clock

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.movers import MoverSpec
-from sim_bridge.twin.scene import BoxSpec, Scene
+from sim_bridge.twin.objects import BoxSpec
+from sim_bridge.twin.scene import Scene
 from uav_bt.compiled import compiled
 from uav_bt.lab.roles import OUTSIDE
 from uav_bt.types import CameraModel, MoverState

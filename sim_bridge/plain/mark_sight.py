@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import Helipad
+from sim_bridge.twin.objects import Helipad
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import camera_axes, project
@@ -28,14 +28,14 @@ class MarkErrors:
         range_share: Standard deviation of the range, as a share of it.
         bearing_rad: Standard deviation of the bearing.
         heading_deg: Standard deviation of the heading, at `sure_px` and above.
-        least_px: Least side of a tag in the video that is found, pixels of 640x360.
+        min_px: Least side of a tag in the video that is found, pixels of 640x360.
         sure_px: Least side of full confidence; smaller ones have proportionally larger errors.
     """
 
     range_share: float = 0.01
     bearing_rad: float = 0.001
     heading_deg: float = 0.3
-    least_px: float = 10.0
+    min_px: float = 10.0
     sure_px: float = 16.0
 
 
@@ -56,7 +56,7 @@ def see_mark(
     if not inside.all():  # NaN, behind the lens, is outside
         return None
     side_px = float(np.linalg.norm(pixels - np.roll(pixels, 1, axis=0), axis=1).min())
-    if side_px < errors.least_px:
+    if side_px < errors.min_px:
         return None
     confidence = min(1.0, side_px / errors.sure_px)
     stretch, aside_rad, turn_deg = generator.normal(

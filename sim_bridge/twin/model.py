@@ -19,16 +19,8 @@ from numpy.typing import NDArray
 from sim_bridge.anafi import ANAFI_AIRFRAME
 from sim_bridge.twin import textures
 from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
-from sim_bridge.twin.scene import (
-    MAT_M,
-    BoxSpec,
-    Helipad,
-    Lighting,
-    Scene,
-    Vector2,
-    Vector3,
-    box_names,
-)
+from sim_bridge.twin.objects import MAT_M, BoxSpec, Helipad, Vector2, Vector3, box_names
+from sim_bridge.twin.scene import Lighting, Scene
 from sim_bridge.twin.solids import Solid, stacked, yaw_quaternion
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.roles import OUTSIDE

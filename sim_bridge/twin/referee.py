@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.movers import mover_names
-from sim_bridge.twin.scene import Scene, box_names
+from sim_bridge.twin.objects import box_names
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.simulation import Capture, Simulation
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Frame, Pose, Truth

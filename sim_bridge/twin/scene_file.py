@@ -11,14 +11,12 @@ import yaml
 from pydantic import Field, TypeAdapter
 
 from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.objects import BoxSpec, Helipad, Vector2
 from sim_bridge.twin.scene import (
-    BoxSpec,
     GroundSpec,
-    Helipad,
     Lighting,
     Scene,
     TakeOffSpec,
-    Vector2,
     layout_problem,
     traffic_problem,
 )

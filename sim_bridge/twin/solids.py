@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.twin.scene import Vector3
+from sim_bridge.twin.objects import Vector3
 
 _ROUND_FACES = 32  # faces of a cylinder: an error of half a percent of its radius
 _PAPER_M = 0.001  # thickness of a roof, a sheet at the top of its box

@@ -18,7 +18,7 @@ from uav_bt.app.flying_process import collections_postponed
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.option_values import is_drone_config, refuse_incomplete, refuse_unusable
 from uav_bt.app.options import FlightOptions, given_options
-from uav_bt.app.place_of_flight import limits_of, mark_of, site_of
+from uav_bt.app.place_of_flight import classes_of, limits_of, mark_of, site_of
 from uav_bt.app.random_faults import with_faults
 from uav_bt.app.rehearsed_drone import RehearsedDrone
 from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_pose
@@ -29,8 +29,6 @@ from uav_bt.board.context import MissionContext
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
-from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.limits import Limits
@@ -89,7 +87,7 @@ class Flight(Generic[DroneT]):
         self._make_runner = make_runner
         self.outputs = outputs
         self._clock = TickClock(drone.clock)
-        self.mark = mark_of(options, drone)
+        self.mark, self.classes = mark_of(options, drone), classes_of(drone)
         plugins.make_mark_finder(self.mark)  # refuses wrong options before the flight
         self.rules = rules_of(mission)
         self.judge_config = judge_of(options.judge, self.rules, rehearse=options.rehearse)
@@ -130,12 +128,6 @@ class Flight(Generic[DroneT]):
             area=self.area,
             outputs=self.outputs,
         )
-
-    @property
-    def classes(self) -> LabClasses:
-        """The classes of the scene's lab; on a real drone those of the default lab."""
-        scene = self.drone.scene
-        return load_lab().classes if scene is None else scene.classes
 
     def _policy(self, name: str) -> LeafPolicy:
         given = self.options.policy_objects.get(name)

@@ -1,11 +1,12 @@
-"""Limits and landing mark of a flight, from its options, its site and its scene."""
+"""Limits, landing mark and classes of a flight, from its options, its site and its scene."""
 
 from __future__ import annotations
 
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import Site
 from uav_bt.errors import InputError
-from uav_bt.lab.shipped import default_mark
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.mission.limits import Limits
 from uav_bt.protocols import Drone
 from uav_bt.types import LandingMark
@@ -20,6 +21,11 @@ def limits_of(options: FlightOptions) -> Limits:
     """Return the limits of all commands. A site's limits replace the options'."""
     site = site_of(options)
     return options.limits if site is None else site.limits
+
+
+def classes_of(drone: Drone) -> LabClasses:
+    """Return the classes of the scene's lab; on a real drone those of the default lab."""
+    return load_lab().classes if drone.scene is None else drone.scene.classes
 
 
 def mark_of(options: FlightOptions, drone: Drone) -> LandingMark:

@@ -11,7 +11,8 @@ import pytest
 from perception.depth.metric import MetricDepthMaker, remembered_bases
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import View, render_views
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_H, paper_map
 from uav_bt.errors import UnknownNameError

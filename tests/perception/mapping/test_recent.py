@@ -14,7 +14,8 @@ from perception.mapping.recent import RecentLayer, RecentLayerConfig
 from perception.mapping.view import View, ViewConfig
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, paper_map
 from uav_bt.errors import ShapeError

@@ -16,7 +16,8 @@ from perception.mapping.site_mapper import SiteMapper, SiteMapperConfig
 from perception.mapping.view import View
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET, CLASSES, paper_map
 from uav_bt.types import BodyVelocity, ClassMap, Frame, HelipadFix, Pose2D

@@ -11,13 +11,15 @@ import pytest
 from perception.marks.helipad import HelipadFinder
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import Helipad, Scene
+from sim_bridge.twin.objects import Helipad
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
+from tests.perception.marks.class_views import view_of_classes
 from uav_bt.errors import InputError
 from uav_bt.lab.shipped import default_mark
-from uav_bt.landing_marks import MarkSighting, MarkView
-from uav_bt.types import Frame, LandingMark
+from uav_bt.landing_marks import MarkSighting
+from uav_bt.types import LandingMark
 
 SIZE_PX = (224, 112)
 CAMERA = anafi_camera(640, 360)
@@ -28,16 +30,8 @@ def found(
     ids: np.ndarray, pitch_deg: float, height_m: float, mark: LandingMark | None = None
 ) -> MarkSighting | None:
     """Return what one class map shows, the camera so high above the carpet."""
-    frame = Frame(
-        image=np.zeros((4, 8, 3), np.uint8),
-        index=0,
-        captured_s=0.0,
-        gimbal_pitch_rad=math.radians(pitch_deg),
-        height_above_carpet_m=height_m,
-    )
-    return HelipadFinder(mark or default_mark()).find(
-        MarkView(frame=frame, camera=CAMERA, class_map=paper_map(ids))
-    )
+    seen = view_of_classes(paper_map(ids), CAMERA, pitch_deg=pitch_deg, height_m=height_m)
+    return HelipadFinder(mark or default_mark()).find(seen)
 
 
 def view(range_m: float, pitch_deg: float, height_m: float) -> MarkSighting | None:

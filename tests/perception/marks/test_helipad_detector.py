@@ -17,7 +17,8 @@ from perception.marks.helipad_detector import (
 )
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import Helipad, Scene
+from sim_bridge.twin.objects import Helipad
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
 from uav_bt.types import CameraModel

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from perception.marks.region import RegionFinder
 from tests.paper_lab import paper_map
+from tests.perception.marks.class_views import view_of_classes
 from tests.perception.marks.tag_views import CAMERA
 from uav_bt.errors import InputError
 from uav_bt.lab.shipped import load_lab
-from uav_bt.landing_marks import MarkSighting, MarkView
-from uav_bt.types import ClassMap, Frame, LandingMark
+from uav_bt.landing_marks import MarkSighting
+from uav_bt.types import ClassMap, LandingMark
 from uav_bt.types.projection import project
 
 SIZE_PX = (224, 112)
@@ -42,14 +43,8 @@ def drawn(height_m: float, forward_m: float, pitch_deg: float, side_m: float = 0
 def seen(
     class_map: ClassMap | None, pitch_deg: float, *, of: LandingMark, camera_m: float = CAMERA_M
 ) -> MarkSighting | None:
-    frame = Frame(
-        image=np.zeros((4, 8, 3), np.uint8),
-        index=0,
-        captured_s=0.0,
-        gimbal_pitch_rad=math.radians(pitch_deg),
-        height_above_carpet_m=camera_m,
-    )
-    return RegionFinder(of).find(MarkView(frame=frame, camera=CAMERA, class_map=class_map))
+    view = view_of_classes(class_map, CAMERA, pitch_deg=pitch_deg, height_m=camera_m)
+    return RegionFinder(of).find(view)
 
 
 @pytest.mark.parametrize("height_m", [0.0, 0.3, 0.6])

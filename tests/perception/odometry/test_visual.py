@@ -18,8 +18,9 @@ from perception.odometry.visual import (
 )
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.profile import Profile
-from sim_bridge.twin.scene import Helipad, Scene
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET, paper_map
 from uav_bt.types import (

@@ -11,7 +11,8 @@ from sim_bridge.anafi import CAMERA_FORWARD_M
 from sim_bridge.plain.caster import Caster
 from sim_bridge.plain.mark_sight import MarkErrors, is_covered, see_mark
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.scene import Scene
 from uav_bt.landing_marks import MarkSighting
 
 TAG = Helipad(

@@ -10,7 +10,8 @@ import pytest
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import Helipad, Scene
+from sim_bridge.twin.objects import Helipad
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import paper_map

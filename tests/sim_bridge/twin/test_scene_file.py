@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_bridge.twin.scene import box_names
+from sim_bridge.twin.objects import box_names
 from sim_bridge.twin.scene_file import load_scene, scene_names, scene_text
 from sim_bridge.twin.variation import start_pose, varied
 from sim_bridge.twin.views import sample_flight_poses

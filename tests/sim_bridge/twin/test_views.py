@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.profile import Profile
-from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.errors import ValueRangeError

@@ -12,7 +12,8 @@ import pytest
 from rich.console import Console
 
 from sim_bridge.twin.movers import MoverSpec
-from sim_bridge.twin.scene import BoxSpec, Helipad, Scene, TakeOffSpec
+from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.scene import Scene, TakeOffSpec
 from tests.paper_lab import CLASSES, paper_map
 from uav_bt import app
 from uav_bt.app import film

@@ -73,10 +73,10 @@ def test_picks_drawn_from_the_twin_train_a_teacher(tmp_path: Path) -> None:
         tmp_path / "score.json",
     )
     assert score.exit_code == 0, score.output
-    told = json.loads((tmp_path / "score.json").read_text())
-    assert told["pictures"] == 1
-    assert tuple(told["class_iou"]) == CLASSES.names
-    assert tuple(told["role_iou"]) == ROLE_NAMES
+    scores = json.loads((tmp_path / "score.json").read_text())
+    assert scores["pictures"] == 1
+    assert tuple(scores["class_iou"]) == CLASSES.names
+    assert tuple(scores["role_iou"]) == ROLE_NAMES
 
 
 def test_a_teacher_learns_from_photographs(tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import Helipad, Scene
+from sim_bridge.twin.objects import Helipad
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET
 from uav_bt.errors import ShapeError, ValueRangeError

@@ -12,7 +12,8 @@ from perception.depth.contact.contacts import Remembered
 from perception.depth.contact.depth import ContactDepth, contact_depth
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views, sample_flight_poses
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, paper_map

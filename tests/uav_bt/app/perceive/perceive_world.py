@@ -10,7 +10,8 @@ import cv2
 
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.uav_bt.record.footage_world import frame, state, write_record
 from uav_bt.display.video.video_file import VideoFile

@@ -78,9 +78,9 @@ def test_classes_have_our_names_and_colours() -> None:
     ImageView(stream, setting())
     (context,) = stream.of("mask")
     assert context.static
-    told = [entry["class_description"]["info"] for entry in values(context.thing.context)[0]]
-    assert [info["label"] for info in told] == list(CLASSES.names)
-    assert [info["color"] >> 8 for info in told] == [
+    shown = [entry["class_description"]["info"] for entry in values(context.thing.context)[0]]
+    assert [info["label"] for info in shown] == list(CLASSES.names)
+    assert [info["color"] >> 8 for info in shown] == [
         int(red) << 16 | int(green) << 8 | int(blue) for red, green, blue in CLASSES.colours
     ]
 
