@@ -38,7 +38,7 @@ EXPORT = """
 from pathlib import Path
 import numpy as np
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
-net = UNet(UNetConfig(width_px=64, height_px=32, channels=(8, 16), outputs=3))
+net = UNet(UNetConfig(width_px=64, height_px=32, channels=(8, 16), outputs=1), ["box"])
 UNET_FILES.save(Path("w.safetensors"), net, notes={})
 UNET_FILES.export(Path("w.safetensors"), Path("net.onnx"),
                   calibration=[np.zeros((32, 64, 3), np.uint8)])

@@ -1,4 +1,4 @@
-"""The module of the class constants of before; it names its successor."""
+"""The removed module of class constants; importing it names the successors."""
 
 raise ImportError(
     "uav_bt.classes is gone, because classes belong to a lab: use `class_map.is_ground`, "

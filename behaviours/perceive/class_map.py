@@ -88,7 +88,7 @@ class Segment(Leaf):
         model, classes = self.port_value("model"), self.port_value("classes")
         path = segmentation_file(model)
         if path is None:
-            return runtime.shipped_teacher()
+            return runtime.shipped_teacher(mission.classes)
         mapping = read_mapping(Path(classes), mission.classes) if classes else None
         threads = mission.inference_threads
         return runtime.OnnxSegmenter(path, mission.classes, mapping, threads=threads)

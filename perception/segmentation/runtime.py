@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +31,7 @@ from uav_bt.types import ClassMap, Frame
 
 _SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 _SHARP: Final = RefineConfig()
+_CLASSES: Final = ["framework", "classes"]  # where OpenVINO keeps an ONNX file's metadata
 _PROBABLE: Final = 0.5  # default threshold of a probability; chosen
 
 
@@ -47,7 +49,8 @@ class OnnxSegmenter:
         threads: number of inference threads.
 
     Raises:
-        WeightsError: the file is absent or damaged, or the network is not for segmentation.
+        WeightsError: the file is absent or damaged, the network is not for segmentation, or it states
+            other classes than those of the lab and has no mapping.
         FileError: the mapping file is absent or malformed.
         ValueRangeError: the mapping names a class that the network does not have.
     """
@@ -64,6 +67,8 @@ class OnnxSegmenter:
         self._mapping = _mapping_of(mapping, classes)
         self._default = class_id_of(self._mapping.default, classes)
         model = read_model(path, "`uav-bt net train segmentation`")
+        if mapping is None:
+            _check_classes(model, path, classes)
         wanted = self._mapping.input
         planar = wanted.layout == "nchw"
         self._size = input_size(model, path, planar=planar, size_px=wanted.size)
@@ -213,9 +218,32 @@ def shipped_unet(name: str = "unet", *, threads: int = 1) -> OnnxSegmenter:
     return OnnxSegmenter(SHIPPED_WEIGHTS / f"{name}.onnx", load_lab().classes, threads=threads)
 
 
-def shipped_teacher(*, refine: RefineConfig | None = _SHARP) -> TeacherSegmenter:
-    """Return the shipped teacher; with `refine` None, by the paper's procedure."""
-    return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER, load_lab().classes), refine)
+def shipped_teacher(
+    classes: LabClasses, *, refine: RefineConfig | None = _SHARP
+) -> TeacherSegmenter:
+    """Return the shipped teacher.
+
+    Args:
+        classes: classes of the lab.
+        refine: how to sharpen borders; None for the paper's procedure.
+
+    Raises:
+        WeightsError: the lab has other classes than the paper's lab.
+    """
+    return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER, classes), refine)
+
+
+def _check_classes(model: Any, path: Path, classes: LabClasses) -> None:
+    """Refuse a network that states other classes than those of the lab, in its metadata."""
+    if not model.has_rt_info(_CLASSES):
+        return
+    stated = model.get_rt_info(_CLASSES).astype(str)
+    if stated != json.dumps(classes.names):
+        raise WeightsError(
+            path,
+            f"expected the classes {', '.join(classes.names)} of the lab, and the network states "
+            f"{stated:.200}: train a network for this lab, or give a class mapping",
+        )
 
 
 def _mapping_of(mapping: ClassMapping | Path | None, classes: LabClasses) -> ClassMapping:

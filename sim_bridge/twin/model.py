@@ -22,7 +22,6 @@ from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
 from sim_bridge.twin.objects import MAT_M, BoxSpec, Helipad, Vector2, Vector3, box_names
 from sim_bridge.twin.scene import Lighting, Scene
 from sim_bridge.twin.solids import Solid, stacked, yaw_quaternion
-from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.roles import OUTSIDE
 from uav_bt.plugins import make_mark_finder
 
@@ -76,7 +75,6 @@ def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
 class _Builder:
     def __init__(self, scene: Scene, *, drawn: bool) -> None:
         self._scene, self._drawn = scene, drawn
-        self._lab: LabClasses = scene.classes
         self.spec = mujoco.MjSpec()
         self.spec.option.timestep = PHYSICS_STEP_S
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -142,7 +140,7 @@ class _Builder:
             half_m=(size_m[0] / 2, size_m[1] / 2, -_FLOOR_M / 2),
             centre_m=(0.0, 0.0, _FLOOR_M / 2),
         )
-        class_id = self._lab.ground
+        class_id = self._scene.classes.ground
         self._show("carpet/seen", carpet, material="carpet", class_id=class_id, tile_m=size_m)
         self._hit("carpet", carpet)
 
@@ -207,7 +205,7 @@ class _Builder:
         class_id = self._scene.class_of(item)
         papers = (
             (f"{name}/side", sides, f"box-{pattern}", side, class_id),
-            (f"{name}/roof", sheet, f"roof-{roof}", top, int(self._lab.top_of[class_id])),
+            (f"{name}/roof", sheet, f"roof-{roof}", top, int(self._scene.classes.top_of[class_id])),
         )
         tile_m = (textures.TILE_M, textures.TILE_M)
         for part, solid, paper, make, part_class in papers:

@@ -7,11 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from sim_bridge.twin.movers import (
-    KEPT_FREE_M,
-    MoverSpec,
-    mover_problem,
-)
+from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_problem
 from sim_bridge.twin.objects import BoxSpec, Helipad, Vector2, Vector3, box_names
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.classes import LabClasses

@@ -194,7 +194,7 @@ def _segmenter(model: str, classes: Path | None) -> Callable[[Any], Any]:
     if model != "teacher" and not model.endswith(".safetensors"):
         return runtime.OnnxSegmenter(Path(model), load_lab().classes, classes, threads=2).ids
     teacher = (
-        runtime.shipped_teacher()
+        runtime.shipped_teacher(load_lab().classes)
         if model == "teacher"
         else runtime.TeacherSegmenter(load_teacher(Path(model), load_lab().classes))
     )

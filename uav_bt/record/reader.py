@@ -283,7 +283,7 @@ class RecordReader:
         return self._statuses(last.data)
 
     def _lab_classes(self) -> LabClasses:
-        """Return the classes of the flight's lab; records of before have the default lab's."""
+        """Return the classes of the flight's lab; those of the default lab for an older record."""
         text = self.metadata.get("classes")
         if text is None:
             return load_lab().classes

@@ -34,7 +34,8 @@ class ControlNet(nn.Module):
                 height_px=config.height_px,
                 channels=config.channels,
                 outputs=17,  # unused, but the draws of the initial weights depend on it
-            )
+            ),
+            classes=(),
         )
         self.down = whole.down
         self.pool = nn.MaxPool2d(2)

@@ -62,7 +62,7 @@ class UNet(nn.Module):
         classes: names of the C classes.
     """
 
-    def __init__(self, config: UNetConfig, classes: Sequence[str] = ()) -> None:
+    def __init__(self, config: UNetConfig, classes: Sequence[str]) -> None:
         super().__init__()
         self.config, self.classes = config, tuple(classes)
         widths = config.channels

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from perception.networks.input_format import InputFormat
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation import runtime
 from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping
 from tests.paper_lab import CLASSES
 from tests.perception.segmentation.patterned import samples
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.lab.lab_file import read_lab
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Frame
 
@@ -353,7 +355,7 @@ def test_the_shipped_unet_gives_the_same_map_every_time() -> None:
 @pytest.mark.parametrize("refine", [None, RefineConfig()])
 def test_the_shipped_teacher_flies_plain_and_sharp(refine: RefineConfig | None) -> None:
     (_, rgb, _) = next(samples(1, seed=0, width=640, height=360))
-    class_map = runtime.shipped_teacher(refine=refine).segment(_frame(rgb))
+    class_map = runtime.shipped_teacher(CLASSES, refine=refine).segment(_frame(rgb))
     assert class_map.ids.shape == (112, 224)
     assert class_map.captured_s == 2.5
 
@@ -361,3 +363,14 @@ def test_the_shipped_teacher_flies_plain_and_sharp(refine: RefineConfig | None) 
 def test_the_shipped_unets_go_by_their_names() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'unet-fp32'"):
         runtime.shipped_unet("unet-fp23")
+
+
+def test_a_network_of_a_lab_with_other_classes_is_refused(tmp_path: Path) -> None:
+    other = read_lab(Path(__file__).parents[2] / "labs" / "renamed").classes
+    path = SHIPPED_WEIGHTS / "unet.onnx"
+    with pytest.raises(WeightsError, match=r"classes surroundings, .* states .*carpet"):
+        runtime.OnnxSegmenter(path, other)
+    with pytest.raises(WeightsError, match="expected the classes surroundings"):
+        runtime.shipped_teacher(other)
+    mapping = ClassMapping(classes={1: "ground", 4: "obstacle"})
+    assert runtime.OnnxSegmenter(path, other, mapping).size_px == (224, 112)

@@ -198,7 +198,9 @@ def test_a_network_of_another_kind_is_not_evaluated(record: Path) -> None:
 def test_training_may_begin_with_a_segmentation_networks_encoder(tmp_path: Path) -> None:
     path = tmp_path / "unet.safetensors"
     UNET_FILES.save(
-        path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8), outputs=3)), notes={}
+        path,
+        UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8), outputs=1), ["box"]),
+        notes={},
     )
     start = first_weights(path)
     assert "down.0.0.weight" in start

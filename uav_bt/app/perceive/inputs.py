@@ -179,9 +179,9 @@ def _all_of(first: TimedImage, others: TimedImages) -> TimedImages:
 def _segmenter(options: PerceiveOptions) -> Segmenter:
     name = options.segmentation
     path = segmentation_file(name)
-    if path is None:
-        return runtime.shipped_teacher()
     classes = load_lab().classes
+    if path is None:
+        return runtime.shipped_teacher(classes)
     mapping = None if options.classes is None else read_mapping(Path(options.classes), classes)
     return runtime.OnnxSegmenter(path, classes, mapping, threads=options.threads)
 

@@ -77,7 +77,7 @@ def test_the_checkpoint_of_another_run_is_refused(tmp_path: Path) -> None:
 
 def test_it_begins_with_the_weights_it_is_given() -> None:
     """The encoder of a segmentation U-Net, for instance; what that lacks begins at random."""
-    unet = UNet(UNetConfig(width_px=32, height_px=16, channels=TINY.channels, outputs=17))
+    unet = UNet(UNetConfig(width_px=32, height_px=16, channels=TINY.channels, outputs=17), ())
     start = {name: value.numpy() for name, value in unet.state_dict().items()}
     held = replace(SHORT, steps=1, learning_rate=1e-12, weight_decay=0.0)
     net = train_control(ControlSamples([made_up_flight(1)], TINY), held, TINY, start=start)

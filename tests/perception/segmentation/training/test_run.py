@@ -49,12 +49,14 @@ def _state(net: unet.UNet) -> dict[str, np.ndarray]:
 
 def test_every_pixel_gets_seventeen_scores() -> None:
     with torch.inference_mode():
-        logits = unet.UNet(NET).eval()(torch.zeros(2, 3, 32, 64))
+        logits = unet.UNet(NET, CLASSES.names).eval()(torch.zeros(2, 3, 32, 64))
     assert logits.shape == (2, 17, 32, 64)
 
 
 def test_the_shipped_shape_has_about_a_million_parameters() -> None:
-    count = sum(p.numel() for p in unet.UNet(unet.UNetConfig(outputs=17)).parameters())
+    count = sum(
+        p.numel() for p in unet.UNet(unet.UNetConfig(outputs=17), CLASSES.names).parameters()
+    )
     assert 0.8e6 < count < 1.5e6
 
 
@@ -149,7 +151,7 @@ def test_bad_training_input_is_refused(pictures: run.LabelledImages) -> None:
 def test_the_onnx_file_answers_as_torch_does(tmp_path: Path) -> None:
     """With statistics unlike those of a fresh net, so that a wrong folding shows."""
     torch.manual_seed(3)
-    net = unet.UNet(NET).eval()
+    net = unet.UNet(NET, CLASSES.names).eval()
     for module in net.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
             module.running_mean.uniform_(-0.3, 0.3)
@@ -191,7 +193,7 @@ def test_the_shipped_onnx_file_was_made_from_the_shipped_weights(tmp_path: Path)
 
 
 def test_weights_with_nan_or_of_another_network_are_refused(tmp_path: Path) -> None:
-    net = unet.UNet(NET)
+    net = unet.UNet(NET, CLASSES.names)
     with torch.no_grad():
         net.head.bias[3] = float("nan")
     path = tmp_path / "unet.safetensors"
