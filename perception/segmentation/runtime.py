@@ -49,8 +49,8 @@ class OnnxSegmenter:
         threads: number of inference threads.
 
     Raises:
-        WeightsError: the file is absent or damaged, the network is not for segmentation, or it states
-            other classes than those of the lab and has no mapping.
+        WeightsError: the file is absent or damaged, the network is not for segmentation, or it
+            states other classes than those of the lab and has no mapping.
         FileError: the mapping file is absent or malformed.
         ValueRangeError: the mapping names a class that the network does not have.
     """
