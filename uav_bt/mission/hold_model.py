@@ -37,12 +37,13 @@ class HoldConfig:
             delays of the loop, shorter than the twin's gusts (1.5 s).
         steady_mps: no disturbance is learned while orders differ by more from the velocity that
             they lead to, m/s. Chosen: six times the noise of the twin's velocity.
-        swing_s: no disturbance is learned within this time after a `MoveBy`, seconds. Chosen: twice
-            the lag.
+        swing_s: no disturbance is learned within this time after a `MoveBy` that reached its goal,
+            seconds. Chosen: twice the lag.
         on_the_spot_mps: an order of at most this speed keeps a place, m/s. Chosen: turns that
             keep away from an obstacle move slower, flights by velocity faster.
-        stopping_s: longest time from an order to stop until the place is chosen, seconds. Chosen: a
-            drone brakes from 1 m/s within it.
+        stopping_s: longest time from an order to stop until the place is chosen, seconds. After a
+            `MoveBy` that was broken off, no disturbance is learned within it. Chosen: a drone
+            brakes from 1 m/s within it.
         begin_mps: least correction at which a hover is flown as a velocity, m/s. Chosen: below it
             the drone's own hold is left alone.
         end_mps: the hover is left to the drone again below this correction, m/s. Chosen: well below

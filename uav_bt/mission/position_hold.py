@@ -299,9 +299,11 @@ class PositionHold:
         if aimed is None:
             return None
         self._ordered.reset((0.0, 0.0))
-        self._learns_from_s = self._last_s + self._config.swing_s
         status, number = state.movement, aimed.move.id
         done = status is not None and (status.id, status.state) == (number, MovementState.DONE)
+        # A drone that breaks off a movement is still fast, which is no disturbance.
+        pause_s = self._config.swing_s if done else self._config.stopping_s
+        self._learns_from_s = self._last_s + pause_s
         return aimed.goal if done else None
 
 
