@@ -23,8 +23,9 @@ class FrameWatchConfig:
         contrast: Minimum standard deviation of the shrunk image, grey levels. A covered lens gives
             less.
         noise: Maximum noise, grey levels (J. Immerkaer, Fast Noise Variance Estimation, 1996).
-        repeats: This number of equal frames in a row is a frozen video, if no two frames were equal
-            before.
+        noisy: After this number of frames in a row that differed from each other, an equal frame is
+            a frozen video: the camera's noise shows. The first equal frame counts, because a
+            frozen image in flight contradicts the telemetry of its time.
         still_s: Equal frames for longer than this are a frozen video in any case. A real camera's
             noise differs from image to image; a simulated camera may have no noise.
         turned_rad: The image must change during a turn of body or gimbal by this angle.
@@ -35,7 +36,7 @@ class FrameWatchConfig:
     bright: float = 240.0
     contrast: float = 1.0
     noise: float = 30.0
-    repeats: int = 6
+    noisy: int = 6
     still_s: float = math.inf
     turned_rad: float = math.radians(4)
     moved_m: float = 0.12
@@ -62,7 +63,6 @@ class FrameWatch:
         self._first: Frame | None = None  # the first of the equal frames
         self._seen_s = 0.0  # capture time of the newest frame
         self._moved_m = 0.0  # path length since the first of the equal frames
-        self._repeats = 0
         self._noisy = 0  # consecutive frames that differed from the previous one
 
     def __call__(self, frame: Frame, state: DroneState) -> str | None:
@@ -99,15 +99,12 @@ class FrameWatch:
         if not same or self._first is None:
             self._noisy = 0 if same else self._noisy + 1
             self._last, self._first, self._seen_s = grey, frame, frame.captured_s
-            self._moved_m, self._repeats = 0.0, 0
+            self._moved_m = 0.0
             return None
-        self._repeats += 1
         speed_mps = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
         self._moved_m += speed_mps * max(0.0, frame.captured_s - self._seen_s)
         self._seen_s = frame.captured_s
-        # A camera with noise never gives two equal images.
-        repeats = self._config.repeats
-        noisy = self._noisy > repeats and self._repeats >= repeats
+        noisy = self._noisy > self._config.noisy
         still = frame.captured_s - self._first.captured_s > self._config.still_s
         return "the video is frozen" if noisy or still or self._should_differ(frame) else None
 
