@@ -114,8 +114,9 @@ class CarpetOdometry:
         pose = self.now
         if pose is None or self._seen is None:
             return None
-        reported, (x_mps, y_mps) = self._odometry.velocity, map(float, self._error.mps)
+        reported, (x_mps, y_mps) = self._odometry.velocity, self._error.mps(pose.yaw_rad).tolist()
         forward_mps, right_mps = rotate(x_mps, y_mps, -pose.yaw_rad)
+        bias_mps = self._error.bias_mps(pose.yaw_rad).tolist()
         return MotionEstimate(
             pose=pose,
             seen=self._seen[1],
@@ -125,6 +126,7 @@ class CarpetOdometry:
                 down_mps=reported.down_mps,
             ),
             error=BodyVelocity(forward_mps=forward_mps, right_mps=right_mps),
+            bias=BodyVelocity(forward_mps=bias_mps[0], right_mps=bias_mps[1]),
             tracked_s=self._tracked_s,
             turn_rad=self._heading.correction_rad,
             velocity_s=self._odometry.velocity_s,
@@ -165,7 +167,9 @@ class CarpetOdometry:
         then, seen = self._seen
         way, passed_s = _between(then, raw), max(0.0, frame.captured_s - seen.time_s)
         self._error.predict(passed_s)
-        missed_m = self._error.mps * passed_s  # telemetry's error, in the odometry's frame
+        missed_m = (
+            self._error.mps(seen.yaw_rad) * passed_s
+        )  # telemetry's error, in the odometry's frame
         x_m, y_m = np.array([way.x_m, way.y_m]) + rotate_points(missed_m, -seen.yaw_rad)
         expected = replace(way, x_m=float(x_m), y_m=float(y_m))
         shown = self._shown(before, expected, passed_s, camera.forward_offset_m)
@@ -211,7 +215,8 @@ class CarpetOdometry:
             begin, end = self._raw(step.begin_s), self._raw(step.end_s)
             turn_rad, passed_s = self._heading.correction_rad, step.end_s - step.begin_s
             told_m = np.array(rotate(end.x_m - begin.x_m, end.y_m - begin.y_m, turn_rad))
-            self._error.correct((step.way_m - told_m) / passed_s, passed_s, step.spread_m)
+            seen_mps, yaw_rad = (step.way_m - told_m) / passed_s, begin.yaw_rad + turn_rad
+            self._error.correct(seen_mps, passed_s, step.spread_m, yaw_rad)
 
     def _shown(
         self, before: _Sight | None, expected: Pose2D, passed_s: float, offset_m: float
@@ -274,7 +279,7 @@ class CarpetOdometry:
         then, seen = self._seen
         turn_rad = self._heading.correction_rad
         x_m, y_m = rotate(raw.x_m - then.x_m, raw.y_m - then.y_m, turn_rad)
-        missed_m = self._error.mps * (raw.time_s - seen.time_s)
+        missed_m = self._error.mps(raw.yaw_rad + turn_rad) * (raw.time_s - seen.time_s)
         return replace(
             raw,
             x_m=seen.x_m + x_m + float(missed_m[0]),

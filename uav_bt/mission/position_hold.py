@@ -215,7 +215,7 @@ class PositionHold:
         settled = self._ordered.steady and self._last_s >= self._learns_from_s
         if motion.untracked_s > cfg.fresh_s or not settled:
             return
-        reported = _world(motion, motion.velocity, less=motion.error)
+        reported = _world(motion, motion.velocity, less=motion.drift)
         measured_s = motion.pose.time_s if motion.velocity_s is None else motion.velocity_s
         beyond = add(reported, -1.0, self._ordered.at(measured_s))
         share = 1.0 - math.exp(-passed_s / cfg.learn_s)
@@ -224,7 +224,7 @@ class PositionHold:
         self._learned = self._disturbance(motion)
 
     def _disturbance(self, motion: MotionEstimate) -> Vector:
-        missed = _world(motion, motion.error)
+        missed = _world(motion, motion.drift)
         return limit_length(*add(missed, 1.0, self._unordered), self._config.disturbance_mps)
 
     def _correction(self, motion: MotionEstimate) -> Vector:

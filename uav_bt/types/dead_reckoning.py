@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, Generic, TypeVar
 
 from uav_bt.types.drone_state import BodyVelocity, DroneState
@@ -73,6 +73,7 @@ class MotionEstimate:
         seen: at the capture of the newest frame used.
         velocity: over the ground: telemetry's newest with `error` added.
         error: velocity over the ground minus telemetry's; it varies slowly.
+        bias: the part of `error` that turns with the drone.
         tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
         turn_rad: heading minus telemetry's; it varies slowly.
         velocity_s: capture time of `velocity`; None for the time of the pose.
@@ -85,6 +86,15 @@ class MotionEstimate:
     tracked_s: float
     turn_rad: float = 0.0
     velocity_s: float | None = None
+    bias: BodyVelocity = field(default_factory=BodyVelocity)
+
+    @property
+    def drift(self) -> BodyVelocity:
+        """The part of `error` that keeps its direction in the world."""
+        return BodyVelocity(
+            forward_mps=self.error.forward_mps - self.bias.forward_mps,
+            right_mps=self.error.right_mps - self.bias.right_mps,
+        )
 
     @property
     def untracked_s(self) -> float:
