@@ -9,7 +9,7 @@ from behaviours.fly.course import Course
 from behaviours.fly.giving_way import GivingWay, GivingWayConfig
 from behaviours.fly.keeping_away import KeepAwayConfig, by_the_map, push_away_mps
 from behaviours.fly.moving_leaf import MovingLeaf
-from behaviours.path.gimbal_pointing import ground_pitch_rad
+from behaviours.path.gimbal_pointing import ground_pitch_rad, mover_pitch_rad
 from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.board import (
     CAMERA,
@@ -143,7 +143,7 @@ class CourseLeaf(MovingLeaf):
         return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
 
     def ground_pitch_rad(self, flight_rad: float) -> float:
-        """Return the camera's pitch: the flight pitch, or lower if that would show little ground.
+        """Return the camera's pitch: the flight pitch, or lower to show ground, or a mover's base.
 
         Args:
             flight_rad: The pitch in flight, negative down.
@@ -153,7 +153,7 @@ class CourseLeaf(MovingLeaf):
         if site_map is None or motion is None or camera is None or state is None:
             return flight_rad
         if site_map.movers:
-            return flight_rad  # keeps movers in view
+            return mover_pitch_rad(site_map, flight_rad, state.height_above_carpet_m)
         return ground_pitch_rad(site_map, camera, flight_rad, state.height_above_carpet_m)
 
     def _push_mps(self) -> tuple[float, float]:

@@ -35,5 +35,5 @@ class GiveWay(CourseLeaf):
         return Status.RUNNING if gives_way else Status.FAILURE
 
     def gimbal_pitch_rad(self) -> float:
-        """Return the pitch in flight, which keeps movers in view."""
-        return math.radians(self.port_value("gimbal_deg"))
+        """Return the pitch in flight, or lower to show the base of a mover."""
+        return self.ground_pitch_rad(math.radians(self.port_value("gimbal_deg")))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 
@@ -19,9 +20,12 @@ from behaviours.path.ways_out import (
     standing_alone,
     way_out,
 )
-from uav_bt.types import NearObstacles, Velocity, rotate_points
+from uav_bt.types import NearObstacles, Velocity, rotate, rotate_points
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import SiteMap
+
+
+_MIN_BEARINGS: Final = 2  # fewer are specks of the class map
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +41,11 @@ class GivingWayConfig:
         watch_per_s: Yaw rate per radian of that bearing.
         watch_radps: Highest yaw rate.
         stale_s: The drone stops when there was no new view for this time.
+        lost_s: A mover that was not seen for this time may be an obstacle whose base is below the
+            view.
+        hidden_m: Assumed range of such an obstacle; nearer bases are below the view of a camera
+            that looks 30 degrees down from 1.5 m.
+        hidden_rad: Half angle ahead in which such obstacles count.
     """
 
     way_out: WayOutConfig = field(default_factory=WayOutConfig)
@@ -45,8 +54,11 @@ class GivingWayConfig:
     )
     in_view_rad: float = math.radians(12)
     watch_per_s: float = 1.5
-    watch_radps: float = 0.8
+    watch_radps: float = 1.2
     stale_s: float = 0.8
+    lost_s: float = 0.5
+    hidden_m: float = 0.9
+    hidden_rad: float = math.radians(60)
 
 
 class GivingWay:
@@ -85,6 +97,7 @@ class GivingWay:
         if site_map is None or not site_map.movers:
             self._way = None
             return None
+        site_map = self._with_hidden(site_map, obstacles)
         if site_map.captured_s > self._decided_s:
             self._decided_s = site_map.captured_s
             self._way = self._decide(site_map, obstacles, motion)
@@ -98,6 +111,36 @@ class GivingWay:
             forward_mps=float(forward_mps),
             right_mps=float(right_mps),
             yaw_rate_radps=self._watching_radps(site_map),
+        )
+
+    def _with_hidden(self, site_map: SiteMap, obstacles: NearObstacles | None) -> SiteMap:
+        """Return the map with lost movers at an obstacle whose base is below the view.
+
+        They are assumed to come towards the drone, which a step to the side evades.
+        """
+        cfg = self.config
+        if obstacles is None or obstacles.unplaced_within(cfg.hidden_rad) < _MIN_BEARINGS:
+            return site_map
+        ahead_rad = obstacles.unplaced_rad[np.abs(obstacles.unplaced_rad) < cfg.hidden_rad]
+        bearing_rad = float(np.median(ahead_rad))
+        pose = site_map.pose
+        ux, uy = rotate(math.cos(bearing_rad), math.sin(bearing_rad), pose.yaw_rad)
+        return replace(
+            site_map,
+            movers=tuple(
+                replace(
+                    mover,
+                    x_m=pose.x_m + cfg.hidden_m * ux,
+                    y_m=pose.y_m + cfg.hidden_m * uy,
+                    x_mps=-mover.std_mps * ux,
+                    y_mps=-mover.std_mps * uy,
+                    std_m=0.0,
+                    std_mps=0.0,
+                )
+                if site_map.captured_s - mover.seen_s > cfg.lost_s
+                else mover
+                for mover in site_map.movers
+            ),
         )
 
     def _watching_radps(self, site_map: SiteMap) -> float:

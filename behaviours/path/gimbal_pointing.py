@@ -1,4 +1,4 @@
-"""Camera pitch towards the landing mark, ground near an edge, or unplaced obstacles."""
+"""Camera pitch towards the landing mark, ground near an edge, movers, or unplaced obstacles."""
 
 from __future__ import annotations
 
@@ -32,6 +32,8 @@ class GimbalConfig:
         mark_rad: Lowest pitch at which the camera follows the mark. Steeper, roofs look like bases.
         near_ahead_rad: Half angle ahead in which the camera looks at obstacles of unknown range.
         look_down_s: Time of a look, long enough for the map to place the obstacle.
+        base_rad: Largest angle of the base of a mover below the middle of the image. The half view
+            of an ANAFI is 20 degrees.
     """
 
     ground_rad: float = math.radians(-56)
@@ -41,6 +43,7 @@ class GimbalConfig:
     mark_rad: float = math.radians(-50)
     near_ahead_rad: float = math.radians(45)
     look_down_s: float = 1.0
+    base_rad: float = math.radians(10)
 
     def __post_init__(self) -> None:
         if not (-math.pi / 2 <= self.mark_rad < 0.0 < self.near_ahead_rad):
@@ -107,6 +110,26 @@ def ground_pitch_rad(
     if ground_share(site_map, camera, lowest_rad, height_m, config) < share:
         return flight_rad  # beyond the edge of the ground a lower pitch shows less of it
     return float(np.interp(share, (config.little, config.enough), (lowest_rad, flight_rad)))
+
+
+def mover_pitch_rad(
+    site_map: SiteMap, flight_rad: float, height_m: float, config: GimbalConfig | None = None
+) -> float:
+    """Return the camera's pitch that shows the base of the nearest mover, or the flight pitch.
+
+    Args:
+        site_map: The newest map, with movers.
+        flight_rad: Pitch in flight, negative down; the camera does not look further up.
+        height_m: Height of the camera above the ground.
+        config: How far down the camera looks.
+    """
+    config, pose = config or GimbalConfig(), site_map.pose
+    range_m = min(
+        math.dist((mover.x_m, mover.y_m), (pose.x_m, pose.y_m)) - mover.radius_m
+        for mover in site_map.movers
+    )
+    base_rad = -math.atan2(height_m, max(range_m, _MIN_RANGE_M))
+    return min(flight_rad, max(base_rad + config.base_rad, config.ground_rad))
 
 
 def mark_pitch_rad(

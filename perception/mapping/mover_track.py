@@ -44,7 +44,11 @@ class MoverConfig:
     stays_s: float = 3.0  # time within `stays_m` after which a cluster stands
     # A cluster that has not moved is forgotten when it is unseen for this long.
     doubt_s: float = 0.6
-    life_s: float = 2.5  # the same for a mover
+    life_s: float = 6.0  # the same for a mover
+    # A mover out of view keeps its velocity for this time. After it the mover may have turned: it
+    # is anywhere within the way that it covers at `turned_ratio` of its speed.
+    carry_s: float = 0.6
+    turned_ratio: float = 1.5
     free_s: float = 0.3  # either is forgotten when its place is seen free for this long
     # An obstacle that has arrived may be a waiting mover for this time after any movement.
     waits_s: float = 90.0
@@ -89,7 +93,7 @@ class MoverTrack:
         self.filter.x = np.array([[place_m[0]], [0.0], [place_m[1]], [0.0]])
         self.filter.P = np.diag([0.0, start_mps**2, 0.0, start_mps**2])
         self.filter.P[np.ix_([0, 2], [0, 2])] = noise
-        self.begin_m = self.anchor_m = place_m
+        self.begin_m = self.anchor_m = self.seen_m = place_m
 
     @property
     def place_m(self) -> Floats:
@@ -144,6 +148,7 @@ class MoverTrack:
         else:
             self.filter.update(place_m.reshape(2, 1), R=noise)
         self.is_whole |= whole
+        self.seen_m = self.place_m
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
         # The visible part changes with its place in the view.
         self.radius_m = max(cfg.min_radius_m, radius_m, cfg.shrinks * self.radius_m)

@@ -109,8 +109,13 @@ class MoverTracker:
         return stands
 
     def places_m(self) -> Floats:
-        """Return the predicted positions of all tracks, (K, 2) in the map's frame."""
-        return np.array([track.place_m for track in self._tracks]).reshape(-1, 2)
+        """Return the positions of all tracks, (K, 2) in the map's frame: predicted, or the last."""
+        carry_s = self._config.carry_s
+        places_m = [
+            track.place_m if track.time_s - track.seen_s <= carry_s else track.seen_m
+            for track in self._tracks
+        ]
+        return np.array(places_m).reshape(-1, 2)
 
     def may_move_m(self, time_s: float) -> Floats:
         """Return the movers and possible movers in a view, (K, 2) in the map's frame.
@@ -182,27 +187,32 @@ class MoverTracker:
         Args:
             time_s: the time, not before the newest view.
         """
-        found = []
-        for track in self._tracks:
-            if not track.moves or time_s - track.seen_s > self._config.life_s:
-                continue
-            x_mps, y_mps = map(float, track.velocity_mps)
-            x_m, y_m = map(float, track.place_m + (time_s - track.time_s) * track.velocity_mps)
-            found.append(
-                MapMover(
-                    id=track.number,
-                    x_m=x_m,
-                    y_m=y_m,
-                    x_mps=x_mps,
-                    y_mps=y_mps,
-                    std_m=track.std(0),
-                    std_mps=track.std(1),
-                    radius_m=track.radius_m,
-                    first_s=track.first_s,
-                    seen_s=track.seen_s,
-                )
-            )
-        return tuple(found)
+        life_s = self._config.life_s
+        return tuple(
+            self._map_mover(track, time_s)
+            for track in self._tracks
+            if track.moves and time_s - track.seen_s <= life_s
+        )
+
+    def _map_mover(self, track: MoverTrack, time_s: float) -> MapMover:
+        place_m, velocity_mps = track.place_m, track.velocity_mps
+        place_m = place_m + (time_s - track.time_s) * velocity_mps
+        std_m, std_mps, unseen_s = track.std(0), track.std(1), time_s - track.seen_s
+        if unseen_s > self._config.carry_s:
+            std_mps = self._config.turned_ratio * float(np.hypot(*velocity_mps))
+            place_m, velocity_mps, std_m = track.seen_m, np.zeros(2), std_mps * unseen_s
+        return MapMover(
+            id=track.number,
+            x_m=float(place_m[0]),
+            y_m=float(place_m[1]),
+            x_mps=float(velocity_mps[0]),
+            y_mps=float(velocity_mps[1]),
+            std_m=std_m,
+            std_mps=std_mps,
+            radius_m=track.radius_m,
+            first_s=track.first_s,
+            seen_s=track.seen_s,
+        )
 
     def _clusters(self, points_m: Floats, from_m: Floats, cut: Flags) -> list[_Cluster]:
         cfg = self._config

@@ -167,9 +167,7 @@ class CarpetOdometry:
         then, seen = self._seen
         way, passed_s = _between(then, raw), max(0.0, frame.captured_s - seen.time_s)
         self._error.predict(passed_s)
-        missed_m = (
-            self._error.mps(seen.yaw_rad) * passed_s
-        )  # telemetry's error, in the odometry's frame
+        missed_m = self._error.mps(seen.yaw_rad) * passed_s  # in the odometry's frame
         x_m, y_m = np.array([way.x_m, way.y_m]) + rotate_points(missed_m, -seen.yaw_rad)
         expected = replace(way, x_m=float(x_m), y_m=float(y_m))
         shown = self._shown(before, expected, passed_s, camera.forward_offset_m)

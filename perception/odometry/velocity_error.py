@@ -61,7 +61,7 @@ class VelocityError:
         Args:
             yaw_rad: heading in the odometry's frame, clockwise positive.
         """
-        return _xy(self._believed(yaw_rad) @ _seen_at(yaw_rad))
+        return _xy(complex(self._believed(yaw_rad) @ _seen_at(yaw_rad)))
 
     def bias_mps(self, yaw_rad: float) -> NDArray[np.float64]:
         """Return the part of `mps` that turns with the drone, (2,) forward and right, m/s.
@@ -69,11 +69,11 @@ class VelocityError:
         Args:
             yaw_rad: heading in the odometry's frame, clockwise positive.
         """
-        return _xy(self._believed(yaw_rad)[1])
+        return _xy(complex(self._believed(yaw_rad)[1]))
 
     def _believed(self, yaw_rad: float) -> NDArray[np.complex128]:
         doubt_mps = self._config.doubt_mps
-        size_mps = max(abs(self._mean @ _seen_at(yaw_rad)), doubt_mps)
+        size_mps = max(float(abs(self._mean @ _seen_at(yaw_rad))), doubt_mps)
         return self._mean * (1.0 - (doubt_mps / size_mps) ** 2)
 
     def predict(self, passed_s: float) -> None:
