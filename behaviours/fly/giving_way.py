@@ -24,7 +24,6 @@ from uav_bt.types import NearObstacles, Velocity, rotate, rotate_points
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import SiteMap
 
-
 _MIN_BEARINGS: Final = 2  # fewer are specks of the class map
 
 

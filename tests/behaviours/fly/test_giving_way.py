@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from behaviours.fly.avoid import Avoid
@@ -18,7 +19,7 @@ from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, show
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, Clearances, MoveBy, Velocity
+from uav_bt.types import BodyVelocity, Clearances, MoveBy, NearObstacles, Velocity
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMover
 
@@ -91,6 +92,22 @@ def test_what_passes_changes_nothing(leaf: type[SteeringLeaf]) -> None:
     passing = flown(leaf, mover(1.7, 1.4, -0.5), forward_mps=0.3)
     assert not gives_way(passing)
     assert passing.proposed == flown(leaf, forward_mps=0.3).proposed
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_it_evades_a_lost_mover_whose_base_is_below_the_view(side: float) -> None:
+    """The view shows an obstacle of unknown range, and a mover was lost two seconds ago."""
+    bench = steering_bench(Explore, Says(ADVANCE))
+    lost = replace(mover(3.0, side), std_mps=0.6)
+    hidden = NearObstacles(unplaced_rad=side * np.radians(np.arange(10.0, 30.0)))
+    for step in range(30):
+        site_map = replace(drawn_map(), movers=(lost,) if step > 25 else ())
+        show(bench, site_map=replace(site_map, near=hidden if step == 29 else NearObstacles()))
+        move(bench)
+        bench.tick()
+        assert gives_way(bench) == (step == 29)
+    assert isinstance(bench.proposed, Velocity)
+    assert bench.proposed.right_mps * side < -0.2 or bench.proposed.forward_mps < -0.2
 
 
 def test_without_the_port_nobody_gives_way() -> None:

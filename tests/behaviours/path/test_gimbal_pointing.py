@@ -12,7 +12,9 @@ from behaviours.path.gimbal_pointing import (
     ground_pitch_rad,
     ground_share,
     mark_pitch_rad,
+    mover_pitch_rad,
 )
+from tests.behaviours.path.test_ways_out import mover, with_movers
 from tests.behaviours.policies.cast_world import CAMERA
 from uav_bt.testing.maps import drawn_map
 from uav_bt.types import NearObstacles
@@ -35,6 +37,14 @@ def known(**bearings_deg: list[float]) -> NearObstacles:
 )
 def test_the_camera_follows_the_mark_down(range_m: float, expected_rad: float) -> None:
     assert mark_pitch_rad(range_m, 1.1, FLIGHT_RAD) == pytest.approx(expected_rad)
+
+
+@pytest.mark.parametrize(("range_m", "base_deg"), [(2.0, 40.6), (1.25, 56.3), (0.6, 76.9)])
+def test_the_base_of_the_nearest_mover_stays_in_view(range_m: float, base_deg: float) -> None:
+    near = with_movers(mover(0.0, range_m), mover(-3.0, 0.0))
+    pitch_deg = math.degrees(mover_pitch_rad(near, FLIGHT_RAD, 1.5))
+    assert -56.0 <= pitch_deg <= -30.0
+    assert -base_deg > pitch_deg - 21.0  # half of the view is 20 degrees high
 
 
 @pytest.mark.parametrize("what", ["unplaced", "unplaced_edges"])

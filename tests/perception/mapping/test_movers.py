@@ -105,6 +105,19 @@ def test_out_of_view_a_mover_goes_on_less_and_less_surely_and_is_forgotten() -> 
     assert stds[-1] > stds[0] + 0.3
 
 
+def test_a_mover_that_has_left_the_view_may_have_turned() -> None:
+    """After a while it is anywhere within the way that it covers from its last place."""
+    tracker, config = MoverTracker(), MoverConfig()
+    time_s, seen, _ = list(follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=3.0))[-1]
+    for step in range(1, 31):
+        tracker.follow(np.empty((0, 2)), HERE_M, time_s + step * STEP_S)
+    (lost,) = tracker.movers(time_s + 3.0)
+    assert math.dist((lost.x_m, lost.y_m), (seen[0].x_m, seen[0].y_m)) < 0.1
+    assert lost.speed_mps == 0.0
+    assert lost.std_m == pytest.approx(3.0 * 0.5 * config.turned_ratio, rel=0.2)
+    assert tracker.places_m() == pytest.approx(np.array([[lost.x_m, lost.y_m]]))
+
+
 def stop_and_go(time_s: float) -> tuple[float, float]:
     """Return a place on a path: 2 s at 0.6 m/s, 7 s of standing, and on."""
     return 2.0, -1.2 + 0.6 * (min(time_s, 2.0) + max(time_s - 9.0, 0.0))
