@@ -63,6 +63,20 @@ class Sdk:
             )
         return kind(config.host, media_port=config.http_port, media_autoconnect=False)
 
+    def web_address(self, drone: Any, config: OlympeConfig) -> tuple[str, int]:
+        """Return host and port of the drone's web server.
+
+        Behind a remote control it is the SDK's proxy, where this version has one.
+
+        Args:
+            drone: object of the connected drone.
+            config: source of address and port.
+        """
+        proxy = getattr(drone, "http_proxy", None) if config.through_skycontroller else None
+        if proxy is not None and proxy.address and proxy.port:
+            return str(proxy.address), int(proxy.port)
+        return config.host, config.http_port
+
     def play(self, streaming: Any, config: OlympeConfig, on_frame: Callable[[Any], None]) -> bool:
         """Start the video; frames then come on a thread of the SDK.
 
