@@ -11,6 +11,7 @@ import json
 import re
 import time
 from collections.abc import Callable
+from contextlib import closing
 from typing import Any, Final
 
 from uav_bt.errors import DroneError
@@ -91,24 +92,22 @@ class _Server:
             raise DroneError(f"its web server at {where} does not send it: {reason}") from error
 
     def _get(self, url: str, most: int) -> bytes:
-        connection = http.client.HTTPConnection(self._host, self._port, timeout=self._left_s())
-        try:
+        timeout_s = self._left_s()
+        connection = http.client.HTTPConnection(self._host, self._port, timeout=timeout_s)
+        with closing(connection):
             connection.request("GET", url)
-            answer = connection.getresponse()
-            if answer.status != http.HTTPStatus.OK:
-                raise DroneError(f"its web server answers {answer.status} to GET {url}")
-            content = bytearray()
-            while chunk := answer.read(_CHUNK_BYTES):
-                content += chunk
-                if len(content) > most:
-                    raise DroneError(f"its web server sends more than {most} bytes for GET {url}")
-                if connection.sock is not None:
-                    connection.sock.settimeout(self._left_s())
-            if answer.length:
-                raise http.client.IncompleteRead(b"", answer.length)
-            return bytes(content)
-        finally:
-            connection.close()
+            with connection.getresponse() as answer:
+                if answer.status != http.HTTPStatus.OK:
+                    raise DroneError(f"its web server answers {answer.status} to GET {url}")
+                content = bytearray()
+                while chunk := answer.read1(_CHUNK_BYTES):
+                    content += chunk
+                    if len(content) > most:
+                        raise DroneError(f"its web server sends more than {most} bytes for {url}")
+                    self._left_s()  # a slow server sends something before every timeout
+                if answer.length:
+                    raise http.client.IncompleteRead(b"", answer.length)
+                return bytes(content)
 
     def _left_s(self) -> float:
         left_s = self._until_s - self._now()
