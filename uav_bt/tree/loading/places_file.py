@@ -40,7 +40,7 @@ class PlacesRead:
 
     Attributes:
         text: The places as a tree file writes a list; empty with faults.
-        faults: What is wrong, each with the number of its line; 0 for the whole file.
+        faults: Each with the number of its line, 0 for the whole file.
     """
 
     text: str
