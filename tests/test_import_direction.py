@@ -34,6 +34,7 @@ FLOOR_ONE = {
         "plugins",
         "progress",
         "protocols",
+        "still_camera",
         "yaml_file",
         "yaml_values",
     )

@@ -105,7 +105,7 @@ class Reader:
                 parse_tree(block.text, NodeRegistry.installed())
             case "yaml":
                 assert isinstance(yaml.safe_load(block.text), dict)
-            case "python" | "xml" | "toml" if block.file is not None:
+            case "python" | "xml" | "toml" | "csv" if block.file is not None:
                 pass  # used by later blocks
             case "text":
                 pass  # output of a program

@@ -36,6 +36,7 @@ from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, DroneConfig, Imageless, LeafPolicy, Segmenter
+from uav_bt.still_camera import Photographing
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types.area import Area
 
@@ -110,7 +111,8 @@ class Flight(Generic[DroneT]):
             InputError: Exact masks need a drone with a referee.
         """
         site = site_of(self.options)
-        sight = self.drone.sight if isinstance(self.drone, Imageless) else None
+        drone = self.drone
+        sight = drone.sight if isinstance(drone, Imageless) else None
         return MissionContext(
             board=Blackboard(self._clock, MISSION_KEYS),
             clock=self._clock,
@@ -119,6 +121,7 @@ class Flight(Generic[DroneT]):
             inference_threads=self.options.inference_threads,
             segmenter=self._segmenter or self._exact_segmenter() or sight,
             sight=sight,
+            stills=drone.stills if isinstance(drone, Photographing) else None,
             ground=() if site is None else site.ground,
             classes=self.classes,
             airframe=self.drone.airframe,

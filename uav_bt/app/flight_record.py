@@ -70,6 +70,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "simulated": flight.drone.referee is not None,
         "imageless": flight.context.sight is not None,
         "outputs": flight.outputs is not None,
+        "stills": flight.context.stills is not None,
         "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",
         "git": provenance.commit(),
@@ -107,6 +108,7 @@ class RecordedOptions:
     exact_masks: bool = False
     imageless: bool = False  # whether the frames show nothing
     outputs: bool = False  # whether leaves could write files
+    stills: bool = False  # whether the drone's camera took photographs
     record_quality: Quality = "lossless"
     site: Site | None = None
     limits: Limits = field(default_factory=Limits)

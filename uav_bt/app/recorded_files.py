@@ -1,4 +1,4 @@
-"""The files that travel with a flight's record: its tree files and its scene, written and read."""
+"""The files that travel with a flight's record: tree files, places and scene, written and read."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ from uav_bt.tree.loading.lookup import Inclusion, Library, Lookup
 
 _TREE_FOLDER: Final = "tree/"  # attachments below lie as they do beside the tree file
 _OTHER_FOLDER: Final = "elsewhere/"  # tree files of other folders, each in a numbered one
+_MEDIA_TYPES: Final = {".csv": "text/csv", ".txt": "text/plain"}  # of files of places
 _SCENE_FILE: Final = "scene.yaml"
 _INCLUSIONS: Final = "tree_includes"  # metadata: which attachment an `<include>` stands for
 
 
 def tree_files(mission: MissionTree) -> Iterator[Attachment]:
-    """Yield a tree file and all files that it takes trees from."""
+    """Yield a tree file and all files that it takes trees and places from."""
     for path, name in _names(mission).items():
-        yield Attachment(name=name, media_type="application/xml", data=mission.sources[path])
+        media_type = _MEDIA_TYPES.get(path.suffix.lower(), "application/xml")
+        yield Attachment(name=name, media_type=media_type, data=mission.sources[path])
 
 
 def tree_facts(mission: MissionTree) -> dict[str, str]:
@@ -81,7 +83,11 @@ def recorded_files(reader: RecordReader, folder: Path) -> RecordedFiles:
     files = {name: _written(reader, root, name) for name in reader.attachments}
     tree = files.get(f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}")
     folders = (_TREE_FOLDER, _OTHER_FOLDER)
-    others = [file for name, file in files.items() if name.startswith(folders)]
+    others = [
+        file
+        for name, file in files.items()
+        if name.startswith(folders) and file.suffix.lower() not in _MEDIA_TYPES
+    ]
     return RecordedFiles(
         tree=tree,
         scene=files.get(_SCENE_FILE),

@@ -18,6 +18,7 @@ from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
+from uav_bt.still_camera import StillCamera
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
 from uav_bt.types.area import Area
 from uav_bt.types.flight_results import EventKind, FlightEvent
@@ -121,6 +122,7 @@ class MissionContext:
             do not depend on the load.
         segmenter: replaces the network of every Segment leaf, for flights on exact masks.
         sight: perception of a drone without images; replaces networks and optical flow.
+        stills: the drone's own photographs; None if it takes none.
         classes: classes of the lab. Default: those of the paper's lab.
         ground: names of further classes that count as ground.
         airframe: size and reaction of the drone's body.
@@ -141,6 +143,7 @@ class MissionContext:
     inference_threads: int = 1
     segmenter: Segmenter | None = None
     sight: Sight | None = None
+    stills: StillCamera | None = None
     classes: LabClasses = field(default_factory=lambda: load_lab().classes)
     ground: tuple[str, ...] = ()
     airframe: Airframe = field(default_factory=Airframe)

@@ -157,7 +157,7 @@ def assemble_recorded(
             "was flown without images, so there is nothing to perceive again; fly it again with "
             "its seed instead, which gives the same flight",
         )
-    drone = RecordedDrone(reader, recorded.airframe)
+    drone = RecordedDrone(reader, recorded.airframe, stills=recorded.stills)
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     options = FlightOptions(
         seed=recorded.seed,
