@@ -108,7 +108,7 @@ class CourseLeaf(MovingLeaf):
         return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
 
     def give_way(self) -> bool:
-        """Stop for a mover or get out of its way; False when none comes too near."""
+        """Stop for a mover or get out of its way, and climb; False when none comes too near."""
         velocity = self._giving_way.velocity(
             self.read(SITE_MAP).value,
             self.obstacles(),
@@ -119,8 +119,16 @@ class CourseLeaf(MovingLeaf):
             return False
         self.drop_course()
         self.feedback_message = "gives way"
-        self.propose(velocity)
+        self.propose(replace(velocity, down_mps=self._evading_down_mps()))
         return True
+
+    def _evading_down_mps(self) -> float:
+        """Return the vertical speed to the height at which the drone gives way."""
+        cfg, state = self._giving_way.config, self.state()
+        if state is None or self.read(FLIGHT_HEIGHT).value is None:
+            return 0.0
+        down_mps = cfg.climb_per_s * (self.too_high_m(state) - cfg.above_m)
+        return max(-cfg.climb_mps, min(cfg.climb_mps, down_mps))
 
     def drop_course(self) -> None:
         """Drop movement and course."""
