@@ -63,9 +63,7 @@ class Manoeuvre:
 
 MANOEUVRES: Final = {
     "take-off": Manoeuvre([(5.0, TakeOff())], lambda motion: motion.z_m, take_off=False),
-    "velocity step": Manoeuvre(
-        [(3.0, Velocity(forward_mps=0.5))], lambda motion: motion.vx_mps
-    ),
+    "velocity step": Manoeuvre([(3.0, Velocity(forward_mps=0.5))], lambda motion: motion.vx_mps),
     "velocity step, stop": Manoeuvre(
         [(3.0, Velocity(forward_mps=0.5, right_mps=0.3)), (3.0, Hover())], lambda motion: motion.x_m
     ),
@@ -152,7 +150,9 @@ def main() -> None:
     for name in given.profiles:
         profile = Profile.named(name)
         lag_s = profile.thrust_lag_s
-        print(f"\n| {name} | apart, mean (most), mm | tilt, deg | yaw, deg | twin, without images |")
+        print(
+            f"\n| {name} | apart, mean (most), mm | tilt, deg | yaw, deg | twin, without images |"
+        )
         print("|---|---|---|---|---|")
         for title in (*MANOEUVRES, "20 s of random commands"):
             pairs = []

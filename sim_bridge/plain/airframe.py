@@ -1,9 +1,9 @@
 """The drone's body without a physics engine: accelerations, tilt, and contacts that stop it.
 
-In free flight it has the equations of motion of the twin's body: the demanded acceleration behind a
-lag, wind, and a tilt that follows critically damped. `benchmarks/fit_airframe.py` compares the two.
-Contacts are inelastic and have friction. They do not turn the body: where MuJoCo lets it tip over an
-edge, this one slides off level, and a support holds it level.
+In free flight it has the equations of motion of the twin's body: the demanded acceleration behind
+a lag, wind, and a tilt that follows critically damped. `benchmarks/fit_airframe.py` compares the
+two. Contacts are inelastic and have friction. They do not turn the body: where MuJoCo lets it tip
+over an edge, this one slides off level, and a support holds it level.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from sim_bridge.plain.contacts import Surface, Vector3, carries, stop
 from sim_bridge.plain.gaps import clearance, find_near
 from sim_bridge.plain.solids import Solids, solids_of
 from sim_bridge.twin.body import (
@@ -34,14 +35,15 @@ _ROUND_M: Final = (
 )
 _TOUCH_M: Final = 0.001  # nearer solids are contacts
 _NEAR_M: Final = 0.02  # reach of the search for solids, beyond twice the way of a step
-_PUSH_MPS: Final = 1.0  # fastest way out of an overlap: the speed of the fastest mover
-_FRICTION: Final = 1.0  # that of MuJoCo's geoms
-_SWEEPS: Final = 4  # over all contacts of a step
-_SUPPORT: Final = 0.7  # least upward share of the direction of a contact that carries the body
+_MOVER_MPS: Final = 1.0  # the fastest mover
+_GRIP: Final = 1.0  # friction of a support: that of MuJoCo's geoms
+# Friction of a side; none of a mover's. Fitted: the twin's body turns at a contact and rolls along.
+_SLIDE: Final = 0.3
+_STEP_M: Final = 0.02  # a body may stand across the edge of a lower solid: the carpet, a mat
 _GRAVITY: Final = (0.0, 0.0, -GRAVITY_MPS2)
 
 Vector = list[float]
-_Near = tuple[int, float, tuple[float, float, float]]  # row of a solid, distance in m, direction
+_Near = tuple[int, float, Vector3]  # row of a solid, distance in m, direction
 
 
 class PlainBody:
@@ -129,7 +131,7 @@ class PlainBody:
         if self._near:
             for axis in range(3):
                 velocity[axis] += change[axis]
-            carried = self._stop()
+            carried = stop(velocity, self._surfaces())
             for axis in range(3):
                 at[axis] += step_s * velocity[axis]
         else:
@@ -150,12 +152,11 @@ class PlainBody:
             rates[0] + turning * math.sin(pitch),
             rates[1] - turning * math.sin(roll),
         )
-        for axis, change in enumerate(
-            (
-                step_s * (stiff * (want_roll - roll) - damp * rolling),
-                step_s * (stiff * (want_pitch - pitch) - damp * pitching),
-            )
-        ):
+        changes = (
+            step_s * (stiff * (want_roll - roll) - damp * rolling),
+            step_s * (stiff * (want_pitch - pitch) - damp * pitching),
+        )
+        for axis, change in enumerate(changes):
             tilt[axis] += step_s * (rates[axis] + _SUBSTEPS * change)
             rates[axis] += change
         change = step_s * self._turn_radps2
@@ -164,42 +165,23 @@ class PlainBody:
         yaw = self._yaw + step_s * (turning + _SUBSTEPS * change)
         self._yaw, self._turning = math.remainder(yaw, math.tau), turning + change
 
-    def _stop(self) -> bool:
-        """Change the velocity so that the body does not enter a solid; return whether it stands."""
-        velocity, carried = self._velocity, False
-        for _ in range(_SWEEPS):
-            kept = True
-            for row, gap_m, direction in self._near:
-                mx, my = self._speed_of(row)
-                nx, ny, nz = direction
-                grip = _FRICTION
-                if nz > _SUPPORT and not self._motors:
-                    slope = self._slope(row)
-                    if slope is not None:
-                        (nx, ny, nz), grip = slope, 0.0
-                vx, vy, vz = velocity[0] - mx, velocity[1] - my, velocity[2]
-                away = nx * vx + ny * vy + nz * vz
-                push = min(-gap_m / CONTROL_STEP_S, _PUSH_MPS) - away
-                if push <= 0.0:
-                    continue
-                kept, carried = False, carried or nz > _SUPPORT
-                vx, vy, vz = vx - nx * away, vy - ny * away, vz - nz * away  # along the surface
-                along = math.sqrt(vx * vx + vy * vy + vz * vz)
-                slip = max(0.0, 1.0 - grip * push / along) if along > 0.0 else 0.0
-                velocity[0] = mx + slip * vx + (away + push) * nx
-                velocity[1] = my + slip * vy + (away + push) * ny
-                velocity[2] = slip * vz + (away + push) * nz
-            if kept:
-                break
-        return carried
+    def _surfaces(self) -> list[Surface]:
+        """Return the surfaces that the body may reach in this step."""
+        found, first = [], self._solids.first_mover
+        for row, gap_m, normal in self._near:
+            moves = first <= row < self._solids.obstacles
+            speed_mps = self._mover_mps[row - first] if moves else (0.0, 0.0)
+            if carries(normal):
+                slope = None if self._motors else self._slope(row)
+                surface = Surface(gap_m, slope or normal, 0.0 if slope else _GRIP, speed_mps)
+            else:
+                surface = Surface(gap_m, normal, 0.0 if moves else _SLIDE, speed_mps)
+            found.append(surface)
+        return found
 
-    def _speed_of(self, row: int) -> tuple[float, float]:
-        number = row - self._solids.first_mover
-        return self._mover_mps[number] if 0 <= number < len(self._mover_mps) else (0.0, 0.0)
-
-    def _slope(self, row: int) -> tuple[float, float, float] | None:
+    def _slope(self, row: int) -> Vector3 | None:
         """Return the slope on which the body slides off a solid; None if its centre is above it."""
-        x, y, half_x, half_y, _, _, cos, sin, is_round = self._solids.table[row].tolist()
+        x, y, half_x, half_y, _, top_m, cos, sin, is_round = self._solids.table[row].tolist()
         dx, dy = self._at[0] - x, self._at[1] - y
         u, v = cos * dx + sin * dy, cos * dy - sin * dx
         if is_round:
@@ -208,7 +190,7 @@ class PlainBody:
         else:
             u, v = u - max(-half_x, min(half_x, u)), v - max(-half_y, min(half_y, v))
         out = math.hypot(u, v)
-        if out == 0.0:
+        if out == 0.0 or top_m < _STEP_M:
             return None
         share = math.sqrt(0.5) / out
         return share * (cos * u - sin * v), share * (sin * u + cos * v), math.sqrt(0.5)
@@ -217,7 +199,7 @@ class PlainBody:
         """Find the solids that the body may reach in the next step."""
         pose = self._pose
         pose[:] = (*self._at, *self._tilt, self._yaw)
-        speed = max(map(abs, self._velocity)) + (_PUSH_MPS if self._mover_mps else 0.0)
+        speed = max(map(abs, self._velocity)) + (_MOVER_MPS if self._mover_mps else 0.0)
         reach_m = _ROUND_M + _NEAR_M + 2.0 * CONTROL_STEP_S * speed
         count = find_near(pose, self._core_m, self._solids.table, reach_m, self._found)
         self._near: list[_Near] = [

@@ -54,6 +54,63 @@ def _nearest(
     return min(max(x, -solid[2]), solid[2]), min(max(y, -solid[3]), solid[3]), z
 
 
+@compiled("UniTuple(float64, 3)(float64[:, ::1], float64[::1])")
+def _point(own: NDArray[np.float64], at: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return a point of a box in the axes of `own`, from its place in the box's axes."""
+    return (
+        own[0, 0] + at[0] * own[1, 0] + at[1] * own[2, 0] + at[2] * own[3, 0],
+        own[0, 1] + at[0] * own[1, 1] + at[1] * own[2, 1] + at[2] * own[3, 1],
+        own[0, 2] + at[0] * own[1, 2] + at[1] * own[2, 2] + at[2] * own[3, 2],
+    )
+
+
+@compiled("void(float64[:, ::1], float64[::1], float64[:, ::1])")
+def _to_own(
+    hull: NDArray[np.float64], solid: NDArray[np.float64], own: NDArray[np.float64]
+) -> None:
+    """Fill `own`, (4, 3), with centre and axes of a box in the axes of a solid."""
+    cos, sin = solid[6], solid[7]
+    for row in range(4):
+        x, y = hull[row, 0], hull[row, 1]
+        if row == 0:
+            x, y = x - solid[0], y - solid[1]
+        own[row, 0], own[row, 1], own[row, 2] = cos * x + sin * y, cos * y - sin * x, hull[row, 2]
+
+
+@compiled("float64(float64[:, ::1], float64[::1], UniTuple(float64, 3), float64[:, ::1], float64)")
+def _step(
+    own: NDArray[np.float64],
+    half_m: NDArray[np.float64],
+    pull: tuple[float, float, float],
+    places: NDArray[np.float64],
+    weight: float,
+) -> float:
+    """Take a gradient step with momentum, and return the weight of the next momentum.
+
+    Args:
+        own: (4, 3) centre and axes of the box in the axes of the solid.
+        half_m: (3,) half sizes of the box.
+        pull: from the solid's nearest point to the second of `places`.
+        places: (2, 3) the present place in the box, and the one ahead by the momentum.
+        weight: weight of the momentum.
+    """
+    at, ahead = places[0], places[1]
+    moved, uphill = np.empty(3), 0.0
+    for side in range(3):
+        axis = own[1 + side]
+        slope = pull[0] * axis[0] + pull[1] * axis[1] + pull[2] * axis[2]
+        there = min(max(ahead[side] - slope, -half_m[side]), half_m[side])
+        moved[side] = there - at[side]
+        uphill += (ahead[side] - there) * moved[side]
+        at[side] = there
+    if uphill > 0.0:  # the momentum points the wrong way
+        ahead[:] = at
+        return 1.0
+    heavier = (1.0 + math.sqrt(1.0 + 4.0 * weight * weight)) / 2.0
+    ahead[:] = at + (weight - 1.0) / heavier * moved
+    return heavier
+
+
 @compiled("UniTuple(float64, 4)(float64[:, ::1], float64[::1], float64[::1], float64)")
 def _gap(
     hull: NDArray[np.float64], half_m: NDArray[np.float64], solid: NDArray[np.float64], far_m: float
@@ -69,44 +126,16 @@ def _gap(
     Returns:
         Distance, m, 0 where they overlap; unit vector, world axes, 0 where they overlap.
     """
-    cos, sin = solid[6], solid[7]
-    own = np.empty((4, 3))  # the box in the solid's axes
-    for row in range(4):
-        x, y = hull[row, 0], hull[row, 1]
-        if row == 0:
-            x, y = x - solid[0], y - solid[1]
-        own[row, 0], own[row, 1], own[row, 2] = cos * x + sin * y, cos * y - sin * x, hull[row, 2]
-    at, ahead = np.zeros(3), np.zeros(3)  # in the box's axes
-    point, moved = np.empty(3), np.empty(3)
-    weight, distance = 1.0, 0.0
-    nx = ny = nz = 0.0
+    own, places, weight = np.empty((4, 3)), np.zeros((2, 3)), 1.0
+    _to_own(hull, solid, own)
+    distance = nx = ny = nz = 0.0
     for _ in range(_STEPS):
-        for axis in range(3):
-            point[axis] = own[0, axis]
-            for side in range(3):
-                point[axis] += ahead[side] * own[1 + side, axis]
-        x, y, z = _nearest(solid, point[0], point[1], point[2])
-        x, y, z = point[0] - x, point[1] - y, point[2] - z
-        uphill = 0.0
-        heavier = (1.0 + math.sqrt(1.0 + 4.0 * weight * weight)) / 2.0
-        for side in range(3):
-            slope = x * own[1 + side, 0] + y * own[1 + side, 1] + z * own[1 + side, 2]
-            there = min(max(ahead[side] - slope, -half_m[side]), half_m[side])
-            moved[side] = there - at[side]
-            uphill += (ahead[side] - there) * moved[side]
-            at[side] = there
-        if uphill > 0.0:
-            heavier = 1.0  # the momentum points the wrong way
-            ahead[:] = at
-        else:
-            ahead[:] = at + (weight - 1.0) / heavier * moved
-        weight = heavier
-        for axis in range(3):
-            point[axis] = own[0, axis]
-            for side in range(3):
-                point[axis] += at[side] * own[1 + side, axis]
-        qx, qy, qz = _nearest(solid, point[0], point[1], point[2])
-        x, y, z = point[0] - qx, point[1] - qy, point[2] - qz
+        x, y, z = _point(own, places[1])
+        qx, qy, qz = _nearest(solid, x, y, z)
+        weight = _step(own, half_m, (x - qx, y - qy, z - qz), places, weight)
+        x, y, z = _point(own, places[0])
+        qx, qy, qz = _nearest(solid, x, y, z)
+        x, y, z = x - qx, y - qy, z - qz
         distance = math.sqrt(x * x + y * y + z * z)
         if distance < _TOUCH_M:
             return 0.0, 0.0, 0.0, 0.0
@@ -114,10 +143,11 @@ def _gap(
         # The solid lies behind the plane through its nearest point, the box before another one.
         least = nx * (own[0, 0] - qx) + ny * (own[0, 1] - qy) + nz * (own[0, 2] - qz)
         for side in range(3):
-            share = nx * own[1 + side, 0] + ny * own[1 + side, 1] + nz * own[1 + side, 2]
-            least -= abs(share) * half_m[side]
+            axis = own[1 + side]
+            least -= abs(nx * axis[0] + ny * axis[1] + nz * axis[2]) * half_m[side]
         if least > far_m or distance - least < _TOLERANCE_M:
             break
+    cos, sin = solid[6], solid[7]
     return distance, cos * nx - sin * ny, sin * nx + cos * ny, nz
 
 
