@@ -34,7 +34,7 @@ from sim_bridge.twin.flying_body import FlyingBody  # noqa: E402  (after load_mu
 from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 
 Script = list[tuple[float, Movement]]  # each movement with its duration, s
-AIRBORNE_S: Final = 6.0
+AIRBORNE_S: Final = 8.0
 OPEN: Final = Scene(
     name="open",
     ground=GroundSpec(size_m=(12.0, 12.0)),
