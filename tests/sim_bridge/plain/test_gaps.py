@@ -46,7 +46,7 @@ def _about(axis: tuple[int, int, int], angle_rad: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("is_round", [False, True])
-def test_distances_are_those_of_mujoco(is_round: bool) -> None:
+def test_distances_are_those_of_mujoco(*, is_round: bool) -> None:
     """Random poses around random solids: beside, above, level, tilted and overlapping."""
     draw, overlaps = np.random.default_rng(3), 0
     for number in range(150):
