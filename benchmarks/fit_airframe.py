@@ -2,10 +2,12 @@
 
     python -m benchmarks.fit_airframe
     python -m benchmarks.fit_airframe --profiles ideal --seeds 20
+    python -m benchmarks.fit_airframe --side-frictions 1 1     # of boxes and walls, of movers
 
 Both have the same autopilot, seed, wind and sensor errors. The table shows how far apart they are
 over a manoeuvre, means over seeds, and the rise time (10 to 90 %) and overshoot of both. The last
-manoeuvres have contacts: a box in the way, motors cut in the air, a landing across a box's edge.
+manoeuvres have contacts: a box in the way, a mover that comes, motors cut in the air, a landing
+across a box's edge.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import numpy as np
 from sim_bridge.plain.airframe import PlainBody
 from sim_bridge.twin.body import Body, Motion
 from sim_bridge.twin.gl import load_mujoco
+from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.objects import BoxSpec
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import GroundSpec, Scene, TakeOffSpec
@@ -49,6 +52,12 @@ BOXES: Final = Scene(
         BoxSpec(pattern=2, position_m=(-1.0, 0.0), size_m=(0.5, 0.5, 0.5)),
     ),
 )
+WALKED: Final = Scene(
+    name="walked",
+    ground=GroundSpec(size_m=(12.0, 12.0)),
+    take_off=TakeOffSpec(position_m=(0.0, 0.0)),
+    movers=(MoverSpec(path_m=((4.0, 0.7), (-5.0, 0.7)), speed_mps=0.3),),
+)
 
 
 @dataclass(frozen=True)
@@ -75,6 +84,7 @@ MANOEUVRES: Final = {
     "turn in flight": Manoeuvre([(6.0, Velocity(forward_mps=0.5, yaw_rate_radps=0.8))]),
     "landing": Manoeuvre([(6.0, Land())], lambda motion: motion.z_m),
     "into a box": Manoeuvre([(4.0, Velocity(forward_mps=0.5)), (2.0, Hover())], scene=BOXES),
+    "a mover comes": Manoeuvre([(3.0, MoveBy(id=1, right_m=-0.5)), (8.0, Hover())], scene=WALKED),
     "motors cut": Manoeuvre([(2.0, CutMotors())]),
     "landing on an edge": Manoeuvre(
         [(4.0, MoveBy(id=1, forward_m=-0.72)), (6.0, Land())], scene=BOXES
@@ -135,8 +145,10 @@ def row(name: str, pairs: list[tuple[list[Motion], list[Motion]]], manoeuvre: Ma
         f"{1000 * np.mean(off):.3f} ({1000 * np.max(off):.3f})",
         *(f"{math.degrees(np.mean(each)):.3f}" for each in (tilt, turn)),
     ]
-    if manoeuvre.quantity is not None:
-        cells.append(", ".join(response(map(manoeuvre.quantity, each)) for each in pairs[0]))
+    shown, quantity = "-", manoeuvre.quantity
+    if quantity is not None:
+        shown = ", ".join(response(map(quantity, each)) for each in pairs[0])
+    cells.append(shown)
     return f"| {name} | {' | '.join(cells)} |"
 
 
@@ -145,8 +157,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--profiles", nargs="+", default=["lab", "harsh"])
     parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--side-frictions", type=float, nargs=2, metavar=("SOLID", "MOVER"))
     given = parser.parse_args()
-    labs = {scene.name: build_model(scene, drawn=False) for scene in (OPEN, BOXES)}
+    options = {"side_frictions": tuple(given.side_frictions)} if given.side_frictions else {}
+    labs = {scene.name: build_model(scene, drawn=False) for scene in (OPEN, BOXES, WALKED)}
     for name in given.profiles:
         profile = Profile.named(name)
         lag_s = profile.thrust_lag_s
@@ -159,7 +173,7 @@ def main() -> None:
             for seed in range(given.seeds):
                 manoeuvre = MANOEUVRES.get(title) or random_commands(seed)
                 twin = FlyingBody(labs[manoeuvre.scene.name], lag_s=lag_s)
-                plain = PlainBody(manoeuvre.scene, lag_s=lag_s)
+                plain = PlainBody(manoeuvre.scene, lag_s=lag_s, **options)
                 bodies: tuple[Body, Body] = twin, plain
                 pairs.append(tuple(flown(manoeuvre, each, profile, seed) for each in bodies))
             print(row(title, pairs, manoeuvre), flush=True)

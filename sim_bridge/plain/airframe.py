@@ -37,8 +37,6 @@ _TOUCH_M: Final = 0.001  # nearer solids are contacts
 _NEAR_M: Final = 0.02  # reach of the search for solids, beyond twice the way of a step
 _MOVER_MPS: Final = 1.0  # the fastest mover
 _GRIP: Final = 1.0  # friction of a support: that of MuJoCo's geoms
-# Friction of a side; none of a mover's. Fitted: the twin's body turns at a contact and rolls along.
-_SLIDE: Final = 0.3
 _STEP_M: Final = 0.02  # a body may stand across the edge of a lower solid: the carpet, a mat
 _GRAVITY: Final = (0.0, 0.0, -GRAVITY_MPS2)
 
@@ -52,11 +50,15 @@ class PlainBody:
     Args:
         scene: the lab.
         lag_s: time constant from demanded to real acceleration, s.
+        side_frictions: coefficients of friction at the side of a standing solid and of a mover.
+            Fitted: the twin's body turns at a contact and rolls along the side.
     """
 
-    def __init__(self, scene: Scene, *, lag_s: float) -> None:
+    def __init__(
+        self, scene: Scene, *, lag_s: float, side_frictions: tuple[float, float] = (0.3, 0.0)
+    ) -> None:
         self._solids: Solids = solids_of(scene)
-        self._thrust = Thrust(lag_s)
+        self._thrust, self._side_frictions = Thrust(lag_s), side_frictions
         self._half_m = np.array(HULL_HALF_M)
         self._core_m = self._half_m - _ROUND_M
         self._pose = np.zeros(6)
@@ -175,7 +177,7 @@ class PlainBody:
                 slope = None if self._motors else self._slope(row)
                 surface = Surface(gap_m, slope or normal, 0.0 if slope else _GRIP, speed_mps)
             else:
-                surface = Surface(gap_m, normal, 0.0 if moves else _SLIDE, speed_mps)
+                surface = Surface(gap_m, normal, self._side_frictions[moves], speed_mps)
             found.append(surface)
         return found
 
