@@ -16,25 +16,24 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.anafi import ANAFI_AIRFRAME
 from sim_bridge.twin import textures
+from sim_bridge.twin.body import CONTROL_STEP_S, HULL_HALF_M
 from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
 from sim_bridge.twin.objects import MAT_M, BoxSpec, Helipad, Vector2, Vector3, box_names
-from sim_bridge.twin.scene import Lighting, Scene
+from sim_bridge.twin.scene import FLOOR_M, Lighting, Scene, obstacle_names
 from sim_bridge.twin.solids import Solid, stacked, yaw_quaternion
 from uav_bt.lab.roles import OUTSIDE
 from uav_bt.plugins import make_mark_finder
 
-HULL_HALF_M = tuple(side / 2 for side in ANAFI_AIRFRAME.body_size_m)  # forward, sideways, up
 HULL_MASS_KG = 0.32  # mass of the ANAFI
-PHYSICS_STEP_S = 0.005  # short enough for contacts at 1 m/s
+STEPS_PER_CONTROL = 2
+PHYSICS_STEP_S = CONTROL_STEP_S / STEPS_PER_CONTROL  # short enough for contacts at 1 m/s
 
 _SEEN_GROUP = 0
 _HIT_GROUP = 3  # geom group that MuJoCo does not draw by default
 _DRONE_GROUP = 4  # not drawn by default either: the camera never sees the drone
 
 _PAINT_M = 0.0001  # height of the H above the pad, enough to be drawn over it
-_FLOOR_M = -0.004  # height of the floor: the carpet is 4 mm thick, its surface is z = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +44,7 @@ class LabModel:
     class_of_geom: NDArray[np.uint8]  # (number of geoms,): class id of each geom
     hull_geom: int
     hull_body: int
+    obstacle_geoms: tuple[int, ...]  # contact geoms of boxes and movers
 
 
 def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
@@ -99,6 +99,7 @@ class _Builder:
             class_of_geom=ids,
             hull_geom=model.geom("drone").id,
             hull_body=model.body("drone").id,
+            obstacle_geoms=tuple(model.geom(name).id for name in obstacle_names(self._scene)),
         )
 
     def _drone(self) -> None:
@@ -116,10 +117,10 @@ class _Builder:
 
     def room(self, size_m: Vector3) -> None:
         hx, hy, hz = (side / 2 for side in size_m)
-        middle = hz + _FLOOR_M
+        middle = hz + FLOOR_M
         slabs = {
-            "floor": ((hx, hy, 0.05), (0.0, 0.0, _FLOOR_M - 0.05)),
-            "ceiling": ((hx, hy, 0.05), (0.0, 0.0, _FLOOR_M + size_m[2] + 0.05)),
+            "floor": ((hx, hy, 0.05), (0.0, 0.0, FLOOR_M - 0.05)),
+            "ceiling": ((hx, hy, 0.05), (0.0, 0.0, FLOOR_M + size_m[2] + 0.05)),
             "wall-east": ((0.05, hy, hz), (hx + 0.05, 0.0, middle)),
             "wall-west": ((0.05, hy, hz), (-hx - 0.05, 0.0, middle)),
             "wall-north": ((hx, 0.05, hz), (0.0, hy + 0.05, middle)),
@@ -137,8 +138,8 @@ class _Builder:
     def carpet(self, size_m: Vector2) -> None:
         self._texture("carpet", partial(textures.carpet, size_m))
         carpet = Solid(
-            half_m=(size_m[0] / 2, size_m[1] / 2, -_FLOOR_M / 2),
-            centre_m=(0.0, 0.0, _FLOOR_M / 2),
+            half_m=(size_m[0] / 2, size_m[1] / 2, -FLOOR_M / 2),
+            centre_m=(0.0, 0.0, FLOOR_M / 2),
         )
         class_id = self._scene.classes.ground
         self._show("carpet/seen", carpet, material="carpet", class_id=class_id, tile_m=size_m)

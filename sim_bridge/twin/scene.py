@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_problem
+from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_names, mover_problem
 from sim_bridge.twin.objects import BoxSpec, Helipad, Vector2, Vector3, box_names
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.classes import LabClasses
@@ -18,6 +18,7 @@ from uav_bt.types.ground import Footprint, Ground, Standing
 
 CARPET_SIZE_M = (5.0, 4.0)  # size in the paper, along x and y, centred on the origin
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # least size, centred on the origin, the floor at z = 0
+FLOOR_M = -0.004  # height of the floor: the carpet is 4 mm thick, its surface is z = 0
 _BESIDE_M = 2.5  # least distance from the ground's edge to the walls
 _GROUND_SIDES_M = (2.0, 12.0)
 MAX_MOVERS = 8
@@ -242,6 +243,11 @@ class Scene:
                 return box.size_m[2]
         tops_m = [pad.size_m[2] for pad in self.pads if pad.footprint.contains(x_m, y_m)]
         return tops_m[0] if tops_m else 0.0
+
+
+def obstacle_names(scene: Scene) -> tuple[str, ...]:
+    """Return the names of the boxes and movers of a scene, in its order."""
+    return (*box_names(scene.boxes), *mover_names(scene.movers))
 
 
 def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem | None:
