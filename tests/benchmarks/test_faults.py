@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
+from benchmarks.fault_flight import Case, fly
 from benchmarks.faults import main
 from tests.benchmarks.test_fault_reactions import TREE
 
@@ -36,6 +37,16 @@ def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., Done]:
     return run
 
 
+@pytest.fixture
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let flights be flown in this process: another one takes seconds to start."""
+
+    def fly_each(cases: Sequence[Case], folder: Path, _: int) -> Iterator[tuple[Case, object]]:
+        yield from ((case, fly(case, folder)) for case in cases)
+
+    monkeypatch.setattr("benchmarks.faults.fly_each", fly_each)
+
+
 def short(tmp_path: Path, *arguments: str) -> list[str]:
     tree = tmp_path / "short.xml"
     tree.write_text(TREE, encoding="utf-8")
@@ -53,7 +64,7 @@ def short(tmp_path: Path, *arguments: str) -> list[str]:
 
 
 def test_flights_are_tabulated_kept_and_gone_on_with(
-    tmp_path: Path, run: Callable[..., Done]
+    tmp_path: Path, run: Callable[..., Done], request: pytest.FixtureRequest
 ) -> None:
     wanted = short(tmp_path, "--phase", "explore+0.5", "--kind", "battery-low")
     done = run(*wanted)
@@ -64,6 +75,7 @@ def test_flights_are_tabulated_kept_and_gone_on_with(
     first = flights.read_text()
     flights.write_text(first + '{"case": {"fau')  # the process was killed during a write
 
+    request.getfixturevalue("in_process")
     more = run(*wanted, "slow")
     assert more.returncode == 1
     assert "2 flights, 1 of them are there" in more.stdout
@@ -77,6 +89,7 @@ def test_flights_are_tabulated_kept_and_gone_on_with(
     ]
 
 
+@pytest.mark.usefixtures("in_process")
 def test_a_phase_that_does_not_come_is_no_success(tmp_path: Path, run: Callable[..., Done]) -> None:
     done = run(*short(tmp_path, "--phase", "search", "--kind", "battery-low"))
     assert done.returncode == 1
