@@ -196,8 +196,8 @@ def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespac
     parser.add_argument(
         "--drone",
         default="twin",
-        help="anafi:127.x.x.x flies a loopback ANAFI over Olympe, served for each flight; no truth "
-        "is known then: what counts is what it reports [twin]",
+        help="plain flies without images; anafi:127.x.x.x flies a loopback ANAFI over Olympe, "
+        "served for each flight; no truth is known then: what counts is what it reports [twin]",
     )
     parser.add_argument("--networks", action="store_true", help="instead of exact masks")
     parser.add_argument("--time-limit-s", type=float, default=120.0, help="of a flight [120]")
