@@ -58,8 +58,18 @@ class Scene(Protocol):
         ...
 
     @property
+    def mark_pose(self) -> Pose2D | None:
+        """Pose of the mark in the scene's drawing, yaw counter-clockwise; None without one."""
+        ...
+
+    @property
+    def lab(self) -> str:
+        """Name or path of the lab that the scene belongs to."""
+        ...
+
+    @property
     def classes(self) -> LabClasses:
-        """Classes of the lab that the scene belongs to."""
+        """Classes of that lab."""
         ...
 
     @property

@@ -18,7 +18,14 @@ from uav_bt.app.flying_process import collections_postponed
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.option_values import is_drone_config, refuse_incomplete, refuse_unusable
 from uav_bt.app.options import FlightOptions, given_options
-from uav_bt.app.place_of_flight import classes_of, limits_of, mark_of, site_of
+from uav_bt.app.place_of_flight import (
+    lab_of,
+    limits_of,
+    mark_of,
+    mark_pose_of,
+    scene_of,
+    site_of,
+)
 from uav_bt.app.random_faults import with_faults
 from uav_bt.app.rehearsed_drone import RehearsedDrone
 from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_pose
@@ -29,6 +36,8 @@ from uav_bt.board.context import MissionContext
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.limits import Limits
@@ -56,14 +65,15 @@ class Flight(Generic[DroneT]):
         options: Options of the flight.
         judge: Decides when the flight has ended. Default: from the options.
         segmenter: Source of class maps in place of a network. Default: from the options.
+        classes: Classes of the place. Default: those of the lab.
         followers: Listeners that belong to the drone, before all others.
         area: Area of the flight. Default: of the mission's rules and the site.
         make_runner: Makes the runner, with the parameters of `MissionRunner`.
         outputs: Folder that leaves write files to.
 
     Raises:
-        InputError: Site and scene state different landing marks, or the mission's rules cannot be
-            kept there.
+        InputError: Site and scene state different landing marks, the scene is of another lab, or
+            the mission's rules cannot be kept there.
     """
 
     def __init__(
@@ -74,6 +84,7 @@ class Flight(Generic[DroneT]):
         *,
         judge: Judge | None = None,
         segmenter: Segmenter | None = None,
+        classes: LabClasses | None = None,
         followers: Sequence[TickListener] = (),
         area: Area | None = None,
         make_runner: Callable[..., MissionRunner] = MissionRunner,
@@ -87,12 +98,13 @@ class Flight(Generic[DroneT]):
         self._make_runner = make_runner
         self.outputs = outputs
         self._clock = TickClock(drone.clock)
-        self.mark, self.classes = mark_of(options, drone), classes_of(drone)
+        self.lab, self.mark = lab_of(options, drone), mark_of(options, drone)
+        self.classes = classes or (self.lab or load_lab()).classes
         plugins.make_mark_finder(self.mark)  # refuses wrong options before the flight
         self.rules = rules_of(mission)
         self.judge_config = judge_of(options.judge, self.rules, rehearse=options.rehearse)
         if judge is None:
-            check_mark(self.judge_config, drone)
+            check_mark(self.judge_config, drone, self.lab)
             site = site_of(options)
             area = area_of(self.rules, site or Site(), take_off_pose(site, drone))
         self.area = area
@@ -125,6 +137,7 @@ class Flight(Generic[DroneT]):
             mark=self.mark,
             clearances=(site or Site()).clearances,
             take_off=take_off_pose(site, self.drone),
+            mark_pose=mark_pose_of(self.options, self.drone),
             area=self.area,
             outputs=self.outputs,
         )
@@ -271,6 +284,8 @@ def _named_drone(options: FlightOptions) -> Drone:
         raise InputError(f"drone '{name}' takes no address, got '{address}'")
     refuse_unusable(options, f"drone '{name}'", known)
     settings = {**drone_settings(options), "address": address if colon else None}
+    if "scene" in known:
+        settings["scene"] = scene_of(options)
     given = {key: value for key, value in settings.items() if value is not None}
     return config(**{key: value for key, value in given.items() if key in known}).create()
 
