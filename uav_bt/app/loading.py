@@ -61,7 +61,7 @@ def load_mission(
     if faults := list(faults_of(mission)):
         raise TreeError(mission.path, faults)
     _check_variables(mission)
-    _check_ceiling(mission, limits_of(options))
+    check_ceiling(mission, limits_of(options))
     return mission
 
 
@@ -260,7 +260,7 @@ def _check_variables(mission: MissionTree) -> None:
         )
 
 
-def _check_ceiling(mission: MissionTree, limits: Limits) -> None:
+def check_ceiling(mission: MissionTree, limits: Limits) -> None:
     """Refuse a tree that is to fly higher than it may.
 
     Args:

@@ -8,7 +8,7 @@ from uav_bt.errors import InputError
 from uav_bt.lab.lab import SCENES_FOLDER, Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, default_mark, load_lab
 from uav_bt.mission.limits import Limits
-from uav_bt.protocols import Drone
+from uav_bt.protocols import Drone, Scene
 from uav_bt.types import LandingMark, Pose2D
 
 
@@ -17,17 +17,17 @@ def site_of(options: FlightOptions) -> Site | None:
     return options.place
 
 
-def lab_of(options: FlightOptions, drone: Drone) -> Lab | None:
+def lab_of(options: FlightOptions, scene: Scene | None) -> Lab | None:
     """Return the lab of a flight: that of the options or of the scene; None if neither names one.
 
     Args:
         options: options of the flight.
-        drone: drone that flies.
+        scene: scene of a simulated drone; None on a real one.
 
     Raises:
         InputError: The scene belongs to another lab than that of the options.
     """
-    lab, scene = options.lab, drone.scene
+    lab = options.lab
     of_scene = None if scene is None else load_lab(scene.lab)
     if not isinstance(lab, Lab):
         return of_scene

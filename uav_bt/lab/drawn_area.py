@@ -31,9 +31,9 @@ def area_problem(text: str, *, take_off: Pose2D | None, mark: Pose2D | None) -> 
         area = Area((tuple(_corner(corner, origin) for corner in corners),))
     except ValueRangeError as error:
         return str(error)
-    if take_off is not None or frames == {PlaceFrame.START}:
-        if area.margin_m(0.0, 0.0) <= 0.0:
-            return f"the take-off pose lies outside the area {_shown(corners)}"
+    knows_start = take_off is not None or frames == {PlaceFrame.START}
+    if knows_start and area.margin_m(0.0, 0.0) <= 0.0:
+        return f"the take-off pose lies outside the area {_shown(corners)}"
     if mark is not None and (take_off is not None or frames == {PlaceFrame.LAB}):
         there = lab_to_start(mark, origin)
         if area.margin_m(there.x_m, there.y_m) < 0.0:

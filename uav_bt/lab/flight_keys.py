@@ -157,9 +157,7 @@ class FlightKeys:
     network: Annotated[NetworkKeys | None, _about("Network of all leaves that segment.")] = None
     ground: Annotated[
         tuple[str, ...],
-        Field(
-            min_length=1, description="Classes that the drone may fly over and scale depth by."
-        ),
+        Field(min_length=1, description="Classes that the drone may fly over and scale depth by."),
     ] = ()
     limits: Annotated[LimitKeys | None, _about("Limits of every movement.")] = None
     area: Annotated[
