@@ -142,8 +142,8 @@ class DroneConfig(Protocol):
     """Configuration dataclass of one kind of drone, registered in `uav_bt.drones`.
 
     Its fields are the settings of that drone, keyword-only and with defaults. Fields with a name of
-    `uav_bt.app.drone_of_flight.drone_settings`, `scene` and `address` are filled in from the options
-    of a flight.
+    `uav_bt.app.drone_of_flight.drone_settings`, `scene` and `address` are filled in from a flight's
+    options.
     """
 
     def create(self) -> Drone:

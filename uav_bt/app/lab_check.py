@@ -1,4 +1,4 @@
-"""Whether a mission can be flown in a lab: settings, ceiling and area, before any drone is named."""
+"""Whether a mission can be flown in a lab: settings, ceiling and area, without a drone."""
 
 from __future__ import annotations
 

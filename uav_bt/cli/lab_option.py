@@ -9,6 +9,7 @@ from typing import Final
 import click
 
 from uav_bt.cli.options import Decorator
+from uav_bt.lab.lab import Lab
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.parameters import Parameters
@@ -21,9 +22,9 @@ lab_option: Final[Decorator] = click.option(
 
 
 def refuse_in_lab(
-    tree: Path | str,
-    lab: str,
+    lab: Lab,
     registry: NodeRegistry,
+    tree: Path | str,
     *,
     tree_id: str | None,
     tree_folders: TreeFolders,
@@ -32,15 +33,15 @@ def refuse_in_lab(
     """Refuse a mission that does not fit a lab.
 
     Args:
-        tree: Tree file, or its text.
-        lab: Name or path of the lab.
+        lab: The lab.
         registry: Nodes that the tree may use.
+        tree: Tree file, or its text.
         tree_id: Which of the file's trees.
         tree_folders: Where else trees are.
         parameters: Sets of values from outside, each of which is checked; None: no values.
 
     Raises:
-        InputError: The lab or the mission was refused.
+        InputError: A setting of the lab or the mission was refused.
     """
     # Late: `uav-bt check` answers at once, and these import the parts of a flight.
     from uav_bt.app.lab_check import check_in_lab  # noqa: PLC0415

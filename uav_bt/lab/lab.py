@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.flight_keys import FlightKeys
 from uav_bt.types.landing_mark import LandingMark
 from uav_bt.types.pose import Pose2D
+
+if TYPE_CHECKING:
+    # pydantic takes long to import, and `uav-bt check` answers at once.
+    from uav_bt.lab.flight_keys import FlightKeys
 
 LAB_FILE: Final = "lab.yaml"
 SCENES_FOLDER: Final = "scenes"
@@ -25,18 +28,18 @@ class Lab:
         folder: Folder of the lab file, with the scenes and networks.
         classes: Classes of the place.
         file: The lab file.
+        flight: How the place is flown.
         mark: Landing mark of the place; None without one.
         mark_pose: Pose of the mark in the drawing, yaw counter-clockwise; None if not stated.
-        flight: How the place is flown.
     """
 
     name: str
     folder: Path
     classes: LabClasses
     file: Path
+    flight: FlightKeys
     mark: LandingMark | None = None
     mark_pose: Pose2D | None = None
-    flight: FlightKeys = field(default_factory=FlightKeys)
 
     @property
     def scenes(self) -> dict[str, Path]:

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import Any, Final
+from typing import Any
 
 from pydantic import TypeAdapter
 
 from uav_bt.lab.lab_file import LabFile
-
-SCHEMA_FILE: Final = "lab.schema.json"
-"""Name of the schema in the folder of the shipped labs."""
-
 
 def lab_schema() -> str:
     """Return the schema of lab files as JSON.
