@@ -9,6 +9,7 @@ from pydantic import TypeAdapter
 
 from uav_bt.lab.lab_file import LabFile
 
+
 def lab_schema() -> str:
     """Return the schema of lab files as JSON.
 
