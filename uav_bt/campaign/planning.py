@@ -22,7 +22,7 @@ from uav_bt.campaign.planned_trees import planned_trees
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
 from uav_bt.lab.lab import Lab
-from uav_bt.lab.shipped import load_lab
+from uav_bt.lab.shipped import lab_address, load_lab
 
 
 def make_plan(
@@ -58,7 +58,10 @@ def make_plan(
     options = given_options(options, how)
     leaves = [Path(file).resolve() for file in options.leaves]
     options = replace(
-        options, tree_folders=options.tree_folders.absolute(), leaves=tuple(map(str, leaves))
+        options,
+        lab=lab_address(options.lab) if isinstance(options.lab, Lab) else None,
+        tree_folders=options.tree_folders.absolute(),
+        leaves=tuple(map(str, leaves)),
     )
     check_faults(options.faults)
     flown = [one for tree in trees for one in planned_trees(tree, options)]

@@ -29,6 +29,7 @@ from uav_bt.types import (
     Movement,
     MovementState,
     MovementStatus,
+    Pose2D,
 )
 from uav_bt.types.area import Area
 

@@ -173,8 +173,8 @@ TAG = LandingMark(
 def test_a_place_of_the_drawing_counts_from_a_tag_once_it_was_seen() -> None:
     bench = LeafBench(GoTo, to="lab:1,0")
     bench.mark, bench.mark_pose = TAG, Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    assert live(bench, site_map=on()) is Status.RUNNING
-    assert bench.proposed is None
+    assert live(bench, site_map=on()) is Status.FAILURE
+    assert "the landing mark and its heading were not seen yet" in bench.leaf.feedback_message
     # The tag's upper edge is to the left of the drone, and the drawing's x ahead of it.
     mark = MapMark(x_m=0.5, y_m=0.0, std_m=0.1, seen_s=1.0, yaw_rad=math.radians(-90))
     assert live(bench, site_map=replace(on(), mark=mark)) is Status.RUNNING

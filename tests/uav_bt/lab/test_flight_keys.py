@@ -90,14 +90,18 @@ def test_a_take_off_without_a_position_is_from_the_mark(tmp_path: Path) -> None:
             "7: area: the take-off pose lies outside",
         ),
         (
-            'area: "lab:0,0; lab:1,0; lab:1,1"\n'
-            "mark: {size_m: [1, 1], height_m: 0, position_m: [3, 0]}",
+            (
+                'area: "lab:0,0; lab:1,0; lab:1,1"\n'
+                "mark: {size_m: [1, 1], height_m: 0, position_m: [3, 0]}"
+            ),
             "7: area: the landing mark at lab:3,0 lies outside the area lab:0,0;",
         ),
         (
-            'area: "start:-1,-1; start:2,-1; start:2,1; start:-1,1"\n'
-            "take_off: {position_m: [1, 0], yaw_deg: 180}\n"
-            "mark: {size_m: [1, 1], height_m: 0, position_m: [2.5, 0]}",
+            (
+                'area: "start:-1,-1; start:2,-1; start:2,1; start:-1,1"\n'
+                "take_off: {position_m: [1, 0], yaw_deg: 180}\n"
+                "mark: {size_m: [1, 1], height_m: 0, position_m: [2.5, 0]}"
+            ),
             "7: area: the landing mark at lab:2.5,0 lies outside",
         ),
         ('area: "start:-1,-1; start:1,-1; lab:1,1"', "7: area: corners in both frames need"),
