@@ -32,7 +32,7 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
         FileError: The lab file is absent or malformed.
     """
     name, path, shipped = str(name_or_path), Path(name_or_path), shipped_labs()
-    if len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
+    if "/" in name or len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
         return _read(path)
     own = Path("labs") / name
     ours = shipped.get(name)
