@@ -78,7 +78,7 @@ def _given_drone(options: FlightOptions) -> Drone:
     if not is_drone_config(drone):
         return drone  # type: ignore[no-any-return]  # the options have checked it
     site, known = site_of(options), _field_names(type(drone))
-    settings = {} if site is None else _place_settings(site, site.limits)
+    settings = {} if site is None else _place_settings(site, limits_of(options))
     given = {key: value for key, value in settings.items() if value is not None and key in known}
     made: Drone = (replace(drone, **given) if given else drone).create()
     return made

@@ -219,7 +219,9 @@ class FlightOptions:
     )
     limits: Limits = field(
         default_factory=Limits,
-        metadata=about("Limits that no command may exceed; those of site or lab replace them."),
+        metadata=about(
+            "Limits that no command exceeds; with site or lab the smaller ones hold."
+        ),
     )
     runner: RunnerConfig = field(
         default_factory=RunnerConfig,

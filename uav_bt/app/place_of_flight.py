@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import Site
 from uav_bt.errors import InputError
@@ -78,9 +80,22 @@ def _scenes_text(lab: Lab) -> str:
 
 
 def limits_of(options: FlightOptions) -> Limits:
-    """Return the limits of all commands. Those of site or lab replace the options'."""
-    site = site_of(options)
-    return options.limits if site is None else site.limits
+    """Return the limits of all commands.
+
+    Those of site or lab replace the default limits. If the options have other limits than the
+    default, each smaller one holds.
+    """
+    site, given = site_of(options), options.limits
+    if site is None:
+        return given
+    if given == Limits():
+        return site.limits
+    smaller = {
+        name: min(getattr(given, name), getattr(site.limits, name))
+        for name in ("speed_mps", "climb_mps", "yaw_rate_radps", "ceiling_m")
+    }
+    charge = max(given.critical_battery, site.limits.critical_battery)
+    return replace(given, **smaller, critical_battery=charge)
 
 
 def mark_of(options: FlightOptions, drone: Drone) -> LandingMark:

@@ -11,12 +11,14 @@ import pytest
 from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, tree_file
 from uav_bt import app
 from uav_bt.app.lab_check import check_in_lab
+from uav_bt.app.place_of_flight import limits_of
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.campaign.flight_lines import comparable
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.limits import Limits
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 from uav_bt.types import Pose2D
@@ -138,6 +140,16 @@ def test_the_command_line_comes_before_the_lab_and_the_lab_before_the_tree(
     )
     assert lab.find("TakeOff").port_value("height_m") == 1.1
     assert given.find("TakeOff").port_value("height_m") == 0.8
+
+
+def test_the_smaller_limits_of_options_and_lab_hold(make_lab: MakeLab) -> None:
+    make_lab(f"{MARK}limits: {{speed_mps: 0.5, ceiling_m: 3.0}}\nbattery: {{critical: 0.2}}\n")
+    usual = app.FlightOptions(lab="hall")
+    assert (limits_of(usual).speed_mps, limits_of(usual).ceiling_m) == (0.5, 3.0)
+    own = replace(usual, limits=Limits(speed_mps=0.8, climb_mps=0.2, floor_m=0.5))
+    assert limits_of(own) == Limits(
+        speed_mps=0.5, climb_mps=0.2, ceiling_m=2.4, floor_m=0.5, critical_battery=0.2
+    )
 
 
 def test_the_areas_of_rules_and_lab_both_hold(make_lab: MakeLab, tmp_path: Path) -> None:
