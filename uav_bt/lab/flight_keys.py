@@ -29,6 +29,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema
 from typing_extensions import TypedDict
 
+from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
 from uav_bt.files import did_you_mean_file
 from uav_bt.types.place import area_corners
@@ -173,6 +174,8 @@ class FlightKeys:
     return_home: Annotated[
         _Switch | None, _about("Whether the drone returns by itself during a flight.")
     ] = None
+
+    __repr__ = brief_repr
 
 
 def take_off_pose(keys: FlightKeys, mark: Pose2D | None) -> Pose2D | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from uav_bt.brief import brief_repr
 from uav_bt.lab.classes import LabClasses
 from uav_bt.types.landing_mark import LandingMark
 from uav_bt.types.pose import Pose2D
@@ -40,6 +41,8 @@ class Lab:
     flight: FlightKeys
     mark: LandingMark | None = None
     mark_pose: Pose2D | None = None
+
+    __repr__ = brief_repr
 
     @property
     def scenes(self) -> dict[str, Path]:
