@@ -219,9 +219,7 @@ class FlightOptions:
     )
     limits: Limits = field(
         default_factory=Limits,
-        metadata=about(
-            "Limits that no command exceeds; with site or lab the smaller ones hold."
-        ),
+        metadata=about("Limits that no command exceeds; with site or lab the smaller ones hold."),
     )
     runner: RunnerConfig = field(
         default_factory=RunnerConfig,

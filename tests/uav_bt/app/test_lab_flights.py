@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -225,6 +226,33 @@ def test_the_papers_lab_changes_no_flight() -> None:
     assert plain["outcome"] == "success"
     assert (plain["lab"], named["lab"]) == ("paper", "paper")
     assert comparable(plain) == comparable(named)
+
+
+TAG = "kind: apriltag, options: {id: 7, size_m: 0.4}"
+BY_TAG = """
+<ReactiveSequence>
+  <SubTree ID="Perceive"/>
+  <Sequence>
+    <TakeOff height_m="1.5"/><Turn degrees="360"/><GoTo to="lab:-1,-0.5@0"/>
+    <ForceSuccess><EmergencyLand/></ForceSuccess>
+  </Sequence>
+</ReactiveSequence>
+"""
+
+
+def test_a_place_of_the_drawing_is_reached_by_the_tag_of_the_lab(
+    make_lab: MakeLab, tmp_path: Path
+) -> None:
+    """The take-off is random, and the lab states where its tag stands."""
+    pose = "position_m: [1.2, 0.8], yaw_deg: 30"
+    folder = make_lab(f"mark: {{{TAG}, size_m: [0.5, 0.5], height_m: 0.1, {pose}}}\n")
+    (folder / "scenes" / "one.yaml").write_text(
+        f"helipad: {{{TAG}, size_m: [0.5, 0.5, 0.1], {pose}}}\ntake_off: {{from: random}}\n"
+    )
+    tree = tree_file(tmp_path, BY_TAG)
+    flown = app.fly(tree, drone="plain", lab="hall", seed=3, judge=ANYWHERE)
+    x_m, y_m = flown.path[-1, 1:3]
+    assert math.hypot(x_m + 1.0, y_m + 0.5) < 0.2
 
 
 # --- what is kept ---------------------------------------------------------------------------------
