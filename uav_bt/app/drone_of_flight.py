@@ -30,7 +30,9 @@ def make_drone(options: FlightOptions) -> Drone:
     drone = _named_drone(options) if isinstance(options.drone, str) else _given_drone(options)
     refuse_incomplete(drone)
     site = site_of(options) or Site()
-    camera = options.camera or site.camera
+    # A lab states the camera of its real drone; that of a simulated one is known exactly.
+    of_place = None if site.lab is not None and drone.scene is not None else site.camera
+    camera = options.camera or of_place
     if camera is not None:
         drone = CalibratedDrone(drone, Path(camera))
     return RehearsedDrone(drone) if options.rehearse else drone

@@ -11,6 +11,7 @@ import pytest
 
 from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, tree_file
 from uav_bt import app
+from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.app.lab_check import check_in_lab
 from uav_bt.app.place_of_flight import limits_of
 from uav_bt.app.replay import ReplayOptions
@@ -126,6 +127,18 @@ def test_messages_about_settings_name_the_lab(
     make_lab("flight_height_m: 0.9\n")
     app.check(tree_file(tmp_path, "<Land/>"), lab="hall")
     assert "the lab's height_m='0.9' has no effect" in caplog.text
+
+
+def test_the_camera_of_a_lab_is_that_of_its_real_drone(make_lab: MakeLab) -> None:
+    folder = make_lab(scenes=("one",))
+    (folder / "camera.yaml").touch()
+    make_lab(f"{MARK}camera: camera.yaml\n", scenes=("one",))
+    real, simulated = (
+        app.make_drone(app.FlightOptions(drone=drone, lab="hall"))
+        for drone in (ScriptedDrone(), "plain")
+    )
+    assert isinstance(real, CalibratedDrone)
+    assert not isinstance(simulated, CalibratedDrone)
 
 
 # --- precedence -----------------------------------------------------------------------------------
