@@ -140,7 +140,7 @@ class Scene:
     movers: tuple[MoverSpec, ...] = ()
     lighting: Lighting = field(default_factory=Lighting)
     take_off: TakeOffSpec = field(default_factory=TakeOffSpec)
-    lab: str = DEFAULT_LAB  # name of the lab that the scene belongs to
+    lab: str = DEFAULT_LAB  # name or path of the lab that the scene belongs to
 
     @cached_property
     def classes(self) -> LabClasses:
@@ -166,6 +166,14 @@ class Scene:
     def mark(self) -> LandingMark | None:
         """The landing mark; None without one."""
         return None if self.helipad is None else self.helipad.mark
+
+    @property
+    def mark_pose(self) -> Pose2D | None:
+        """The pose of the landing mark in the drawing, yaw counter-clockwise; None without one."""
+        if self.helipad is None:
+            return None
+        x_m, y_m = self.helipad.position_m
+        return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(self.helipad.yaw_deg))
 
     @property
     def take_off_pose(self) -> Pose2D | None:

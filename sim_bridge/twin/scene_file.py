@@ -21,6 +21,7 @@ from sim_bridge.twin.scene import (
     traffic_problem,
 )
 from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError
+from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.yaml_file import read_yaml
 
@@ -57,8 +58,9 @@ def load_scene(name_or_path: str | Path) -> Scene:
         remedy="`uav-bt lab scenes` lists the shipped scenes",
     )
     found = file.value
+    lab = _lab(path, found.lab)
     try:
-        load_lab(found.lab)
+        load_lab(lab)
     except UnknownNameError as error:
         raise file.error(str(error), "lab") from error
     problem = layout_problem(found.helipad, found.boxes, found.ground)
@@ -72,7 +74,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
             ground=found.ground,
             lighting=found.lighting,
             take_off=found.take_off.spec(),
-            lab=found.lab,
+            lab=lab,
         )
     except ValueRangeError as error:
         raise file.error(str(error), "take_off") from error
@@ -80,6 +82,20 @@ def load_scene(name_or_path: str | Path) -> Scene:
     if problem is not None:
         raise file.error(problem.message, *problem.place)
     return replace(scene, movers=found.movers)
+
+
+def _lab(path: Path, stated: str | None) -> str:
+    """Return name or path of a scene's lab: the one it states, or the one in whose folder it lies.
+
+    Args:
+        path: Scene file.
+        stated: Lab that the file states; None if it states none.
+    """
+    folder = path.parent.parent
+    inside = path.parent.name == SCENES_FOLDER and (folder / LAB_FILE).is_file()
+    if inside and stated in {None, folder.resolve().name}:
+        return str(folder)
+    return DEFAULT_LAB if stated is None else stated
 
 
 def scene_text(scene: Scene) -> str:
@@ -113,7 +129,7 @@ class _TakeOff:
 
 @dataclass(frozen=True, kw_only=True)
 class _SceneFile:
-    lab: str = DEFAULT_LAB
+    lab: str | None = None
     helipad: Helipad | None = None
     # Strict mode refuses numbers as text, but a scene may have the name 7.
     name: Annotated[str | None, Field(min_length=1, strict=False, coerce_numbers_to_str=True)] = (

@@ -228,6 +228,7 @@ def _run(
         result = log.report(
             verdict,
             scene=flight.scene_name,
+            lab=None if flight.lab is None else flight.lab.name,
             seed=options.seed,
             tree=flight.mission.origin,
             policies=_policies(flight.mission),

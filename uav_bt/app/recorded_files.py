@@ -1,4 +1,4 @@
-"""The files that travel with a flight's record: tree files, places and scene, written and read."""
+"""Files that travel with a flight's record, written and read: tree files, places, scene, lab."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from typing import Any, Final
 
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import scene_text
+from uav_bt.app.options import FlightOptions
 from uav_bt.errors import FileError, InputError
+from uav_bt.files import reading
 from uav_bt.json_text import parse_json
+from uav_bt.lab.lab import Lab
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import Attachment
 from uav_bt.tree import MissionTree
@@ -21,6 +24,7 @@ _TREE_FOLDER: Final = "tree/"  # attachments below lie as they do beside the tre
 _OTHER_FOLDER: Final = "elsewhere/"  # tree files of other folders, each in a numbered one
 _MEDIA_TYPES: Final = {".csv": "text/csv", ".txt": "text/plain"}  # of files of places
 _SCENE_FILE: Final = "scene.yaml"
+_LAB_FILE: Final = "lab.yaml"
 _INCLUSIONS: Final = "tree_includes"  # metadata: which attachment an `<include>` stands for
 
 
@@ -57,6 +61,14 @@ def scene_files(scene: object) -> Iterator[Attachment]:
     if isinstance(scene, Scene):
         data = scene_text(scene).encode()
         yield Attachment(name=_SCENE_FILE, media_type="application/yaml", data=data)
+
+
+def lab_files(options: FlightOptions) -> Iterator[Attachment]:
+    """Yield the lab file of the options; nothing without a lab."""
+    if isinstance(options.lab, Lab):
+        with reading(options.lab.file):
+            data = options.lab.file.read_bytes()
+        yield Attachment(name=_LAB_FILE, media_type="application/yaml", data=data)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -129,6 +129,7 @@ class MissionContext:
         mark: landing mark. Default: that of the default lab.
         clearances: distances that routes keep.
         take_off: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
+        mark_pose: pose of the mark there, yaw counter-clockwise; None if unknown.
         area: area that the mission stays in; None: no bound.
         stage_times_s: duration of each perception stage, seconds by stage name.
         notes: events and photographs of the flight.
@@ -150,6 +151,7 @@ class MissionContext:
     mark: LandingMark = field(default_factory=default_mark)
     clearances: Clearances = field(default_factory=Clearances)
     take_off: Pose2D | None = None
+    mark_pose: Pose2D | None = None
     area: Area | None = None
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
     notes: FlightNotes = field(default_factory=FlightNotes)

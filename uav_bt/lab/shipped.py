@@ -36,7 +36,7 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
         FileError: The lab file is absent or malformed.
     """
     name, path, shipped = str(name_or_path), Path(name_or_path), shipped_labs()
-    if len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
+    if "/" in name or len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
         return _read(path)
     own = Path("labs") / name
     ours = shipped.get(name)
@@ -45,13 +45,21 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
             return _read(own)
         if path.is_dir():
             return _read(path)
-        raise UnknownNameError("lab", name, shipped)
+        owned = (file.parent.name for file in Path("labs").glob(f"*/{LAB_FILE}"))
+        raise UnknownNameError("lab", name, {*shipped, *owned})
     if (own / LAB_FILE).is_file() and not own.samefile(ours):
         raise InputError(
             f"the lab '{name}' ships with uav-bt, and there is another one in {own}: "
             f"give the path ./{own} for yours, or rename its folder"
         )
     return _shipped_lab(ours)
+
+
+def lab_address(lab: Lab) -> str:
+    """Return what `load_lab` finds a lab by from every folder: a shipped name, or a path."""
+    ours = shipped_labs().get(lab.name)
+    shipped = ours is not None and ours.resolve() == lab.folder.resolve()
+    return lab.name if shipped else str(lab.file.resolve())
 
 
 def default_mark() -> LandingMark:

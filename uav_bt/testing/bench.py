@@ -30,6 +30,7 @@ from uav_bt.types import (
     Movement,
     MovementState,
     MovementStatus,
+    Pose2D,
 )
 from uav_bt.types.area import Area
 
@@ -51,6 +52,8 @@ class BenchWorld:
         self.outputs: FlightFolder | None = None  # such as FlightFolder(tmp_path)
         self.notes = FlightNotes()  # events and photographs
         self.mark, self.clearances = default_mark(), Clearances()
+        self.take_off: Pose2D | None = None  # in the lab's drawing
+        self.mark_pose: Pose2D | None = None  # likewise
         self.area: Area | None = None
         self.seed = 0
         self.camera = pinhole()
@@ -181,6 +184,8 @@ class BenchWorld:
             notes=self.notes,
             mark=self.mark,
             clearances=self.clearances,
+            take_off=self.take_off,
+            mark_pose=self.mark_pose,
             area=self.area,
         )
         self.tree.setup(context)

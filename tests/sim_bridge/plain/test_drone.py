@@ -79,6 +79,7 @@ def test_a_lab_with_other_names_and_ids_of_classes_gives_the_same_flight() -> No
     ]
     names = [[each.pop("class_name") for each in flown["objects"]] for flown in flights]
     assert [name.replace("box", "drum") for name in names[0]] == names[1] != []
+    assert [flown.pop("lab") for flown in flights] == ["paper", "renamed"]
     assert flights[0] == flights[1]
 
 

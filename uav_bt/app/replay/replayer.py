@@ -183,6 +183,7 @@ def assemble_recorded(
         judge=ReplayJudge(drone, recorded.judge),
         area=None if recorded.area is None else Area(recorded.area),
         segmenter=RecordedSegmenter(drone) if masks == "recorded" else None,
+        classes=reader.classes,
         make_runner=ReplayRunner,
     )
     return flight, masks
