@@ -26,10 +26,18 @@ ORIGIN = Origin(command="uav-bt fly M --seed 7", commit="1234567", day="1 May 20
 
 def report(**changed: Any) -> dict[str, Any]:
     made = {
-        **{"scene": "val-a", "seed": 7, "outcome": "success", "reason": "landed"},
-        **{"duration_s": 61.23, "total_distance_m": 7.77, "photos": [{}, {}]},
-        **{"objects_found": 6, "objects_total": 8, "false_objects": 1},
-        **{"min_clearance_m": 0.318, "landing_error_m": 0.0414},
+        "scene": "val-a",
+        "seed": 7,
+        "outcome": "success",
+        "reason": "landed",
+        "duration_s": 61.23,
+        "total_distance_m": 7.77,
+        "photos": [{}, {}],
+        "objects_found": 6,
+        "objects_total": 8,
+        "false_objects": 1,
+        "min_clearance_m": 0.318,
+        "landing_error_m": 0.0414,
     }
     return {**made, **changed}
 
