@@ -20,7 +20,7 @@ def unchanged(image: Image) -> Image:
 def film_seconds(film: Path) -> float:
     """Return the length of a film, seconds."""
     with av.open(str(film)) as container:
-        return float(container.duration / av.time_base)
+        return float((container.duration or 0) / av.time_base)
 
 
 def images_of(
@@ -38,7 +38,7 @@ def images_of(
     with av.open(str(film)) as container:
         for one in container.decode(video=0):
             if (one.time or 0.0) >= every_s * len(images):
-                image = part(one.to_ndarray(format="bgr24"))
+                image = part(np.asarray(one.to_ndarray(format="bgr24"), dtype=np.uint8))
                 height_px = round(image.shape[0] * width_px / image.shape[1])
                 small = cv2.resize(image, (width_px, height_px), interpolation=cv2.INTER_AREA)
                 images.append(np.asarray(small, dtype=np.uint8))

@@ -30,6 +30,7 @@ def report(**changed: Any) -> dict[str, Any]:
         "seed": 7,
         "outcome": "success",
         "reason": "landed",
+        "profile": "harsh",
         "duration_s": 61.23,
         "total_distance_m": 7.77,
         "photos": [{}, {}],
@@ -75,7 +76,7 @@ def test_the_part_of_a_flight_has_figures_and_origin() -> None:
         "| `val-a`, 7 | success: landed | 61.2 s | 7.8 m | 2 | 6 of 8, 1 false | 0.32 m | 0.041 m |"
     ) in part
     assert "4.3 times as fast" in part
-    assert "Commit `1234567`, 1 May 2026" in part
+    assert "Commit `1234567`, 1 May 2026, one flight in the twin, profile `harsh`:" in part
     assert "`uav-bt fly M --seed 7`" in part
 
 
