@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +12,7 @@ import av
 import numpy as np
 import pytest
 
+from benchmarks import mission_pages
 from benchmarks.animation import film_seconds, images_of, write_animation_within
 from benchmarks.page_parts import (
     IMAGES,
@@ -122,3 +126,40 @@ def test_an_animation_that_is_too_large_is_refused(tmp_path: Path) -> None:
     write_animation_within(list(noise), 100, tmp_path / "large.webp", 100_000)
     with pytest.raises(ValueError, match="larger than 500 bytes"):
         write_animation_within(list(noise), 100, tmp_path / "small.webp", 500)
+
+
+@pytest.fixture
+def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return an empty folder in place of `runs/missions`."""
+    monkeypatch.setattr(mission_pages, "RUNS", tmp_path / "runs")
+    return tmp_path / "runs"
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_a_flight_keeps_its_origin_if_it_succeeded(
+    code: int, runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[list[str]] = []
+
+    def run(words: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
+        flown.append(words[3:])
+        return subprocess.CompletedProcess(words, code)
+
+    monkeypatch.setattr(mission_pages, "commit", lambda _: "0123456789abcdef+changes")
+    monkeypatch.setattr(mission_pages.subprocess, "run", run)
+    if code:
+        with pytest.raises(SystemExit, match="1"):
+            mission_pages.fly("inventory")
+        assert list(runs.iterdir()) == []
+        return
+    mission_pages.fly("inventory")
+    origin = Origin(**json.loads((runs / "inventory.origin.json").read_text()))
+    assert origin.commit == "0123456+changes"
+    assert re.fullmatch(r"\d{1,2} [A-Z][a-z]+ \d{4}", origin.day)
+    assert origin.command.split() == ["uav-bt", *flown[0]]
+    assert flown[0][:2] == ["fly", "inventory"]
+
+
+def test_a_film_without_a_flight_is_refused(runs: Path) -> None:
+    with pytest.raises(FileError, match="fly the mission first"):
+        mission_pages.write_flight("inventory")
