@@ -1,7 +1,7 @@
 """Make the images of README and docs.
 
-    python benchmarks/images.py view flight.rrd --at 24.5 --out view.png
-    python benchmarks/images.py film out/mission.mp4 --out docs/images/mission.webp
+    python -m benchmarks.images view flight.rrd --at 24.5 --out view.png
+    python -m benchmarks.images film out/mission.mp4 --out docs/images/mission.webp
 
 `view` takes a screenshot of a Rerun file without a display (`uav-bt view flight.mcap
 --save flight.rrd`); it needs Vulkan, in software too: Debian's `mesa-vulkan-drivers` and
@@ -16,10 +16,9 @@ import sys
 import time
 from pathlib import Path
 
-import av
-import cv2
 from rerun.experimental import ViewerClient
 
+from benchmarks.animation import images_of, write_animation
 from uav_bt.display.rerun.setting import TIMELINE
 from uav_bt.display.rerun.sinks import viewer_command
 
@@ -62,16 +61,8 @@ def view(file: Path, at_s: float, size: str, out: Path) -> None:
 
 def animate(file: Path, every_s: float, width_px: int, out: Path) -> None:
     """Make an animated WebP of a film: one image for each step of time, fast forward."""
-    images = []
-    with av.open(str(file)) as container:
-        for one in container.decode(video=0):
-            if (one.time or 0.0) >= every_s * len(images):
-                height_px = round(one.height * width_px / one.width)
-                images.append(one.to_ndarray(width=width_px, height=height_px, format="bgr24"))
-    animation = cv2.Animation()
-    animation.frames = images
-    animation.durations = [_SHOWN_MS] * len(images)
-    cv2.imwriteanimation(str(out), animation, [cv2.IMWRITE_WEBP_QUALITY, 40])
+    images = images_of(file, every_s, width_px)
+    write_animation(images, _SHOWN_MS, out)
     print(f"{out}: {len(images)} images, {out.stat().st_size} bytes")
 
 

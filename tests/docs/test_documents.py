@@ -20,7 +20,7 @@ from tests.docs.reader import Reader
 
 PAGES: Final = (
     *("README.md", "CONTRIBUTING.md", "examples/README.md"),
-    *sorted(f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")),
+    *sorted(page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").rglob("*.md")),
 )
 
 # Commands that take long, with the reason. An entry covers all commands that begin with it.
