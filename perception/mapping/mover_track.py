@@ -85,7 +85,7 @@ class MoverTrack:
         self.free_since_s: float | None = None
         self.radius_m = config.min_radius_m
         self.sightings = 1
-        self.moves = self.stands = False
+        self.moves = self.stands = self.has_moved = False
         self.is_whole = True  # it was seen as a whole
         self.trail: list[tuple[float, float, float]] = []  # s, x, y
 
@@ -179,7 +179,7 @@ class MoverTrack:
             and cfg.min_mps <= speed_mps <= cfg.max_mps
             and (speed_mps >= cfg.sure * self.std(1) or moved_m >= cfg.moved_slowly_m)
         ):
-            self.moves, self.stands = True, False
+            self.moves, self.stands, self.has_moved = True, False, True
         if self.moves:
             self.trail.append((self.time_s, float(place_m[0]), float(place_m[1])))
             oldest_s = self.time_s - cfg.trail_s

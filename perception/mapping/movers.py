@@ -87,7 +87,7 @@ class MoverTracker:
         self._tracks = [
             track
             for track in self._tracks
-            if time_s - track.seen_s <= (cfg.life_s if track.moves else cfg.doubt_s)
+            if time_s - track.seen_s <= (cfg.life_s if track.has_moved else cfg.doubt_s)
         ]
         self.predict(time_s)
         stands = np.zeros(len(points_m), dtype=bool)
@@ -182,16 +182,17 @@ class MoverTracker:
         return np.array(past).reshape(-1, 3)
 
     def movers(self, time_s: float) -> tuple[MapMover, ...]:
-        """Return the movers at a time, oldest first.
+        """Return the movers at a time, oldest first; those that stopped may go on out of view.
 
         Args:
             time_s: the time, not before the newest view.
         """
-        life_s = self._config.life_s
+        cfg = self._config
         return tuple(
             self._map_mover(track, time_s)
             for track in self._tracks
-            if track.moves and time_s - track.seen_s <= life_s
+            if time_s - track.seen_s <= cfg.life_s
+            and (track.moves or (track.has_moved and time_s - track.seen_s > cfg.carry_s))
         )
 
     def _map_mover(self, track: MoverTrack, time_s: float) -> MapMover:

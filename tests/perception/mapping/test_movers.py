@@ -327,3 +327,13 @@ def test_what_waits_is_kept_away_from_for_as_long_as_movers_pause() -> None:
             place = np.array([[1.0, 1.0], [1.0, 1.1], [1.1, 1.0]])
             tracker.follow(place, np.zeros(2), seen_s)
         assert bool(len(tracker.may_move_m(seen_s))) == may_move
+
+
+def test_a_mover_that_stopped_may_go_on_out_of_view() -> None:
+    tracker = MoverTracker()
+    (*_, (time_s, movers, stands)) = follow(tracker, stop_and_go, until_s=8.5)
+    assert stands
+    assert movers == ()
+    assert tracker.movers(time_s + 0.5) == ()
+    (lost,) = tracker.movers(time_s + 2.0)
+    assert lost.std_m > 0.8
