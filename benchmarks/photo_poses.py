@@ -12,6 +12,8 @@ import argparse
 import bisect
 import math
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -83,7 +85,9 @@ def fly(scene: str, seed: int, given: argparse.Namespace) -> tuple[TrueWay, tupl
     )
     if given.drone == "twin":
         options = replace(options, image_size_px=(320, 180))
-    flown = app.fly("inspect_objects", options, listeners=[listen])
+    with TemporaryDirectory() as folder:
+        out = Path(folder) / "flight"
+        flown = app.fly("inspect_objects", options, listeners=[listen], out=out)
     return ways[0], tuple(flown.photos)
 
 
