@@ -14,6 +14,8 @@ from uav_bt.lab.classes import Colour, LabClass, LabClasses
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.mark_section import WholeMarkSection, mark_of_section
 from uav_bt.lab.roles import RoleName
+from uav_bt.lab.room import RoomSection
+from uav_bt.lab.room_reader import read_room
 from uav_bt.types.landing_mark import LandingMark
 from uav_bt.yaml_file import YamlFile, read_yaml
 
@@ -39,11 +41,13 @@ def read_lab(path: Path) -> Lab:
             f"{VERSION}: update uav-bt",
             "version",
         )
+    classes, room = _classes(file), file.value.room
     return Lab(
         name=path.parent.resolve().name,
         folder=path.parent,
-        classes=_classes(file),
+        classes=classes,
         mark=_mark(file),
+        room=None if room is None else read_room(file, room, path.parent, classes),
     )
 
 
@@ -93,3 +97,4 @@ class _LabFile:
     version: Annotated[int, Field(ge=1)]
     classes: Annotated[dict[str, _Class], Field(min_length=1)]
     mark: WholeMarkSection | None = None
+    room: RoomSection | None = None
