@@ -13,7 +13,7 @@ from typing import Any
 
 import mujoco
 
-from sim_bridge.twin.model import HULL_MASS_KG, PHYSICS_STEP_S, LabModel
+from sim_bridge.twin.builder import HULL_MASS_KG, PHYSICS_STEP_S, LabModel
 from uav_bt.types import MoverState, Pose, rotate
 from uav_bt.types.bounds import clamp
 
@@ -54,7 +54,7 @@ class FlyingBody:
         self._hull = lab.hull_geom
         self._gain = 1.0 - math.exp(-CONTROL_STEP_S / lag_s) if lag_s > 0.0 else 1.0
         self._thrust = [0.0, 0.0, 0.0]
-        self._names = [lab.model.geom(index).name for index in range(lab.model.ngeom)]
+        self._names = [lab.contact_name(index) for index in range(lab.model.ngeom)]
 
     def place(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
         """Place the body at a pose, at rest and level."""
@@ -139,11 +139,11 @@ class FlyingBody:
         mujoco.mj_step(self._model, self.data, nstep=STEPS_PER_CONTROL)
 
     def contacts(self) -> tuple[str, ...]:
-        """Return the names of the geoms that the hull touches now, sorted."""
+        """Return the names of the objects that the hull touches now, sorted."""
         count = self.data.ncon
         if not count:
             return ()
         pairs = self.data.contact.geom[:count].tolist()
         hull = self._hull
-        others = {a if b == hull else b for a, b in pairs if hull in (a, b)}
-        return tuple(sorted(self._names[geom] for geom in others))
+        others = {self._names[a if b == hull else b] for a, b in pairs if hull in (a, b)}
+        return tuple(sorted(others))

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.twin.model import LabModel
+from sim_bridge.twin.builder import HIT_GROUP, LabModel
 from sim_bridge.twin.movers import mover_names
 from sim_bridge.twin.objects import box_names
 from sim_bridge.twin.scene import Scene
@@ -43,8 +43,10 @@ class TwinReferee:
         self._lab = lab
         self._simulation = simulation
         self._views = views
-        names = (*box_names(scene.boxes), *mover_names(scene.movers))
-        self._obstacles = [lab.model.geom(name).id for name in names]
+        objects = (item.name for item in scene.placed)
+        names = {*box_names(scene.boxes), *objects, *mover_names(scene.movers)}
+        hit = np.flatnonzero(lab.model.geom_group == HIT_GROUP).tolist()
+        self._obstacles = [geom for geom in hit if lab.contact_name(geom) in names]
 
     def truth(self) -> Truth:
         """Return the present truth; contacts include those of the last 0.1 s."""

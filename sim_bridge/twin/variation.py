@@ -12,7 +12,8 @@ from sim_bridge.anafi import ANAFI_AIRFRAME
 from sim_bridge.twin.movers import PATTERN_COUNT, MoverSpec
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.objects import BoxSpec
-from sim_bridge.twin.scene import MAX_MOVERS, Lighting, Scene, layout_problem, traffic_problem
+from sim_bridge.twin.layout import layout_problem
+from sim_bridge.twin.scene import MAX_MOVERS, Lighting, Scene, traffic_problem
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose
 

@@ -20,7 +20,8 @@ from uav_bt.types import Pose2D
 
 load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
 
-from sim_bridge.twin.model import HULL_HALF_M, build_model  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.builder import HULL_HALF_M  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 
 _HULL_RADIUS_M = math.hypot(HULL_HALF_M[0], HULL_HALF_M[1])
