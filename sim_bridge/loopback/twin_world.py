@@ -30,8 +30,8 @@ load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend whe
 
 import mujoco  # noqa: E402  (after load_mujoco)
 
-from sim_bridge.twin.flying_body import CONTROL_STEP_S  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.builder import LabModel  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.flying_body import CONTROL_STEP_S  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 

@@ -115,9 +115,7 @@ class Caster:
         class_id = self._scene.class_of(item)
         return class_id, int(self.classes.top_of[class_id]) or class_id
 
-    def _moving(
-        self, movers: Sequence[MoverState]
-    ) -> tuple[NDArray[np.float64], list[Meshes]]:
+    def _moving(self, movers: Sequence[MoverState]) -> tuple[NDArray[np.float64], list[Meshes]]:
         rows: list[list[float]] = []
         meshes: list[Meshes] = []
         for spec, state in zip(self._scene.movers, movers, strict=True):

@@ -1,8 +1,8 @@
 """Builder of a MuJoCo model: the drone, textures, drawn surfaces and contacts.
 
 Separate geoms serve the camera (meshes with exact texture coordinates) and the contacts (plain
-boxes, cylinders and convex meshes). The geom of the drone is in a group that its camera never draws.
-A contact's name is the part of its geom's name before the slash.
+boxes, cylinders and convex meshes). The drone's geom is in a group that its camera never draws.
+The name of a contact is the part of its geom's name before the slash.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class LabModel:
     def contact_name(self, geom: int) -> str:
         """Return the name in contacts of a geom: that of its object."""
         name: str = self.model.geom(geom).name
-        return name.split("/")[0]
+        return name.split("/", maxsplit=1)[0]
 
 
 class Builder:

@@ -127,7 +127,5 @@ def _covers(ear: Sequence[Point], point: Point) -> bool:
 
 
 def _flatness(outline_m: Sequence[Point], left: Sequence[int], at: int) -> float:
-    before, corner, after = (
-        outline_m[left[each % len(left)]] for each in (at - 1, at, at + 1)
-    )
+    before, corner, after = (outline_m[left[each % len(left)]] for each in (at - 1, at, at + 1))
     return abs(_turn(before, corner, after)) / max(math.dist(before, after), 1e-9)

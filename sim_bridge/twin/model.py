@@ -7,6 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import mujoco
+
 from sim_bridge.twin import textures
 from sim_bridge.twin.builder import FLOOR_M, Builder, LabModel
 from sim_bridge.twin.model_room import add_ground, add_lamps, add_object, add_shape, add_walls
@@ -138,7 +140,7 @@ class _Builder(Builder):
         body = self.spec.worldbody.add_body(name=name, mocap=True, pos=(x, y, 0.0))
         if mover.kind is not None:
             place = (0.0, 0.0, math.radians(mover.yaw_deg))
-            add_shape(self, self._scene, name, self._scene.shape_of(mover.kind), place, body)
+            add_shape(self, self._scene, name, self._scene.shape_of(mover.kind), place, body=body)
             return
         is_round, yaw_rad = mover.shape == "cylinder", math.radians(mover.yaw_deg)
         parts = stacked((0.0, 0.0), mover.size_m, yaw_rad, is_round=is_round)

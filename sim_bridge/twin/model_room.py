@@ -50,7 +50,7 @@ def add_object(builder: Builder, scene: Scene, item: PlacedObject) -> None:
 
 
 def add_shape(
-    builder: Builder, scene: Scene, name: str, shape: Shape, place: Place, body: Any = None
+    builder: Builder, scene: Scene, name: str, shape: Shape, place: Place, *, body: Any = None
 ) -> None:
     """Add a shape at a place of the world or of a body: a mesh for each look, and its contacts."""
     folder, fine = _folder(scene), bool(scene.lighting.lamps)
@@ -202,6 +202,11 @@ def _slab(solid: Solid, tile_m: tuple[float, float], *, fine: bool) -> Mesh:
 
 def add_lamps(builder: Builder, ambient: float, lamps: Sequence[Lamp]) -> None:
     """Add lamps that shine downwards, and the light without a direction."""
+    everywhere = builder.spec.worldbody.add_light(name="ambient")  # that of a lamp would fade
+    everywhere.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    everywhere.castshadow = False
+    everywhere.ambient = (ambient,) * 3
+    everywhere.diffuse = everywhere.specular = (0.0, 0.0, 0.0)
     for number, lamp in enumerate(lamps):
         light = builder.spec.worldbody.add_light(name=f"lamp-{number + 1}")
         light.type = mujoco.mjtLightType.mjLIGHT_SPOT
@@ -209,7 +214,7 @@ def add_lamps(builder: Builder, ambient: float, lamps: Sequence[Lamp]) -> None:
         light.cutoff, light.exponent = _CONE_DEG, 1.0
         light.attenuation = (1.0, 0.0, 1.0 / lamp.reach_m**2)
         light.castshadow = False
-        light.ambient = (ambient / len(lamps),) * 3
+        light.ambient = (0.0, 0.0, 0.0)
         light.diffuse = (lamp.brightness,) * 3
         light.specular = (0.0, 0.0, 0.0)
 

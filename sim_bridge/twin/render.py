@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.anafi import FOCAL_SHARE
+from sim_bridge.twin.builder import LabModel
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.gl import no_gl, open_context
-from sim_bridge.twin.builder import LabModel
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import MoverState
 
@@ -146,7 +146,7 @@ class Renderer:
         numbers: NDArray[Any] = colours[::-1, :, 0]
         if len(self._class_of_segment) > 256:  # the first channel holds fewer numbers
             numbers = numbers + 256 * colours[::-1, :, 1].astype(np.int32)
-        return self._class_of_segment[numbers]
+        return np.asarray(self._class_of_segment[numbers], np.uint8)
 
     def _place(self, movers: Sequence[MoverState]) -> None:
         """Set the positions of the movers in the list of geoms."""

@@ -188,7 +188,8 @@ class Scene:
                 f"{self.ground.size_m} m"
             )
         names = (*box_names(self.boxes), *(item.name for item in self.placed))
-        for item, name in zip((*self.boxes, *self.placed), names, strict=True):
+        items: tuple[BoxSpec | PlacedObject, ...] = (*self.boxes, *self.placed)
+        for item, name in zip(items, names, strict=True):
             if item.footprint.distance_m(x_m, y_m) < KEPT_FREE_M:
                 raise ValueRangeError(
                     f"take_off: ({x_m}, {y_m}) is within {KEPT_FREE_M} m of {name}"
@@ -270,14 +271,19 @@ def lab_problem(scene: Scene) -> LayoutProblem | None:
         message = f"the lab '{scene.lab}' states its ground: use that of layout.ground_of"
         return LayoutProblem(place=("ground",), message=message)
     most = len(scene.classes.standing)
-    for key, items in (("boxes", scene.boxes), ("movers", scene.movers)):
-        for index, item in enumerate(items):
-            if item.pattern > most and getattr(item, "kind", None) is None:
-                message = (
-                    f"the lab '{scene.lab}' has no class for pattern {item.pattern}, only {most} "
-                    "classes: use the kinds of its 'room'"
-                )
-                return LayoutProblem(place=(key, index), message=message)
+    patterns = [("boxes", number, box.pattern) for number, box in enumerate(scene.boxes)]
+    patterns += [
+        ("movers", number, mover.pattern)
+        for number, mover in enumerate(scene.movers)
+        if mover.kind is None
+    ]
+    for key, number, pattern in patterns:
+        if pattern > most:
+            message = (
+                f"the lab '{scene.lab}' has no class for pattern {pattern}, only {most} classes: "
+                "use the kinds of its 'room'"
+            )
+            return LayoutProblem(place=(key, number), message=message)
     return _kind_problem(scene)
 
 
@@ -289,8 +295,10 @@ def _kind_problem(scene: Scene) -> LayoutProblem | None:
             scene.shape_of(spec.kind)
         for index, mover in enumerate(scene.movers):
             place = ("movers", index)
-            if of_its_kind(mover, scene.place.shapes, scene.lab) != mover:
-                raise ValueRangeError(f"a mover of the kind '{mover.kind}' has its size and shape")
+            whole = mover.kind is None or of_its_kind(mover, scene.place.shapes, scene.lab)
+            if whole not in (True, mover):
+                message = f"a mover of the kind '{mover.kind}' has its size and shape"
+                return LayoutProblem(place=place, message=message)
     except ValueRangeError as error:
         return LayoutProblem(place=place, message=str(error))
     return None

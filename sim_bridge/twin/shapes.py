@@ -67,9 +67,7 @@ def _table(kind: ObjectKind) -> tuple[Part, ...]:
     length_m, width_m, height_m = kind.size_m
     below_m = height_m - kind.board_m
     inset_m = min(_OVERHANG_M, min(length_m, width_m) / 2 - kind.post_m)
-    board = Part(
-        half_m=(length_m / 2, width_m / 2), base_m=below_m, top_m=height_m, roofed=True
-    )
+    board = Part(half_m=(length_m / 2, width_m / 2), base_m=below_m, top_m=height_m, roofed=True)
     return (board, *_legs(kind, inset_m, below_m))
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 from sim_bridge.anafi import CAMERA_FORWARD_M
 from sim_bridge.twin.autopilot import Autopilot
+from sim_bridge.twin.builder import LabModel
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.downlink import Downlink, Events
 from sim_bridge.twin.flying_body import CONTROL_STEP_S, FlyingBody
-from sim_bridge.twin.builder import LabModel
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace

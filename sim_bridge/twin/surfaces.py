@@ -5,8 +5,9 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -25,7 +26,7 @@ _MOST_PX: Final = 4096  # of a side
 _TILE_M: Final = (1.0, 1.0)  # of a picture that states none
 _GREY: Final = "#969692"  # of concrete
 _BROWN: Final = "#9a7444"  # of wood
-_CONCRETE_TILE_M: Final = (4.0, 4.0)  # of walls and objects; mirrored, so that it has no seam
+_LARGE_TILE_M: Final = (4.0, 4.0)  # of concrete and carpet on walls and objects
 _WOOD_TILE_M: Final = (1.2, 0.6)
 
 
@@ -48,40 +49,47 @@ def paint_of(surface: Surface, folder: Path, whole_m: Point | None = None) -> Pa
     Args:
         surface: Its look.
         folder: Folder of the lab, for pictures.
-        whole_m: Width and height of a ground, which one picture covers.
+        whole_m: Width and height of a ground; carpet, concrete, lines, and a picture without a
+            size of its own cover it once.
     """
-    seed = zlib.crc32(repr(surface).encode())
+    once = surface.lines or surface.generator in ("carpet", "concrete")
+    if whole_m is None or not (once or (surface.image is not None and surface.tile_m is None)):
+        return _tile_of(surface, folder)
+    return Paint(make=partial(_ground, surface, folder, whole_m), tile_m=whole_m)
+
+
+def _seed(surface: Surface) -> int:
+    return zlib.crc32(repr(surface).encode())
+
+
+def _tile_of(surface: Surface, folder: Path) -> Paint:
+    """Return a texture that repeats."""
+    seed = _seed(surface)
     if surface.image is not None:
-        path, tile_m = folder / surface.image, surface.tile_m or whole_m or _TILE_M
-        if whole_m is None or not surface.lines:
-            return Paint(make=lambda: _picture(path), tile_m=tile_m)
-        return Paint(
-            make=lambda: _marked(_laid(_picture(path), tile_m, whole_m), surface, whole_m),
-            tile_m=whole_m,
-        )
+        path = folder / surface.image
+        return Paint(make=partial(_picture, path), tile_m=surface.tile_m or _TILE_M)
     if surface.generator == "carpet":
-        size_m = whole_m or _CONCRETE_TILE_M
-        return Paint(make=lambda: _marked(textures.carpet(size_m), surface, size_m), tile_m=size_m)
+        return Paint(make=partial(textures.carpet, _LARGE_TILE_M), tile_m=_LARGE_TILE_M)
     if surface.generator == "concrete":
-        colour = surface.colour or _GREY
-        if whole_m is None:
-            half_m = (_CONCRETE_TILE_M[0] / 2, _CONCRETE_TILE_M[1] / 2)
-            return Paint(
-                make=lambda: _mirrored(_concrete(half_m, colour, seed)), tile_m=_CONCRETE_TILE_M
-            )
-        return Paint(
-            make=lambda: _marked(_concrete(whole_m, colour, seed), surface, whole_m),
-            tile_m=whole_m,
-        )
+        make = partial(_concrete_tile, surface.colour or _GREY, seed)
+        return Paint(make=make, tile_m=_LARGE_TILE_M)
     if surface.generator == "wood":
-        return Paint(make=lambda: _wood(surface.colour or _BROWN, seed), tile_m=_WOOD_TILE_M)
-    colour = surface.colour or _GREY
-    if whole_m is None:
-        return Paint(make=lambda: _plain(colour, seed), tile_m=_TILE_M)
-    return Paint(
-        make=lambda: _marked(_laid(_plain(colour, seed), _TILE_M, whole_m), surface, whole_m),
-        tile_m=whole_m,
-    )
+        make = partial(_wood, surface.colour or _BROWN, seed)
+        return Paint(make=make, tile_m=_WOOD_TILE_M)
+    return Paint(make=partial(_plain, surface.colour or _GREY, seed), tile_m=_TILE_M)
+
+
+def _ground(surface: Surface, folder: Path, whole_m: Point) -> Image:
+    """Return the picture of a whole ground."""
+    if surface.generator == "carpet":
+        image = textures.carpet(whole_m)
+    elif surface.generator == "concrete":
+        image = _concrete(whole_m, surface.colour or _GREY, _seed(surface))
+    else:
+        tile = _tile_of(surface, folder)
+        stretched = surface.image is not None and surface.tile_m is None
+        image = _laid(tile.make(), whole_m if stretched else tile.tile_m, whole_m)
+    return _marked(image, surface, whole_m)
 
 
 def _rgb(text: str) -> NDArray[np.float32]:
@@ -115,7 +123,7 @@ def _laid(tile: Image, tile_m: Point, whole_m: Point) -> Image:
         np.floor(share % 1.0 * side).astype(int)
         for share, side in ((rows, tile.shape[0]), (columns, tile.shape[1]))
     )
-    return tile[down[:, None], right[None]]
+    return np.asarray(tile[down[:, None], right[None]], np.uint8)
 
 
 def _plain(colour: str, seed: int) -> Image:
@@ -127,7 +135,13 @@ def _plain(colour: str, seed: int) -> Image:
     return _bytes((_rgb(colour) * light[..., None]).astype(np.float32))
 
 
-def _mirrored(image: NDArray[np.generic]) -> NDArray[np.generic]:  # type: ignore[type-var]
+def _concrete_tile(colour: str, seed: int) -> Image:
+    """Return concrete whose edges fit together."""
+    half_m = (_LARGE_TILE_M[0] / 2, _LARGE_TILE_M[1] / 2)
+    return np.asarray(_mirrored(_concrete(half_m, colour, seed)), np.uint8)
+
+
+def _mirrored(image: NDArray[Any]) -> NDArray[Any]:
     """Return an image with its mirror images beside and below it."""
     wide = np.concatenate([image, image[:, ::-1]], axis=1)
     return np.concatenate([wide, wide[::-1]], axis=0)

@@ -157,6 +157,8 @@ def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool)
         yaw = generator.uniform(-math.pi, math.pi)
         lens = Pose2D(x_m=x, y_m=y, yaw_rad=yaw).to_world(CAMERA_FORWARD_M, 0.0)
         inside = abs(x) <= half_x and abs(y) <= half_y
+        if scene.ground.plan.outline_m:
+            inside = scene.ground.plan.margin_m(x, y) >= _MARGIN_M
         if inside and _is_free(scene, ((x, y), lens), z):
             return CameraPose(
                 x_m=float(lens[0]),
@@ -170,11 +172,17 @@ def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool)
 
 def _is_free(scene: Scene, points: Sequence[tuple[float, float]], z_m: float) -> bool:
     reach = _HULL_RADIUS_M + _MARGIN_M
-    things = [(box.footprint, box.size_m[2]) for box in scene.boxes]
-    things += [(pad.footprint, pad.size_m[2]) for pad in scene.pads]
+    things = [(box.footprint, 0.0, box.size_m[2]) for box in scene.boxes]
+    things += [(pad.footprint, 0.0, pad.size_m[2]) for pad in scene.pads]
+    things += [
+        (block.footprint, block.base_m, block.top_m)
+        for item in scene.placed
+        for block in item.standing.blocks
+    ]
     (centre, lens) = points
     return all(
         z_m > top + reach
+        or z_m < base - reach
         or (footprint.distance_m(*centre) > reach and footprint.distance_m(*lens) > 0.05)
-        for footprint, top in things
+        for footprint, base, top in things
     )

@@ -7,11 +7,10 @@ import glob
 import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from sim_bridge.twin.scene_file import load_scene, scene_names
+from sim_bridge.twin.scene_file import load_scene, scene_names, shipped_scenes
 from uav_bt.app import provenance
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
@@ -119,8 +118,7 @@ def _scenes(wanted: Sequence[str]) -> list[str]:
 
 def _planned_scene(name: str) -> PlannedFile:
     scene, shipped = load_scene(name), name in scene_names()
-    folder = resources.files("sim_bridge.twin") / "scenes"
-    content = (folder / f"{name}.yaml" if shipped else Path(name)).read_bytes()
+    content = shipped_scenes().get(name, Path(name)).read_bytes()
     return PlannedFile(
         name=scene.name,
         path=name if shipped else str(Path(name).resolve()),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from pathlib import Path
@@ -88,7 +89,7 @@ def _read(path: Path) -> tuple[list[list[float]], list[Face]]:
                 corners = [_corner(word, len(vertices)) for word in words]
                 if len(corners) < 3 or len(set(corners)) < len(corners):
                     raise ValueError  # noqa: TRY301  (one message for all malformed lines)
-                pairs = zip(corners[1:-1], corners[2:], strict=True)
+                pairs = itertools.pairwise(corners[1:])
                 faces += [(corners[0], one, other) for one, other in pairs]
             elif key and key not in _IGNORED:
                 raise ValueError  # noqa: TRY301
@@ -110,7 +111,7 @@ def _vertex(words: list[str]) -> list[float]:
 
 
 def _corner(word: str, count: int) -> int:
-    number = int(word.split("/")[0])
+    number = int(word.partition("/")[0])
     index = number - 1 if number > 0 else count + number
     if number == 0 or not 0 <= index < count:
         raise ValueError

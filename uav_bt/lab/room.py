@@ -78,6 +78,9 @@ class Surface:
             raise ValueRangeError("the carpet has its own colours: remove 'colour'")
 
 
+_Outline = Annotated[tuple[Vector2, ...], Field(min_length=3, max_length=MAX_CORNERS)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class GroundSection:
     """The ground below the flight: a rectangle around the origin, or a polygon.
@@ -92,9 +95,7 @@ class GroundSection:
     """
 
     size_m: Vector2 | None = None
-    outline_m: Annotated[tuple[Vector2, ...], Field(min_length=3, max_length=MAX_CORNERS)] | None = (
-        None
-    )
+    outline_m: _Outline | None = None
     surface: Surface = field(default_factory=lambda: Surface(generator="carpet"))
 
     def __post_init__(self) -> None:
@@ -152,7 +153,7 @@ class Lamp:
 
     Attributes:
         position_m: World x, y and z.
-        brightness: Share of full light straight below it, at once the reach.
+        brightness: Light at the lamp; 1 shows a surface straight below it in its own colours.
         reach_m: Distance at which half of the light is left.
 
     Raises:
@@ -160,14 +161,14 @@ class Lamp:
     """
 
     position_m: Vector3
-    brightness: float = 0.7
+    brightness: float = 1.0
     reach_m: float = 4.0
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, self.position_m)) or not self.position_m[2] > 0.0:
             raise ValueRangeError(f"a lamp hangs above the ground, got {list(self.position_m)}")
-        if not 0.0 <= self.brightness <= 2.0:
-            raise ValueRangeError(f"brightness must be 0 to 2, got {self.brightness:g}")
+        if not 0.0 <= self.brightness <= 5.0:
+            raise ValueRangeError(f"brightness must be 0 to 5, got {self.brightness:g}")
         if not 0.5 <= self.reach_m <= 50.0:
             raise ValueRangeError(f"reach_m must be 0.5 to 50 m, got {self.reach_m:g}")
 
@@ -253,7 +254,8 @@ class ObjectKind:
         boards = self.shelves if self.shape == "rack" else 1
         if not 0.005 <= self.board_m <= height_m / (2 * boards):
             raise ValueRangeError(
-                f"board_m must be 0.005 m to half of the height between boards, got {self.board_m:g}"
+                "board_m must be 0.005 m to half of the height between boards, got "
+                f"{self.board_m:g}"
             )
 
 

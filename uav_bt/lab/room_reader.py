@@ -31,9 +31,7 @@ _SECTION: Final = "room"
 Steps = tuple[str, ...]
 
 
-def read_room(
-    file: YamlFile[Any], section: RoomSection, folder: Path, classes: LabClasses
-) -> Room:
+def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: LabClasses) -> Room:
     """Return the room that a section describes.
 
     Args:
@@ -46,8 +44,9 @@ def read_room(
         FileError: A name, a class, a picture or a mesh is wrong.
     """
     meshes: dict[str, NDArray[np.float64]] = {}
+    at: Steps
     for name, kind in section.objects.items():
-        steps = (_SECTION, "objects", name)
+        steps: Steps = (_SECTION, "objects", name)
         if not _NAME.fullmatch(name):
             raise file.error(
                 "the name of a kind consists of small letters, digits and _, and begins with a "
