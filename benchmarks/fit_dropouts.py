@@ -126,8 +126,7 @@ def main() -> None:
     try:
         flown = {
             drone: [
-                fly(drone, scene, given.profile, given.seconds)
-                for scene in given.scenes.split(",")
+                fly(drone, scene, given.profile, given.seconds) for scene in given.scenes.split(",")
             ]
             for drone in ("twin", "plain")
         }

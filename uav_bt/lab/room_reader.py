@@ -68,8 +68,9 @@ def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: 
     for surface, steps in _surfaces(section):
         if surface.image is not None:
             at = (*steps, "image")
+            path = _inside(file, folder, surface.image, at)
             try:
-                check_picture(_inside(file, folder, surface.image, at))
+                check_picture(path)
             except FileError as error:
                 raise file.error(str(error), *at) from error
     return Room(section=section, folder=folder, meshes=meshes)

@@ -42,7 +42,9 @@ def gap_m(a: Footprint, b: Footprint) -> float:
 
 
 PAPER = ("train-a", "train-b", "train-c", "train-d", "val-a", "val-b", "test-a", "test-b")
-DEPOT = tuple(f"depot-{each}" for each in ("train-a", "train-b", "train-c", "val-a", "test-a", "test-b"))
+DEPOT = tuple(
+    f"depot-{each}" for each in ("train-a", "train-b", "train-c", "val-a", "test-a", "test-b")
+)
 
 
 def test_eight_scenes_of_the_paper_and_six_of_the_depot_ship() -> None:

@@ -18,7 +18,17 @@ ARRAYS = (
     *("mesh_vert", "mesh_face", "mesh_texcoord", "mesh_normal", "tex_data", "mat_specular"),
     *("light_pos", "light_dir", "light_ambient", "light_diffuse", "light_type", "light_castshadow"),
 )
-CONTACTS = {"train-a": "a6f830d18449ab71", "train-b": "aafef26b64d47790", "train-c": "f50cada1f3e3af2c", "train-d": "aeca9c5f28ed39a3", "val-a": "5ebb529a30ca27d4", "val-b": "dd8ce992f732e7bb", "test-a": "875adcb13e19ce92", "test-b": "e5379b99bca836f3", "benchmarks/scenes/moving.yaml": "686c5951d76e8d3c"}
+CONTACTS = {
+    "train-a": "a6f830d18449ab71",
+    "train-b": "aafef26b64d47790",
+    "train-c": "f50cada1f3e3af2c",
+    "train-d": "aeca9c5f28ed39a3",
+    "val-a": "5ebb529a30ca27d4",
+    "val-b": "dd8ce992f732e7bb",
+    "test-a": "875adcb13e19ce92",
+    "test-b": "e5379b99bca836f3",
+    "benchmarks/scenes/moving.yaml": "686c5951d76e8d3c",
+}
 DRAWN = {"train-a": "78186f6c29484969", "benchmarks/scenes/moving.yaml": "b3f7134010786387"}
 POSE = CameraPose(x_m=-1.5, y_m=-1.2, z_m=1.5, yaw_rad=0.6, pitch_rad=-0.45)
 # fmt: off
