@@ -50,8 +50,8 @@ class Surface:
     """How a surface looks: a picture, or a generator with a colour.
 
     Attributes:
-        generator: `plain` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's.
-        colour: Colour of the generator; `plain` needs one.
+        generator: `paint` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's.
+        colour: Colour of the generator; `paint` needs one.
         image: Name of a PNG or JPEG file in the lab's folder, in place of a generator.
         tile_m: Width and height of one repetition of the picture; by default 1 m each way, and
             the whole ground.
@@ -61,7 +61,7 @@ class Surface:
         ValueRangeError: Keys exclude one another, or none states a look.
     """
 
-    generator: Literal["plain", "concrete", "wood", "carpet"] | None = None
+    generator: Literal["paint", "concrete", "wood", "carpet"] | None = None
     colour: ColourText | None = None
     image: str | None = None
     tile_m: tuple[Annotated[float, Field(ge=0.02)], Annotated[float, Field(ge=0.02)]] | None = None
@@ -72,8 +72,8 @@ class Surface:
             raise ValueRangeError("a surface has an image, or a generator with a colour, not both")
         if self.image is None and self.tile_m is not None:
             raise ValueRangeError("tile_m is the size of an image, and there is none: add 'image'")
-        if self.image is None and self.generator in (None, "plain") and self.colour is None:
-            raise ValueRangeError('a plain surface needs a colour, such as "#b0b4b8", or an image')
+        if self.image is None and self.generator in (None, "paint") and self.colour is None:
+            raise ValueRangeError('a painted surface needs a colour, such as "#b0b4b8", or an image')
         if self.generator == "carpet" and self.colour is not None:
             raise ValueRangeError("the carpet has its own colours: remove 'colour'")
 

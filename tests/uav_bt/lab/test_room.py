@@ -49,7 +49,7 @@ def test_the_paper_has_no_room() -> None:
         ("image: wood.png", "image: lab.yaml", "is no picture: expected a PNG or JPEG"),
         ("image: wood.png", "image: wod.png", "no such file; did you mean 'wood.png'"),
         ("image: wood.png", "colour: red", "expected"),
-        ("{image: wood.png}", "{}", "a plain surface needs a colour"),
+        ("{image: wood.png}", "{}", "a painted surface needs a colour"),
         ("file: cone.obj", "file: wood.png", "is no OBJ file"),
         ("      file: cone.obj\n", "", "a mesh needs 'file'"),
         ("shelves: 3", "shelves: 0", "shelves must be 1 to 12"),
