@@ -1,4 +1,4 @@
-"""Reduction of a failed flight to the fewest boxes, movers and faults that still fail.
+"""Reduction of a failed flight to the fewest objects, movers and faults that still fail.
 
 The parts are removed by delta debugging (Zeller and Hildebrandt, 2002): larger groups first, then
 single ones, until no part can be left out.

@@ -73,7 +73,9 @@ class Surface:
         if self.image is None and self.tile_m is not None:
             raise ValueRangeError("tile_m is the size of an image, and there is none: add 'image'")
         if self.image is None and self.generator in (None, "paint") and self.colour is None:
-            raise ValueRangeError('a painted surface needs a colour, such as "#b0b4b8", or an image')
+            raise ValueRangeError(
+                'a painted surface needs a colour, such as "#b0b4b8", or an image'
+            )
         if self.generator == "carpet" and self.colour is not None:
             raise ValueRangeError("the carpet has its own colours: remove 'colour'")
 
