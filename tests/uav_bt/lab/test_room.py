@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 
@@ -159,3 +160,17 @@ def test_what_is_no_picture_is_refused(tmp_path: Path, data: bytes) -> None:
     path.write_bytes(data)
     with pytest.raises(FileError, match="is no picture"):
         check_picture(path)
+
+
+# --- the page -------------------------------------------------------------------------------------
+
+
+def test_the_lab_on_the_page_of_scenes_is_good(tmp_path: Path) -> None:
+    page = Path("docs/scenes.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```yaml\n(version: 1\n.*?)```", page, flags=re.DOTALL)
+    folder = write_lab(tmp_path / "hall", text)
+    (folder / "trolley.obj").write_text(CONE, encoding="utf-8")
+    (folder / "crate.jpg").write_bytes(jpeg(60, 50))
+    lab = read_lab(folder)
+    assert lab.room is not None
+    assert set(lab.room.section.objects) == {"drum", "crate", "table", "trolley"}
