@@ -19,6 +19,8 @@ from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.planned_trees import planned_trees
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
+from uav_bt.lab.lab import LAB_FILE
+from uav_bt.lab.shipped import DEFAULT_LAB
 
 
 def make_plan(
@@ -119,6 +121,8 @@ def _scenes(wanted: Sequence[str]) -> list[str]:
 def _planned_scene(name: str) -> PlannedFile:
     scene, shipped = load_scene(name), name in scene_names()
     content = shipped_scenes().get(name, Path(name)).read_bytes()
+    if scene.lab != DEFAULT_LAB:  # it states the kinds of the objects
+        content += (scene.place.lab.folder / LAB_FILE).read_bytes()
     return PlannedFile(
         name=scene.name,
         path=name if shipped else str(Path(name).resolve()),
