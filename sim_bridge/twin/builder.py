@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.anafi import ANAFI_AIRFRAME
 from sim_bridge.twin.solids import Mesh, Solid, yaw_quaternion
+from uav_bt.errors import InputError
 
 HULL_HALF_M = tuple(side / 2 for side in ANAFI_AIRFRAME.body_size_m)  # forward, sideways, up
 HULL_MASS_KG = 0.32  # mass of the ANAFI
@@ -68,8 +69,15 @@ class Builder:
         self._drone()
 
     def done(self) -> LabModel:
-        """Compile the model."""
-        model = self.spec.compile()
+        """Compile the model.
+
+        Raises:
+            InputError: MuJoCo cannot build a mesh.
+        """
+        try:
+            model = self.spec.compile()
+        except ValueError as error:
+            raise InputError(f"MuJoCo cannot build this scene: {error}") from error
         ids = np.zeros(model.ngeom, np.uint8)
         for name, class_id in self._classes.items():
             ids[model.geom(name).id] = class_id

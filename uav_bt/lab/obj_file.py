@@ -16,7 +16,9 @@ from uav_bt.files import read_bounded
 
 MAX_FACES: Final = 4000
 MAX_BYTES: Final = 1_000_000
+MAX_PIECES: Final = 64
 _FEWEST: Final = 4  # triangles of a closed mesh
+_THINNEST_M: Final = 2e-4  # standard deviation of the corners of a piece across it
 _IGNORED: Final = ("vn", "vt", "o", "g", "s", "usemtl", "mtllib", "l", "p")
 
 Face = tuple[int, int, int]
@@ -44,12 +46,21 @@ def read_obj(path: Path, size_m: tuple[float, float, float]) -> NDArray[np.float
         raise FileError(path, "the mesh is flat: it needs an extent along x, y and z")
     points = (points - (low + high) / 2) * (np.array(size_m) / (high - low))
     points[:, 2] += size_m[2] / 2
-    triangles = points[np.array(faces)]
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    parts = pieces(points[np.array(faces)])
+    if len(parts) > MAX_PIECES:
+        raise FileError(path, f"has {len(parts)} separate pieces: at most {MAX_PIECES}")
+    return np.ascontiguousarray(np.concatenate([_outwards(path, part) for part in parts]))
+
+
+def _outwards(path: Path, piece: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a piece with its faces counter-clockwise from outside."""
+    corners = piece.reshape(-1, 3) - piece.mean(axis=(0, 1))
+    thinnest_m = float(np.linalg.svd(corners, compute_uv=False).min()) / math.sqrt(len(corners))
+    a, b, c = (corners.reshape(piece.shape)[:, each] for each in range(3))
     volume = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum())
-    if abs(volume) < 1e-9:
-        raise FileError(path, "the mesh encloses no volume")
-    return np.ascontiguousarray(triangles if volume > 0.0 else triangles[:, ::-1])
+    if thinnest_m < _THINNEST_M or volume == 0.0:
+        raise FileError(path, "a piece of the mesh is flat: it encloses no volume")
+    return piece if volume > 0.0 else piece[:, ::-1]
 
 
 def pieces(triangles: NDArray[np.float64]) -> list[NDArray[np.float64]]:

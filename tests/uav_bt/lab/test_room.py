@@ -114,6 +114,7 @@ def test_a_mesh_is_fitted_to_its_size_and_falls_into_pieces(tmp_path: Path) -> N
         (CONE.replace("v 0 0 0", "vp 0 0"), ":2: expected"),
         ("", "has 0 triangles"),
         (CONE.replace("0.5 0.5 1", "0.5 0.5 0").replace("0.2 0.6", "0.2 0"), "flat"),
+        (CONE.replace("1.75 0.2 0.6", "1.75 0.2 0"), "a piece of the mesh is flat"),
         ("v 0 0 0\n" * 3 + "f 1 2 3\n" * 4001, "more than 4000 triangles"),
         ("#" * 1_000_001, "larger than 1000000 bytes: simplify the mesh"),
     ],
