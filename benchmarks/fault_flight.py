@@ -8,7 +8,7 @@ import resource
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -64,7 +64,8 @@ class Case:
     @property
     def exact_masks(self) -> bool:
         """Whether it is flown on exact masks, and on small images then."""
-        return not (self.networks or self.parsed.kind.in_image or self.address)
+        images = self.drone != "plain" and self.address is None
+        return images and not (self.networks or self.parsed.kind.in_image)
 
     @property
     def address(self) -> str | None:
@@ -86,10 +87,12 @@ class Case:
         else:
             options = app.FlightOptions(
                 drone=self.drone,
-                scene=self.scene if self.drone == "twin" else None,
+                scene=self.scene if self.drone in {"twin", "plain"} else None,
                 seed=self.seed,
-                image_size_px=(160, 90) if self.exact_masks else (320, 180),
             )
+            if self.drone != "plain":
+                size = (160, 90) if self.exact_masks else (320, 180)
+                options = replace(options, image_size_px=size)
         return WatchedDrone(app.make_drone(options), self.parsed)
 
     @contextmanager

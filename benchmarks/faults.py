@@ -172,8 +172,8 @@ def table(flights: Iterable[Flown]) -> str:
     return "\n".join(text) + "\n"
 
 
-def parse_arguments() -> argparse.Namespace:
-    """Return the options; a wrong usage exits with 2."""
+def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """Return the options, by default those of the command line; a wrong usage exits with 2."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -196,20 +196,40 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument(
         "--drone",
         default="twin",
-        help="anafi:127.x.x.x flies a loopback ANAFI over Olympe, served for each flight; no truth "
-        "is known then: what counts is what it reports [twin]",
+        help="plain flies without images; anafi:127.x.x.x flies a loopback ANAFI over Olympe, "
+        "served for each flight; no truth is known then: what counts is what it reports [twin]",
     )
     parser.add_argument("--networks", action="store_true", help="instead of exact masks")
     parser.add_argument("--time-limit-s", type=float, default=120.0, help="of a flight [120]")
     parser.add_argument("--land-anywhere", action="store_true", help="the tree ends on no pad")
     parser.add_argument("--workers", type=int, default=1, help="flights at once [1]")
     parser.add_argument("--out", type=Path, default=Path("runs/faults"), help="[%(default)s]")
-    return parser.parse_args()
+    return parser.parse_args(arguments)
 
 
-def main() -> int:
-    """Fly and print the table."""
-    args = parse_arguments()
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fly and print the table; print one line about input that is refused.
+
+    Args:
+        arguments: words of the command line; None: those of this process.
+
+    Returns:
+        The exit code.
+    """
+    try:
+        return run(parse_arguments(arguments))
+    except InputError as error:
+        print(f"{error}", file=sys.stderr)
+        return 2
+    except UavBtError as error:
+        print(f"{error}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from here", file=sys.stderr)
+    return 1
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fly and print the table; return the exit code."""
     if args.list:
         for kind in KINDS.values():
             level = "" if kind.level is None else f" [{kind.level:g}]"
@@ -232,12 +252,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except InputError as error:
-        print(f"{error}", file=sys.stderr)
-        sys.exit(2)
-    except UavBtError as error:
-        sys.exit(f"{error}")
-    except KeyboardInterrupt:
-        sys.exit("interrupted; the same command goes on from here")
+    sys.exit(main())

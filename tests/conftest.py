@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from pathlib import Path
 
@@ -10,6 +11,12 @@ from hypothesis import settings
 
 from uav_bt.lab import shipped
 from uav_bt.lab.lab_file import read_lab
+
+# Each worker of pytest-xdist takes one core. Without this, the libraries of each worker take all
+# cores, and wait for one another. Processes that tests start inherit it.
+for library in ("OMP", "OPENBLAS", "MKL"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 
 # Examples have no time limit: only benchmarks measure speed.
 settings.register_profile("uav-bt", deadline=None)

@@ -88,6 +88,9 @@ def test_missions_check_and_fly_far_from_the_checkout(installed: Path, tmp_path:
     checked = uav_bt(installed, tmp_path, "check", "land_only")
     assert checked.returncode == 0, checked.stderr
     assert checked.stdout == f"{installed / 'trees' / 'land_only.xml'}: good\n"
+    in_lab = uav_bt(installed, tmp_path, "check", "land_only", "--lab", "paper")
+    assert in_lab.stdout == checked.stdout, in_lab.stderr
+    assert (installed / "uav_bt" / "labs" / "lab.schema.json").is_file()
     (tmp_path / "mine.xml").write_text(FLY, encoding="utf-8")
     flown = uav_bt(installed, tmp_path, "fly", "mine.xml", "--image-size", "160x90")
     assert flown.returncode == 0, flown.stderr

@@ -58,8 +58,18 @@ class Scene(Protocol):
         ...
 
     @property
+    def mark_pose(self) -> Pose2D | None:
+        """Pose of the mark in the scene's drawing, yaw counter-clockwise; None without one."""
+        ...
+
+    @property
+    def lab(self) -> str:
+        """Name or path of the lab that the scene belongs to."""
+        ...
+
+    @property
     def classes(self) -> LabClasses:
-        """Classes of the lab that the scene belongs to."""
+        """Classes of that lab."""
         ...
 
     @property
@@ -132,8 +142,8 @@ class DroneConfig(Protocol):
     """Configuration dataclass of one kind of drone, registered in `uav_bt.drones`.
 
     Its fields are the settings of that drone, keyword-only and with defaults. Fields with a name of
-    `uav_bt.app.assembly.drone_settings` (`scene`, `seed`, `address`, ...) are filled in from the
-    options of a flight.
+    `uav_bt.app.drone_of_flight.drone_settings`, `scene` and `address` are filled in from a flight's
+    options.
     """
 
     def create(self) -> Drone:

@@ -38,11 +38,13 @@ class CourseConfig:
         keep_away: How obstacles push the drone away.
         climb_per_s: Climb rate per metre of error in height.
         climb_mps: Highest climb rate.
+        evaded_m: A turn corrects only larger errors in height, which are those of giving way.
     """
 
     keep_away: KeepAwayConfig = field(default_factory=KeepAwayConfig)
     climb_per_s: float = 0.8
     climb_mps: float = 0.25
+    evaded_m: float = 0.2
 
 
 class CourseLeaf(MovingLeaf):
@@ -77,7 +79,7 @@ class CourseLeaf(MovingLeaf):
             state: The drone's state.
             answer: The new answer; None to keep the last one for a while.
         """
-        cfg, yaw_rad = self.course, state.attitude.yaw_rad
+        yaw_rad = state.attitude.yaw_rad
         if isinstance(answer, FollowLeg) and answer.speed_mps > 0.0:
             self.write(HELD_TURN, HeldTurn())
         course = self._course.follow(answer, yaw_rad=yaw_rad, now_s=self.clock.now())
@@ -87,14 +89,13 @@ class CourseLeaf(MovingLeaf):
         if speed_mps == 0.0:
             self.propose(self.turn_keeping_away(yaw_rate))
             return
-        down_mps = cfg.climb_per_s * self.too_high_m(state)
         # Only the sideways push is used: a push along the route would change the speed.
         _, right_mps = self._push_mps()
         self.propose(
             Velocity(
                 forward_mps=speed_mps,
                 right_mps=right_mps,
-                down_mps=max(-cfg.climb_mps, min(cfg.climb_mps, down_mps)),
+                down_mps=self._height_mps(state),
                 yaw_rate_radps=yaw_rate,
             )
         )
@@ -102,13 +103,26 @@ class CourseLeaf(MovingLeaf):
     def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
         """Return a turn on the spot that moves away from obstacles that are too near.
 
-        A hovering drone drifts, also towards places that the camera does not show.
+        A hovering drone drifts, also towards places that the camera does not show. It returns to
+        the flight height after it has climbed to give way.
         """
         forward_mps, right_mps = self._push_mps()
-        return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
+        state = self.state()
+        evaded = state is not None and abs(self.too_high_m(state)) > self.course.evaded_m
+        return Velocity(
+            forward_mps=forward_mps,
+            right_mps=right_mps,
+            down_mps=self._height_mps(state) if state is not None and evaded else 0.0,
+            yaw_rate_radps=yaw_rate_radps,
+        )
+
+    def _height_mps(self, state: DroneState) -> float:
+        """Return the vertical speed to the flight height, positive down."""
+        cfg = self.course
+        return max(-cfg.climb_mps, min(cfg.climb_mps, cfg.climb_per_s * self.too_high_m(state)))
 
     def give_way(self) -> bool:
-        """Stop for a mover or get out of its way; False when none comes too near."""
+        """Stop for a mover or get out of its way, and climb; False when none comes too near."""
         velocity = self._giving_way.velocity(
             self.read(SITE_MAP).value,
             self.obstacles(),
@@ -119,8 +133,16 @@ class CourseLeaf(MovingLeaf):
             return False
         self.drop_course()
         self.feedback_message = "gives way"
-        self.propose(velocity)
+        self.propose(replace(velocity, down_mps=self._evading_down_mps()))
         return True
+
+    def _evading_down_mps(self) -> float:
+        """Return the vertical speed to the height at which the drone gives way."""
+        cfg, state = self._giving_way.config, self.state()
+        if state is None or self.read(FLIGHT_HEIGHT).value is None:
+            return 0.0
+        down_mps = cfg.climb_per_s * (self.too_high_m(state) - cfg.above_m)
+        return max(-cfg.climb_mps, min(cfg.climb_mps, down_mps))
 
     def drop_course(self) -> None:
         """Drop movement and course."""

@@ -45,6 +45,10 @@ class GivingWayConfig:
         hidden_m: Assumed range of such an obstacle; nearer bases are below the view of a camera
             that looks 30 degrees down from 1.5 m.
         hidden_rad: Half angle ahead in which such obstacles count.
+        above_m: Height above the flight height that the drone climbs to. People and carts may pass
+            below; the limit of the ceiling holds.
+        climb_per_s: Climb rate per metre of error in that height.
+        climb_mps: Highest climb rate.
     """
 
     way_out: WayOutConfig = field(default_factory=WayOutConfig)
@@ -58,6 +62,9 @@ class GivingWayConfig:
     lost_s: float = 0.5
     hidden_m: float = 0.9
     hidden_rad: float = math.radians(60)
+    above_m: float = 0.5
+    climb_per_s: float = 2.0
+    climb_mps: float = 0.5
 
 
 class GivingWay:

@@ -10,6 +10,7 @@ from behaviours.fly.course_leaf import CourseLeaf
 from uav_bt.board import FLIGHT_PITCH, ODOMETRY, SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.plugins import make_mark_finder
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState
 from uav_bt.types.place import Place, PlaceFrame
@@ -56,14 +57,16 @@ class PlaceLeaf(CourseLeaf):
     reads = (*CourseLeaf.reads, FLIGHT_PITCH)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Note take-off pose and area, and check a place that is known before the take-off.
+        """Note poses and area, and check a place that is known before the take-off.
 
         Raises:
-            InputError: The place is one of the lab's drawing, and the take-off pose there is
-                unknown; or the place lies outside the mission's area.
+            InputError: The place is one of the lab's drawing, and neither the take-off pose nor a
+                mark with a heading is known there; or the place lies outside the mission's area.
         """
         super().on_setup(mission)
         self._take_off, self._area = mission.take_off, mission.area
+        self._mark, self._mark_kind = mission.mark_pose, mission.mark.kind
+        self._mark_turns = self._mark is not None and make_mark_finder(mission.mark).shows_heading
         text = None if self.place_port is None else self.initial_value(self.place_port)
         if text is not None:
             self._check_before_flight(text)
@@ -74,16 +77,25 @@ class PlaceLeaf(CourseLeaf):
         except ValueRangeError:  # a heading
             return
         if place.frame is PlaceFrame.LAB and self._take_off is None:
-            raise InputError(
-                f"the place '{text}' needs the take-off pose in the lab's drawing: give `take_off` "
-                "in the site file, and no random take-off in the scene"
-            )
+            self._check_mark(text)
         at_m = from_start(place, self._take_off)
         if at_m is not None and self._area is not None and self._area.margin_m(*at_m) < 0.0:
             raise InputError(
                 f"the place '{text}' lies {-self._area.margin_m(*at_m):.1f} m outside the area "
-                "of the mission: move it, or widen the area of <Rules/> and of the site file"
+                "of the mission: move it, or widen the area of <Rules/> and of the site or lab file"
             )
+
+    def _check_mark(self, text: str) -> None:
+        """Refuse a place of the drawing that no landing mark leads to."""
+        if self._mark is not None and self._mark_turns:
+            return
+        why = ""
+        if self._mark is not None:
+            why = f" (the landing mark is known there, but a {self._mark_kind} shows no heading)"
+        raise InputError(
+            f"the place '{text}' needs the take-off pose in the lab's drawing{why}: give "
+            "`take_off` in the site or lab file, and no random take-off in the scene"
+        )
 
     def initialise(self) -> None:
         """Begin without a goal."""
@@ -104,7 +116,7 @@ class PlaceLeaf(CourseLeaf):
             text: The place, as a port gives it.
         """
         place = self._place or Place.parse(text)
-        found = resolve(place, site_map, self._take_off)
+        found = resolve(place, site_map, self._take_off, self._mark)
         if isinstance(found, Goal) and self._area is not None:
             at_m = site_map.start.to_body(found.x_m, found.y_m)
             if self._area.margin_m(*at_m) < 0.0:

@@ -1,11 +1,16 @@
-"""A leaf that hovers until the camera is steady, and stores the newest frame."""
+"""A leaf that hovers until the camera is steady, and takes a photograph."""
 
 from __future__ import annotations
 
 import logging
 import math
+from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.fly.camera_photo import CameraPhoto
 from behaviours.fly.leaf_clock import LeafClock
 from behaviours.fly.moving_leaf import camera_points_at
 from behaviours.fly.steadiness import Steadiness
@@ -13,6 +18,7 @@ from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, ODOMETRY, PHASE, SITE_MAP, S
 from uav_bt.board.context import MissionContext
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import InputError
+from uav_bt.still_camera import StillState
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.tree.script import fill_text, parse_text
 from uav_bt.types import ClassMap, DroneState, Frame, GimbalTo, Hover, MissionPhase
@@ -42,8 +48,22 @@ def _pitch_rad(text: str) -> float | None:
     return math.radians(pitch_deg)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Shot:
+    """A frame that is to be stored."""
+
+    name: str  # of its files, without suffix
+    photo: Photo
+    image: NDArray[np.uint8] | None
+    ids: NDArray[np.uint8] | None
+
+
 class TakePhoto(Leaf):
     """Hover until the drone is steady and store the newest frame; FAILURE if it cannot be stored.
+
+    A drone whose camera takes photographs takes one at the same place, which is fetched after the
+    landing. When the camera fails (the memory card is full or absent), the frame is stored and the
+    answer is FAILURE.
 
     Time in which frame or telemetry is stale, or a pilot flies, does not count. A drone without
     images stores pose and class map. A halted leaf leaves the camera where it is.
@@ -74,7 +94,13 @@ class TakePhoto(Leaf):
             default=5.0,
             least=0.1,
             most=600,
-            doc="longest wait for a steady drone and a new frame, s",
+            doc="longest wait for a steady drone and a new frame, s; and for the drone's camera",
+        ),
+        Port(
+            "camera_photo",
+            bool,
+            default=True,
+            doc="whether the drone's own camera takes a photograph, too, where it can (ANAFI)",
         ),
     )
     reads = (STATE, FRAME, ELAPSED, CLASS_MAP, ODOMETRY, SITE_MAP)
@@ -102,6 +128,8 @@ class TakePhoto(Leaf):
         self._waited_s = 0.0
         self._last_s: float | None = None  # leaf time of the last tick that counted
         self._answered_s = 0.0
+        self._shot: _Shot | None = None  # waits for the drone's camera
+        self._camera_photo: CameraPhoto | None = None
 
     def update(self) -> Status:
         """Hover and point the camera until the photograph is stored and the camera restored."""
@@ -128,6 +156,8 @@ class TakePhoto(Leaf):
         folder = self.mission.outputs
         if folder is None:
             return self._gives_up(_NO_FOLDER)
+        if self._shot is not None:
+            return self._await_camera(folder, self._shot)
         if state is None or frame is None:
             self._last_s = None
             return None
@@ -141,7 +171,7 @@ class TakePhoto(Leaf):
         class_map = seen if seen is not None and seen.captured_s == frame.captured_s else None
         missing = self._missing(frame, class_map)
         if missing is None:
-            return self._store(folder, frame, class_map)
+            return self._expose(folder, self._shot_of(frame, class_map))
         self.feedback_message = missing
         limit_s = self.port_value("timeout_s")
         # Ticks are a tenth of a second, and floats add up.
@@ -162,9 +192,35 @@ class TakePhoto(Leaf):
             return "the drone has no images, and no leaf makes a class map: add Segment"
         return None
 
-    def _store(self, folder: FlightFolder, frame: Frame, class_map: ClassMap | None) -> Status:
-        notes, label = self.mission.notes, self._label
-        name = self._name(notes.next_photo(), label)
+    def _expose(self, folder: FlightFolder, shot: _Shot) -> Status | None:
+        """Store a frame, or let the drone's camera take its photograph first."""
+        camera = self.mission.stills if self.port_value("camera_photo") else None
+        if camera is None:
+            return self._store(folder, shot)
+        limit_s = self.port_value("timeout_s")
+        self._shot = shot
+        self._camera_photo = CameraPhoto(camera, self._leaf_clock.now(), limit_s)
+        self.feedback_message = "the drone's camera takes a photograph"
+        return None
+
+    def _await_camera(self, folder: FlightFolder, shot: _Shot) -> Status | None:
+        """Store the frame once the camera has ended. None: it is at work."""
+        camera_photo = self._camera_photo
+        still = None if camera_photo is None else camera_photo.result(self._leaf_clock.now())
+        if still is None:
+            return None
+        if still.state is StillState.SAVED:
+            photo = replace(
+                shot.photo, camera_file=f"{shot.name}-camera.jpg", camera_media=still.media
+            )
+            return self._store(folder, replace(shot, photo=photo))
+        if self._store(folder, shot) is Status.FAILURE:
+            return Status.FAILURE
+        return self._gives_up(f"the drone's camera took no photograph: {still.reason}")
+
+    def _shot_of(self, frame: Frame, class_map: ClassMap | None) -> _Shot:
+        label = self._label
+        name = self._name(self.mission.notes.next_photo(), label)
         elapsed_s = self.read(ELAPSED).value or 0.0
         photo = Photo(
             label=label,
@@ -175,15 +231,21 @@ class TakePhoto(Leaf):
             height_m=round(frame.height_above_carpet_m, 3),
             gimbal_pitch_deg=round(math.degrees(frame.gimbal_pitch_rad), 1),
         )
-        image = None if self._imageless else frame.image
-        ids = None if class_map is None else class_map.ids
+        return _Shot(
+            name=name,
+            photo=photo,
+            image=None if self._imageless else frame.image,
+            ids=None if class_map is None else class_map.ids,
+        )
+
+    def _store(self, folder: FlightFolder, shot: _Shot) -> Status:
         try:
-            self._write_files(folder, name, photo, image, ids)
+            self._write_files(folder, shot.name, shot.photo, shot.image, shot.ids)
         except InputError as error:
             return self._gives_up(str(error))
-        notes.photos.append(photo)
-        self.feedback_message = name
-        self.mission.add_event(EventKind.PHOTO, name, self.path)
+        self.mission.notes.photos.append(shot.photo)
+        self.feedback_message = shot.name
+        self.mission.add_event(EventKind.PHOTO, shot.name, self.path)
         return Status.SUCCESS
 
     def _pose(self) -> ReportedPose | None:

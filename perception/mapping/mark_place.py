@@ -10,6 +10,7 @@ import numpy as np
 from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.registration import Registration
 from uav_bt.types import HelipadFix, Pose2D
+from uav_bt.types.pose import wrap_angle
 from uav_bt.types.site_map import MapMark
 
 
@@ -74,9 +75,18 @@ class MarkPlace:
                 known, self._elsewhere = None, 0
             elif not agrees:
                 return
+        yaw_rad = None if known is None else known.yaw_rad
+        if fix.heading_deg is not None:
+            drone_rad = registration.correction.yaw_rad + reckoned.yaw_rad
+            yaw_rad = wrap_angle(drone_rad - math.radians(fix.heading_deg))
         if known is None or std_m < known.std_m:
             self.mark = MapMark(
-                x_m=x_m, y_m=y_m, std_m=std_m, seen_s=fix.captured_s, moved_m=moved_m
+                x_m=x_m,
+                y_m=y_m,
+                std_m=std_m,
+                seen_s=fix.captured_s,
+                moved_m=moved_m,
+                yaw_rad=yaw_rad,
             )
         else:
-            self.mark = replace(known, seen_s=fix.captured_s)
+            self.mark = replace(known, seen_s=fix.captured_s, yaw_rad=yaw_rad)

@@ -49,6 +49,7 @@ class MoverConfig:
     # is anywhere within the way that it covers at `turned_ratio` of its speed.
     carry_s: float = 0.6
     turned_ratio: float = 1.5
+    turned_mps: float = 0.5  # least speed for that way; a mover that turns is measured too slow
     free_s: float = 0.3  # either is forgotten when its place is seen free for this long
     # An obstacle that has arrived may be a waiting mover for this time after any movement.
     waits_s: float = 90.0

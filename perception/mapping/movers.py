@@ -199,7 +199,8 @@ class MoverTracker:
         place_m = place_m + (time_s - track.time_s) * velocity_mps
         std_m, std_mps, unseen_s = track.std(0), track.std(1), time_s - track.seen_s
         if unseen_s > self._config.carry_s:
-            std_mps = self._config.turned_ratio * float(np.hypot(*velocity_mps))
+            cfg, speed_mps = self._config, float(np.hypot(*velocity_mps))
+            std_mps = max(cfg.turned_ratio * speed_mps, cfg.turned_mps)
             place_m, velocity_mps, std_m = track.seen_m, np.zeros(2), std_mps * unseen_s
         return MapMover(
             id=track.number,

@@ -10,7 +10,7 @@ from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.remote_control import RemoteControl
 from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
 from sim_bridge.loopback.handshake import SKYCONTROLLER, Ports
-from sim_bridge.loopback.media import MediaStore
+from sim_bridge.loopback.media import Card, MediaStore
 from sim_bridge.loopback.messages import message_table
 from sim_bridge.loopback.photographer import Photographer
 from sim_bridge.loopback.server import LoopbackServer, ServerOptions
@@ -39,6 +39,7 @@ class DroneSetup:
     video: bool = True
     skycontroller: bool = False  # whether clients connect to a remote control with a drone
     media_name: str | None = None  # name of the video stream; None: as on the real device
+    card: Card = Card.READY  # the memory card of the camera
     gps: bool | None = None  # whether there is a GPS fix; None: outdoors yes, in a lab no
 
 
@@ -60,7 +61,7 @@ class LoopbackDrone:
         self.world = TwinWorld(
             setup.scene, profile=setup.profile, seed=setup.seed, clock=self._clock
         )
-        table, media = message_table(), MediaStore()
+        table, media = message_table(), MediaStore(card=setup.card)
         make_camera = partial(
             TwinCamera,
             self.world,

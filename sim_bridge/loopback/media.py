@@ -6,6 +6,7 @@ The format of the lists and names is that of public clients of the ANAFI's inter
 
 from __future__ import annotations
 
+import enum
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,6 +20,14 @@ _FIRST_ID: Final = 10_000_000
 
 Json = Mapping[str, Any]
 Listener = Callable[[Json], None]
+
+
+class Card(enum.StrEnum):
+    """State of the memory card when the drone is switched on."""
+
+    READY = "ready"
+    FULL = "full"  # by files that the web interface does not list
+    ABSENT = "absent"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +46,12 @@ class MediaStore:
 
     Args:
         run_id: identifier of the drone's present run.
+        card: state of the memory card.
     """
 
-    def __init__(self, run_id: str = "0" * 32) -> None:
+    def __init__(self, run_id: str = "0" * 32, card: Card = Card.READY) -> None:
         self._run_id = run_id
+        self._card = card
         self._photos: dict[str, Photo] = {}  # by id of the medium
         self._count = 0
         self._listeners: list[Listener] = []
@@ -55,9 +66,19 @@ class MediaStore:
         return sum(len(photo.jpeg) for photo in self._photos.values())
 
     @property
+    def absent(self) -> bool:
+        """Whether there is no memory card."""
+        return self._card is Card.ABSENT
+
+    @property
+    def free_bytes(self) -> int:
+        """The size of what still fits."""
+        return max(0, MAX_BYTES - self.used_bytes) if self._card is Card.READY else 0
+
+    @property
     def full(self) -> bool:
         """Whether another photograph would not fit."""
-        return self.used_bytes >= MAX_BYTES
+        return self.free_bytes == 0
 
     def add(self, photo: Photo) -> str:
         """Store a photograph and return the id of its medium."""
@@ -106,6 +127,12 @@ class MediaStore:
             return False
         self._tell("resource_removed", resource_id=resource_id)
         return self.remove(media_id)
+
+    def format(self) -> None:
+        """Delete all files of the card, those that are not listed included."""
+        if self._card is Card.FULL:
+            self._card = Card.READY
+        self.clear()
 
     def clear(self) -> None:
         """Delete all media."""

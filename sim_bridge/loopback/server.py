@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from sim_bridge.loopback.codec import WireError, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
@@ -31,6 +31,10 @@ from sim_bridge.loopback.web import serve_web
 from uav_bt.errors import DroneError, InputError
 
 _LOG = logging.getLogger(__name__)
+
+# A remote control has the web server of its drone at this distance above the drone's port: Parrot's
+# libarsdk connects to 180 in place of 80.
+_DRONE_BEHIND: Final = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +104,10 @@ class LoopbackServer:
             control = await self._listen(wanted.control, "control", self._serve_control)
             discovery = await self._listen(wanted.discovery, "discovery", self._serve_discovery)
             http = await self._listen(wanted.http, "http", partial(serve_web, self._media))
+            if isinstance(self._anafi, RemoteControl) and wanted.http:
+                await self._listen(
+                    wanted.http + _DRONE_BEHIND, "http", partial(serve_web, self._media)
+                )
             self._discovery = discovery
             commands = await self._listen_udp(wanted.commands)
         except InputError:

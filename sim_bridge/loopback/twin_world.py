@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from sim_bridge.loopback.world import WorldLimits, WorldState
+from sim_bridge.twin.body import CONTROL_STEP_S
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.profile import Profile
@@ -31,7 +32,7 @@ load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend whe
 import mujoco  # noqa: E402  (after load_mujoco)
 
 from sim_bridge.twin.builder import LabModel  # noqa: E402  (after load_mujoco)
-from sim_bridge.twin.flying_body import CONTROL_STEP_S  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.flying_body import FlyingBody  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 
@@ -78,7 +79,8 @@ class TwinWorld:
         self.profile = _field_profile(profile) if scene is None else profile
         self.lab: LabModel = _build_field() if scene is None else build_model(scene)
         self.start_pose: Pose = start_pose(self.scene, seed)
-        self._simulation = Simulation(self.scene, self.lab, self.profile, seed, self.start_pose)
+        body = FlyingBody(self.lab, lag_s=self.profile.thrust_lag_s)
+        self._simulation = Simulation(self.scene, body, self.profile, seed, self.start_pose)
         self.limits = WorldLimits(
             max_speed_mps=self.profile.max_speed_mps,
             max_climb_mps=self.profile.max_climb_mps,

@@ -23,6 +23,7 @@ class Kind(enum.Enum):
     CONNECTION = "connection"
     STICKS = "sticks"
     GIMBAL = "gimbal"
+    CAMERA = "camera"  # mode and photographs
     CONTROL = "control"  # change of the piloting source
     LIMITS = "limits"
     MOVE = "move"

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Any, Final
 
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.olympe.commands import CommandQueue, Job, Kind
 from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.link import OlympeLink
+from sim_bridge.olympe.media import fetch_photo
 from sim_bridge.olympe.moves import MoveLedger
 from sim_bridge.olympe.probe import probe
 from sim_bridge.olympe.sdk import Sdk, load_sdk
 from sim_bridge.olympe.speed import SpeedHolder
+from sim_bridge.olympe.stills import OlympeStills
 from sim_bridge.olympe.telemetry import STANDING_M, Telemetry
 from sim_bridge.olympe.video import FrameClock, NewestFrame
 from uav_bt.errors import DroneError
@@ -49,13 +52,14 @@ class _Flight:
     frames: NewestFrame
     commands: CommandQueue
     speed: SpeedHolder
+    stills: OlympeStills
     ordered_s: dict[str, float] = field(default_factory=dict)  # times of commands without effect
     prepared: bool = False  # whether the drone's limits are set
     pitch_rad: float | None = None  # the gimbal's last target
 
 
 class OlympeDrone:
-    """Flies an ANAFI, real or simulated by Sphinx; implements the `Drone` protocol.
+    """Flies an ANAFI, real or simulated by Sphinx; implements `Drone` and `Photographing`.
 
     Args:
         config: address, limits and timeouts.
@@ -113,13 +117,23 @@ class OlympeDrone:
             arrived=clock.frame_arrived,
         )
         commands = self._commands()
+
+        def take_event(name: str, args: Mapping[str, Any]) -> None:
+            telemetry.take(name, args)
+            stills.take(name, args)
+
         link = OlympeLink(
             sdk,
             config,
             commands,
             now=clock.now,
-            on_event=telemetry.take,
+            on_event=take_event,
             on_frame=frames.take,
+        )
+        stills = OlympeStills(
+            link.orders,
+            lambda job: commands.submit(Kind.CAMERA, job),
+            lambda media, limit_s: fetch_photo(*link.web_address(), media, limit_s),
         )
         link.open()
         self._flight = _Flight(
@@ -128,7 +142,13 @@ class OlympeDrone:
             frames=frames,
             commands=commands,
             speed=SpeedHolder(config),
+            stills=stills,
         )
+
+    @property
+    def stills(self) -> OlympeStills | None:
+        """The camera's own photographs; None before connecting."""
+        return None if self._flight is None else self._flight.stills
 
     def observe(self) -> Observation:
         """Return the newest frame and state with their capture times.
@@ -140,6 +160,7 @@ class OlympeDrone:
         self.clock.frame_seen()
         link = flight.link
         link.check_settings()
+        flight.stills.advance()
         state = replace(flight.telemetry.state(), connected=link.connected, lost=link.lost)
         above_carpet_m = self._config.take_off_surface_m + STANDING_M
         return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
@@ -164,6 +185,8 @@ class OlympeDrone:
         """Disconnect; the firmware then controls the drone. Safe to call twice."""
         flight, self._flight = self._flight, None
         if flight is not None:
+            with suppress(DroneError):  # raised for an earlier command
+                flight.stills.give_up()
             flight.link.close()
 
     def _point(self, flight: _Flight, pitch_rad: float) -> None:

@@ -116,6 +116,14 @@ class OlympeLink:
             # This takes 30 s for lost drones, and with SDK 7.7.5 always 10 s.
             self._commands.close(self._destroy)
 
+    def web_address(self) -> tuple[str, int]:
+        """Return host and port of the drone's web server.
+
+        Raises:
+            DroneError: not connected.
+        """
+        return self._sdk.web_address(self._present(), self._config)
+
     def check_settings(self) -> None:
         """Warn once about limits that the drone has not confirmed in time."""
         self._settings.check()

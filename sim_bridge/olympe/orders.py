@@ -107,6 +107,14 @@ class Orders:
             drone.piloting(0, 0, 0, 0, 0.0)
             drone.stop_piloting()
 
+    def camera_mode(self, mode: str) -> None:
+        """Change the camera's mode: `photo` or `recording`."""
+        self.send("camera.set_camera_mode", cam_id=0, value=mode)
+
+    def take_photo(self) -> None:
+        """Take a photograph with the camera, which is in the mode for it."""
+        self.send("camera.take_photo", cam_id=0)
+
     def point(self, pitch_rad: float) -> None:
         """Set the pitch of the camera: 0 level, negative down."""
         self.send(

@@ -29,6 +29,7 @@ from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
 
 _NEW_API: Final = 8  # major version with the differences above
+_DRONE_BEHIND: Final = 100  # a SkyController 3 has the drone's port 80 at 180
 _LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # the SDK adds handlers to them
 _LEVELS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}
 
@@ -62,6 +63,23 @@ class Sdk:
                 "or install parrot-olympe 8"
             )
         return kind(config.host, media_port=config.http_port, media_autoconnect=False)
+
+    def web_address(self, drone: Any, config: OlympeConfig) -> tuple[str, int]:
+        """Return host and port of the drone's web server.
+
+        Behind a remote control it is the proxy of version 8.5.0. Version 7.7.5 shows no proxy; the
+        address is then that of its library, 100 ports above the drone's.
+
+        Args:
+            drone: object of the connected drone.
+            config: source of address and port.
+        """
+        if not config.through_skycontroller:
+            return config.host, config.http_port
+        proxy = getattr(drone, "http_proxy", None)
+        if proxy is not None and proxy.address and proxy.port:
+            return str(proxy.address), int(proxy.port)
+        return config.host, config.http_port + _DRONE_BEHIND
 
     def play(self, streaming: Any, config: OlympeConfig, on_frame: Callable[[Any], None]) -> bool:
         """Start the video; frames then come on a thread of the SDK.

@@ -1,7 +1,7 @@
 """A simulated drone without images, for mission tests and many flights.
 
-Physics, telemetry, movers and noise are the twin's. Class maps, depth and the motion over the
-ground come from ray casting, with the errors of the networks. No OpenGL is needed.
+Autopilot, telemetry, movers and noise are the twin's. Class maps, depth and the motion over the
+ground come from ray casting, with the errors of the networks. Neither MuJoCo nor OpenGL is needed.
 """
 
 from __future__ import annotations
@@ -48,6 +48,6 @@ class PlainConfig:
         if isinstance(scene, str):
             scene = scene_file.load_scene(scene)
         scene = variation.varied(scene, self.seed, room=self.vary_room, movers=self.movers)
-        from sim_bridge.plain.drone import PlainDrone  # noqa: PLC0415  (imports MuJoCo)
+        from sim_bridge.plain.drone import PlainDrone  # noqa: PLC0415  (heavy imports)
 
         return PlainDrone(scene, profile=limits, seed=self.seed, realtime=self.realtime)

@@ -10,8 +10,8 @@ import enum
 import math
 from dataclasses import dataclass
 
+from sim_bridge.twin.body import CONTROL_STEP_S
 from sim_bridge.twin.control_law import Demand, demand
-from sim_bridge.twin.flying_body import CONTROL_STEP_S
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace, Reference
 from sim_bridge.twin.sensors import Estimate

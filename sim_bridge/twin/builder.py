@@ -7,7 +7,7 @@ The name of a contact is the part of its geom's name before the slash.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,15 +15,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.anafi import ANAFI_AIRFRAME
+from sim_bridge.twin.body import CONTROL_STEP_S, HULL_HALF_M
 from sim_bridge.twin.solids import Mesh, Solid, yaw_quaternion
 from uav_bt.errors import InputError
 
-HULL_HALF_M = tuple(side / 2 for side in ANAFI_AIRFRAME.body_size_m)  # forward, sideways, up
 HULL_MASS_KG = 0.32  # mass of the ANAFI
-PHYSICS_STEP_S = 0.005  # short enough for contacts at 1 m/s
+STEPS_PER_CONTROL = 2
+PHYSICS_STEP_S = CONTROL_STEP_S / STEPS_PER_CONTROL  # short enough for contacts at 1 m/s
 HIT_GROUP = 3  # geom group that MuJoCo does not draw by default
-FLOOR_M = -0.004  # height of the floor: the carpet is 4 mm thick, its surface is z = 0
 
 _SEEN_GROUP = 0
 _DRONE_GROUP = 4  # not drawn by default either: the camera never sees the drone
@@ -37,11 +36,16 @@ class LabModel:
     class_of_geom: NDArray[np.uint8]  # (number of geoms,): class id of each geom
     hull_geom: int
     hull_body: int
+    obstacle_geoms: tuple[int, ...]  # contact geoms of obstacles
 
     def contact_name(self, geom: int) -> str:
         """Return the name in contacts of a geom: that of its object."""
-        name: str = self.model.geom(geom).name
-        return name.split("/", maxsplit=1)[0]
+        return _contact_name(self.model, geom)
+
+
+def _contact_name(model: Any, geom: int) -> str:
+    name: str = model.geom(geom).name
+    return name.split("/", maxsplit=1)[0]
 
 
 class Builder:
@@ -68,8 +72,11 @@ class Builder:
         self._classes: dict[str, int] = {}
         self._drone()
 
-    def done(self) -> LabModel:
+    def done(self, obstacles: Collection[str]) -> LabModel:
         """Compile the model.
+
+        Args:
+            obstacles: names in contacts of boxes, objects and movers.
 
         Raises:
             InputError: MuJoCo cannot build a mesh.
@@ -81,11 +88,13 @@ class Builder:
         ids = np.zeros(model.ngeom, np.uint8)
         for name, class_id in self._classes.items():
             ids[model.geom(name).id] = class_id
+        hit = np.flatnonzero(model.geom_group == HIT_GROUP).tolist()
         return LabModel(
             model=model,
             class_of_geom=ids,
             hull_geom=model.geom("drone").id,
             hull_body=model.body("drone").id,
+            obstacle_geoms=tuple(geom for geom in hit if _contact_name(model, geom) in obstacles),
         )
 
     def _drone(self) -> None:

@@ -16,6 +16,7 @@ from uav_bt.types import Frame, Observation
 
 load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
 
+from sim_bridge.twin.flying_body import FlyingBody  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
@@ -76,13 +77,14 @@ class TwinDrone(SimulatedDrone):
         lab = build_model(self.scene)
         thread = RenderThread(lab)
         start = start_pose(self.scene, self._seed)
-        simulation = Simulation(self.scene, lab, self.profile, self._seed, start)
+        body = FlyingBody(lab, lag_s=self.profile.thrust_lag_s)
+        simulation = Simulation(self.scene, body, self.profile, self._seed, start)
         size = self.camera.width_px, self.camera.height_px
         self._last, self._next, self._observed_s = None, None, 0.0
         self._flight = _Flight(
             simulation=simulation,
             thread=thread,
-            referee=TwinReferee(self.scene, lab, simulation, thread),
+            referee=TwinReferee(self.scene, simulation, thread),
             optics=Optics(self.profile, *size, self._seed),
         )
 

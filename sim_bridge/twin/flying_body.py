@@ -8,36 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import mujoco
 
-from sim_bridge.twin.builder import HULL_MASS_KG, PHYSICS_STEP_S, LabModel
-from uav_bt.types import MoverState, Pose, rotate
+from sim_bridge.twin.body import GRAVITY_MPS2, TILT_RADPS, Motion, Thrust, tilt_for
+from sim_bridge.twin.builder import HULL_MASS_KG, STEPS_PER_CONTROL, LabModel
+from uav_bt.types import MoverState, rotate
 from uav_bt.types.bounds import clamp
 
-STEPS_PER_CONTROL = 2
-CONTROL_STEP_S = STEPS_PER_CONTROL * PHYSICS_STEP_S
-
-_GRAVITY_MPS2 = 9.81
-_TILT_RADPS = 18.0  # bandwidth of the attitude loop, rad/s; faster than the thrust
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Motion(Pose):
-    """True motion of the body's centre; world axes, yaw counter-clockwise."""
-
-    vx_mps: float
-    vy_mps: float
-    vz_mps: float
-    roll_rad: float  # about the forward axis, right-down positive
-    pitch_rad: float  # nose-up positive
-    yaw_rate_radps: float
+_FAR_M: Final = 100.0  # larger than any room, m
 
 
 class FlyingBody:
-    """The drone's body in a lab's physics.
+    """The drone's body in MuJoCo; implements `Body`.
 
     Args:
         lab: the compiled scene.
@@ -52,8 +36,8 @@ class FlyingBody:
         self._wrench = self.data.xfrc_applied[lab.hull_body]
         self._inertia = [float(value) for value in lab.model.body_inertia[lab.hull_body]]
         self._hull = lab.hull_geom
-        self._gain = 1.0 - math.exp(-CONTROL_STEP_S / lag_s) if lag_s > 0.0 else 1.0
-        self._thrust = [0.0, 0.0, 0.0]
+        self._obstacles = lab.obstacle_geoms
+        self._thrust = Thrust(lag_s)
         self._names = [lab.contact_name(index) for index in range(lab.model.ngeom)]
 
     def place(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
@@ -61,7 +45,7 @@ class FlyingBody:
         half = yaw_rad / 2.0
         self._position[:] = (x_m, y_m, z_m, math.cos(half), 0.0, 0.0, math.sin(half))
         self._velocity[:] = 0.0
-        self._thrust = [0.0, 0.0, 0.0]
+        self._thrust.stop()
         mujoco.mj_forward(self._model, self.data)
 
     def motion(self) -> Motion:
@@ -101,17 +85,10 @@ class FlyingBody:
             yaw_demand_radps2: demanded yaw acceleration, counter-clockwise.
             wind_mps2: acceleration by the wind, world axes.
         """
-        thrust, gain = self._thrust, self._gain
-        for axis in range(3):
-            thrust[axis] += gain * (demand_mps2[axis] - thrust[axis])
-        ax, ay, az = thrust
-        lift = max(_GRAVITY_MPS2 + az, 1.0)
-        forward, left = rotate(ax, ay, -motion.yaw_rad)
-        # The rotors push along the body's up axis, so a horizontal acceleration needs a tilt.
-        want_pitch = -math.atan2(forward, lift)
-        want_roll = -math.atan2(left, math.hypot(forward, lift))
+        ax, ay, az = self._thrust.follow(demand_mps2)
+        want_roll, want_pitch = tilt_for((ax, ay, az), motion.yaw_rad)
         wx, wy = self._velocity[3:5].tolist()
-        stiff, damp = _TILT_RADPS**2, 2.0 * _TILT_RADPS
+        stiff, damp = TILT_RADPS**2, 2.0 * TILT_RADPS
         torque_x = self._inertia[0] * (stiff * (want_roll - motion.roll_rad) - damp * wx)
         torque_y = self._inertia[1] * (stiff * (motion.pitch_rad - want_pitch) - damp * wy)
         torque_z = self._inertia[2] * yaw_demand_radps2
@@ -119,14 +96,14 @@ class FlyingBody:
         self._wrench[:] = (
             mass * (ax + wind_mps2[0]),
             mass * (ay + wind_mps2[1]),
-            mass * (az + _GRAVITY_MPS2 + wind_mps2[2]),
+            mass * (az + GRAVITY_MPS2 + wind_mps2[2]),
             *rotate(torque_x, torque_y, motion.yaw_rad),
             torque_z,
         )
 
     def drop(self) -> None:
         """Remove all forces: the motors are off."""
-        self._thrust = [0.0, 0.0, 0.0]
+        self._thrust.stop()
         self._wrench[:] = 0.0
 
     def place_movers(self, movers: Sequence[MoverState]) -> None:
@@ -147,3 +124,12 @@ class FlyingBody:
         hull = self._hull
         others = {self._names[a if b == hull else b] for a, b in pairs if hull in (a, b)}
         return tuple(sorted(others))
+
+    def clearance_m(self) -> float:
+        """Return the distance from the hull to the nearest obstacle; inf without any."""
+        model, data, hull = self._model, self.data, self._hull
+        mujoco.mj_kinematics(model, data)
+        nearest = _FAR_M
+        for geom in self._obstacles:
+            nearest = min(nearest, mujoco.mj_geomDistance(model, data, hull, geom, nearest, None))
+        return max(0.0, nearest) if self._obstacles else math.inf

@@ -79,23 +79,6 @@ def load_mujoco() -> None:
     _import_for(choose_gl(), "mujoco")
 
 
-def load_physics() -> None:
-    """Import MuJoCo for a simulation that draws nothing; no OpenGL is needed.
-
-    A process that has chosen no backend yet can draw afterwards only if one works.
-
-    Raises:
-        MissingDependencyError: MuJoCo is not installed.
-    """
-    try:
-        load_mujoco()
-    except MissingDependencyError:
-        if importlib.util.find_spec("mujoco") is None:
-            raise
-        os.environ["MUJOCO_GL"] = "disable"
-        _import_for("no drawing", "mujoco")
-
-
 def open_context(width_px: int, height_px: int) -> Any:
     """Return a new GL context of MuJoCo's selected backend.
 

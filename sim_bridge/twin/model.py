@@ -10,11 +10,11 @@ from typing import Any
 import mujoco
 
 from sim_bridge.twin import textures
-from sim_bridge.twin.builder import FLOOR_M, Builder, LabModel
+from sim_bridge.twin.builder import Builder, LabModel
 from sim_bridge.twin.model_room import add_ground, add_lamps, add_object, add_shape, add_walls
 from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
 from sim_bridge.twin.objects import MAT_M, BoxSpec, Helipad, Vector2, Vector3, box_names
-from sim_bridge.twin.scene import Lighting, Scene
+from sim_bridge.twin.scene import FLOOR_M, Lighting, Scene, obstacle_names
 from sim_bridge.twin.solids import Solid, stacked
 from uav_bt.lab.roles import OUTSIDE
 from uav_bt.lab.shipped import DEFAULT_LAB
@@ -54,7 +54,7 @@ def build_model(scene: Scene, *, drawn: bool = True) -> LabModel:
         add_walls(builder, scene, scene.room.walls)
     else:
         builder.room(scene.room_size_m)
-    return builder.done()
+    return builder.done(obstacle_names(scene))
 
 
 class _Builder(Builder):

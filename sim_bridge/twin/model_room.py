@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from functools import partial
@@ -10,31 +9,27 @@ from pathlib import Path
 from typing import Any, Final
 
 import mujoco
-import numpy as np
 
 from sim_bridge.twin import textures
-from sim_bridge.twin.builder import FLOOR_M, Builder
+from sim_bridge.twin.builder import Builder
 from sim_bridge.twin.meshes import (
-    counter_clockwise,
     finer,
     merged,
     prism_mesh,
     triangle_mesh,
-    triangulated,
 )
 from sim_bridge.twin.placed import PlacedObject, Shape
-from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene import FLOOR_M, Scene
 from sim_bridge.twin.shapes import Part
 from sim_bridge.twin.solids import Mesh, Solid
 from sim_bridge.twin.surfaces import Paint, paint_of
-from sim_bridge.twin.walls import wall_solids
+from sim_bridge.twin.walls import ground_slabs, room_solids
 from uav_bt.lab.obj_file import pieces
 from uav_bt.lab.roles import OUTSIDE
 from uav_bt.lab.room import GroundSection, Lamp, Surface, WallSection
 
 _SHEET_M: Final = 0.001  # thickness of an upper face with another class or look
 _LIT_M: Final = 0.5  # longest edge where lamps shine: light is computed at corners; chosen
-_SLAB_M: Final = 0.2  # thickness of a polygon's contacts
 _CONE_DEG: Final = 85.0  # half the opening of a lamp
 _WALLS: Final = Surface(colour="#d6d5d2")
 _FLOOR: Final = Surface(colour="#80807e")
@@ -156,11 +151,7 @@ def add_ground(builder: Builder, scene: Scene, ground: GroundSection) -> None:
         half_m = (size_m[0] / 2, size_m[1] / 2, -FLOOR_M / 2)
         builder.hit("carpet", Solid(half_m=half_m, centre_m=(0.0, 0.0, FLOOR_M / 2)))
         return
-    outline = counter_clockwise(plan.outline_m)
-    for number, triangle in enumerate(triangulated(outline)):
-        flat = [outline[corner] for corner in triangle]
-        ends = itertools.product(flat, (-_SLAB_M, 0.0))
-        corners = np.array([(x_m, y_m, z_m) for (x_m, y_m), z_m in ends])
+    for number, corners in enumerate(ground_slabs(scene)):
         name = f"carpet/{number}"
         builder.hit_hull(name, corners, shared=name)
 
@@ -168,7 +159,6 @@ def add_ground(builder: Builder, scene: Scene, ground: GroundSection) -> None:
 def add_walls(builder: Builder, scene: Scene, walls: WallSection) -> None:
     """Add walls, floor and ceiling of the lab."""
     folder, fine = _folder(scene), bool(scene.lighting.lamps)
-    wide_m, deep_m, high_m = scene.room_size_m
     looks = {
         "wall": paint_of(walls.surface or _WALLS, folder),
         "floor": paint_of(walls.floor or _FLOOR, folder),
@@ -176,13 +166,7 @@ def add_walls(builder: Builder, scene: Scene, walls: WallSection) -> None:
     }
     for look, paint in looks.items():
         builder.texture(look, paint.make)
-    flat_m = (wide_m / 2 + 0.1, deep_m / 2 + 0.1, 0.05)
-    solids = {
-        "floor": Solid(half_m=flat_m, centre_m=(0.0, 0.0, FLOOR_M - 0.05)),
-        "ceiling": Solid(half_m=flat_m, centre_m=(0.0, 0.0, FLOOR_M + high_m + 0.05)),
-        **wall_solids(scene),
-    }
-    for name, solid in solids.items():
+    for name, solid in room_solids(scene).items():
         look = name.split("-")[0]
         builder.show_mesh(
             f"{name}/seen",

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Protocol
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.twin.builder import HIT_GROUP, LabModel
-from sim_bridge.twin.movers import mover_names
-from sim_bridge.twin.objects import box_names
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.simulation import Capture, Simulation
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Frame, Pose, Truth
 from uav_bt.types.ground import Ground
-
-_FAR_M = 30.0  # larger than any room, m
 
 
 class ExactViews(Protocol):
@@ -36,17 +30,10 @@ class ExactViews(Protocol):
 class TwinReferee:
     """Reports the true state of one flight."""
 
-    def __init__(
-        self, scene: Scene, lab: LabModel, simulation: Simulation, views: ExactViews
-    ) -> None:
+    def __init__(self, scene: Scene, simulation: Simulation, views: ExactViews) -> None:
         self._scene = scene
-        self._lab = lab
         self._simulation = simulation
         self._views = views
-        objects = (item.name for item in scene.placed)
-        names = {*box_names(scene.boxes), *objects, *mover_names(scene.movers)}
-        hit = np.flatnonzero(lab.model.geom_group == HIT_GROUP).tolist()
-        self._obstacles = [geom for geom in hit if lab.contact_name(geom) in names]
 
     def truth(self) -> Truth:
         """Return the present truth; contacts include those of the last 0.1 s."""
@@ -57,7 +44,7 @@ class TwinReferee:
             time_s=simulation.now_s,
             pose=Pose(x_m=x, y_m=y, z_m=motion.z_m, yaw_rad=motion.yaw_rad),
             contacts=simulation.contacts(),
-            clearance_m=self._clearance_m(simulation.body.data),
+            clearance_m=simulation.body.clearance_m(),
             inside_carpet=self._scene.ground_plan.contains(x, y),
             on_helipad=any(pad.footprint.contains(x, y) for pad in pads),
             landing_error_m=math.dist((x, y), pads[0].position_m) if pads else None,
@@ -69,14 +56,6 @@ class TwinReferee:
     def ground(self) -> Ground:
         """Return the ground and the objects on it."""
         return self._scene.ground_plan
-
-    def _clearance_m(self, data: Any) -> float:
-        model, hull = self._lab.model, self._lab.hull_geom
-        mujoco.mj_kinematics(model, data)
-        nearest = _FAR_M
-        for geom in self._obstacles:
-            nearest = min(nearest, mujoco.mj_geomDistance(model, data, hull, geom, nearest, None))
-        return max(0.0, nearest) if self._obstacles else math.inf
 
     def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
         """Return the exact class ids of the view of a delivered frame.

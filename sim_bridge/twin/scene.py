@@ -15,7 +15,7 @@ from sim_bridge.twin.layout import (
     ground_of,
     layout_problem,
 )
-from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_problem
+from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_names, mover_problem
 from sim_bridge.twin.objects import BoxSpec, Helipad, Vector2, Vector3, box_names
 from sim_bridge.twin.placed import (
     ObjectSpec,
@@ -34,6 +34,7 @@ from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.ground import Ground, Standing
 
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # least size, centred on the origin, the floor at z = 0
+FLOOR_M = -0.004  # height of the floor: the carpet is 4 mm thick, its surface is z = 0
 _BESIDE_M = 2.5  # least distance from the ground's edge to the walls
 MAX_MOVERS = 8
 
@@ -154,6 +155,14 @@ class Scene:
     def mark(self) -> LandingMark | None:
         """The landing mark; None without one."""
         return None if self.helipad is None else self.helipad.mark
+
+    @property
+    def mark_pose(self) -> Pose2D | None:
+        """The pose of the landing mark in the drawing, yaw counter-clockwise; None without one."""
+        if self.helipad is None:
+            return None
+        x_m, y_m = self.helipad.position_m
+        return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(self.helipad.yaw_deg))
 
     @property
     def take_off_pose(self) -> Pose2D | None:
@@ -302,6 +311,12 @@ def _kind_problem(scene: Scene) -> LayoutProblem | None:
     except ValueRangeError as error:
         return LayoutProblem(place=place, message=str(error))
     return None
+
+
+def obstacle_names(scene: Scene) -> tuple[str, ...]:
+    """Return the names of the boxes, objects and movers of a scene, in its order."""
+    objects = (item.name for item in scene.placed)
+    return (*box_names(scene.boxes), *objects, *mover_names(scene.movers))
 
 
 def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem | None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import Field, TypeAdapter
@@ -18,18 +18,16 @@ from sim_bridge.twin.objects import BoxSpec, Helipad, Vector2, Vector3
 from sim_bridge.twin.placed import ObjectSpec, of_its_kind
 from sim_bridge.twin.scene import Lighting, Scene, TakeOffSpec
 from uav_bt.errors import InputError, SceneError, UnknownNameError, ValueRangeError
-from uav_bt.lab.lab import LAB_FILE
+from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
 from uav_bt.lab.room import RoomSection
 from uav_bt.lab.shipped import DEFAULT_LAB, default_mark, shipped_labs
 from uav_bt.yaml_file import YamlFile, read_yaml
 
-_SCENES: Final = "scenes"  # folder of a lab's scenes
-
 
 def shipped_scenes() -> dict[str, Path]:
     """Return the files of the scenes that ship, by name: the paper's, then those of other labs."""
-    folders = [Path(str(resources.files("sim_bridge.twin") / _SCENES))]
-    folders += [folder / _SCENES for folder in shipped_labs().values()]
+    folders = [Path(str(resources.files("sim_bridge.twin") / SCENES_FOLDER))]
+    folders += [folder / SCENES_FOLDER for folder in shipped_labs().values()]
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.yaml"))}
 
 
@@ -88,15 +86,16 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
 
 def _lab_of(file: YamlFile[_SceneFile]) -> str:
-    """Return the lab of a scene file: the one that it names, or the one in whose folder it lies."""
-    folder = file.path.parent
-    if file.value.lab is not None:
-        return file.value.lab
-    if folder.name != _SCENES or not (folder.parent / LAB_FILE).is_file():
-        return DEFAULT_LAB
-    place = folder.parent.resolve()
-    ours = shipped_labs().get(place.name)
-    return place.name if ours is not None and ours.resolve() == place else str(place)
+    """Return name or path of a scene's lab: the one it states, or the one in whose folder it lies.
+
+    A lab that ships is returned by its name.
+    """
+    stated, folder = file.value.lab, file.path.parent.parent.resolve()
+    inside = file.path.parent.name == SCENES_FOLDER and (folder / LAB_FILE).is_file()
+    if not inside or stated not in {None, folder.name}:
+        return DEFAULT_LAB if stated is None else stated
+    ours = shipped_labs().get(folder.name)
+    return folder.name if ours is not None and ours.resolve() == folder else str(folder)
 
 
 def _helipad(file: YamlFile[_SceneFile], known: SceneLab) -> Helipad | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim_bridge.twin.flying_body import CONTROL_STEP_S, Motion
+from sim_bridge.twin.body import CONTROL_STEP_S, Motion
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
 from uav_bt.types import Attitude, BodyVelocity, Pose, rotate, wrap_angle

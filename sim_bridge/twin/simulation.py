@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 from sim_bridge.anafi import CAMERA_FORWARD_M
 from sim_bridge.twin.autopilot import Autopilot
-from sim_bridge.twin.builder import LabModel
+from sim_bridge.twin.body import CONTROL_STEP_S, Body
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.downlink import Downlink, Events
-from sim_bridge.twin.flying_body import CONTROL_STEP_S, FlyingBody
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace
@@ -45,22 +44,20 @@ class Simulation:
 
     Args:
         scene: the lab.
-        lab: the compiled scene.
+        body: the drone in the physics of that lab.
         profile: limits and imperfections.
         seed: random seed of the flight.
         start: pose of the body's centre before take-off.
     """
 
-    def __init__(
-        self, scene: Scene, lab: LabModel, profile: Profile, seed: int, start: Pose
-    ) -> None:
+    def __init__(self, scene: Scene, body: Body, profile: Profile, seed: int, start: Pose) -> None:
         self._scene = scene
         self._profile = profile
         self._steps = 0
         self._queue: deque[tuple[float, Command, Pace | None]] = deque()
         self._traffic = Traffic(scene.movers, seed)
         self.movers = self._traffic.at(0.0)
-        self.body = FlyingBody(lab, lag_s=profile.thrust_lag_s)
+        self.body = body
         self.body.place_movers(self.movers)
         self.body.place(start.x_m, start.y_m, start.z_m, start.yaw_rad)
         self._autopilot = Autopilot(profile)

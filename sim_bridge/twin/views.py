@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
+from sim_bridge.twin.body import HULL_HALF_M
 from sim_bridge.twin.camera import CameraPose, Optics
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.noise import child_seed
@@ -20,7 +21,6 @@ from uav_bt.types import Pose2D
 
 load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend when imported
 
-from sim_bridge.twin.builder import HULL_HALF_M  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 

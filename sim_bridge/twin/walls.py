@@ -1,16 +1,47 @@
-"""Walls of a lab: around its ground at a distance, or along the sides of its outline."""
+"""Room of a lab: floor, ceiling, walls around its ground or along its outline, and ground slabs."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Final
 
-from sim_bridge.twin.meshes import counter_clockwise
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.twin.meshes import counter_clockwise, triangulated
 from sim_bridge.twin.movers import Point
-from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene import FLOOR_M, Scene
 from sim_bridge.twin.solids import Solid
 
 _THICK_M: Final = 0.1
+_SLAB_M: Final = 0.2  # thickness of a polygon's contacts
+
+
+def ground_slabs(scene: Scene) -> list[NDArray[np.float64]]:
+    """Return convex bodies, corners (6, 3), that make up a ground with an outline; none without."""
+    if not scene.ground_plan.outline_m:
+        return []
+    outline = counter_clockwise(scene.ground_plan.outline_m)
+    slabs = []
+    for triangle in triangulated(outline):
+        flat = [outline[corner] for corner in triangle]
+        ends = itertools.product(flat, (-_SLAB_M, 0.0))
+        slabs.append(np.array([(x_m, y_m, z_m) for (x_m, y_m), z_m in ends]))
+    return slabs
+
+
+def room_solids(scene: Scene) -> dict[str, Solid]:
+    """Return floor, ceiling and walls of a lab that states walls, by name; none without."""
+    if scene.room.walls is None:
+        return {}
+    wide_m, deep_m, high_m = scene.room_size_m
+    half_m = (wide_m / 2 + _THICK_M, deep_m / 2 + _THICK_M, _THICK_M / 2)
+    return {
+        "floor": Solid(half_m=half_m, centre_m=(0.0, 0.0, FLOOR_M - half_m[2])),
+        "ceiling": Solid(half_m=half_m, centre_m=(0.0, 0.0, FLOOR_M + high_m + half_m[2])),
+        **wall_solids(scene),
+    }
 
 
 def wall_solids(scene: Scene) -> dict[str, Solid]:

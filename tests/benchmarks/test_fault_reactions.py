@@ -86,10 +86,22 @@ RIGHT = (
 )
 
 
+# Faults of images, of their times and of the world are flown with images.
+WITH_IMAGES = (
+    "no-frame@start",
+    "video-lost@explore",
+    "late@explore",
+    "frozen@explore",
+    "wind@explore",
+)
+
+
 def case(tmp_path: Path, fault: str) -> Case:
     tree = tmp_path / "short.xml"
     tree.write_text(TREE, encoding="utf-8")
-    return Case(fault=fault, tree=str(tree), time_limit_s=40.0, on_pad=False)
+    one = Case(fault=fault, tree=str(tree), time_limit_s=40.0, on_pad=False)
+    images = one.parsed.kind.in_image or fault in WITH_IMAGES
+    return one if images else replace(one, drone="plain")
 
 
 @pytest.mark.parametrize("fault", RIGHT)

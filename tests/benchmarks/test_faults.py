@@ -3,32 +3,69 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+from benchmarks.fault_flight import Case, fly
+from benchmarks.faults import main
 from tests.benchmarks.test_fault_reactions import TREE
 
-ROOT = Path(__file__).parents[2]
+
+class Done(NamedTuple):
+    """What a command left."""
+
+    returncode: int | str | None
+    stdout: str
+    stderr: str
 
 
-def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "benchmarks.faults", *map(str, arguments)]
-    return subprocess.run(  # noqa: S603 - our own script
-        command, cwd=ROOT, capture_output=True, text=True, check=False
-    )
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., Done]:
+    """Return a function that runs the command in this process."""
+
+    def run(*arguments: str | Path) -> Done:
+        code: int | str | None
+        try:
+            code = main(list(map(str, arguments)))
+        except SystemExit as error:
+            code = error.code
+        return Done(code, *capfd.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let flights be flown in this process: another one takes seconds to start."""
+
+    def fly_each(cases: Sequence[Case], folder: Path, _: int) -> Iterator[tuple[Case, object]]:
+        yield from ((case, fly(case, folder)) for case in cases)
+
+    monkeypatch.setattr("benchmarks.faults.fly_each", fly_each)
 
 
 def short(tmp_path: Path, *arguments: str) -> list[str]:
     tree = tmp_path / "short.xml"
     tree.write_text(TREE, encoding="utf-8")
-    where = ["--tree", str(tree), "--out", str(tmp_path / "out"), "--explore-s", "20"]
+    where = [
+        "--drone",
+        "plain",
+        "--tree",
+        str(tree),
+        "--out",
+        str(tmp_path / "out"),
+        "--explore-s",
+        "20",
+    ]
     return [*where, "--land-anywhere", "--time-limit-s", "9", *arguments]
 
 
-def test_flights_are_tabulated_kept_and_gone_on_with(tmp_path: Path) -> None:
+def test_flights_are_tabulated_kept_and_gone_on_with(
+    tmp_path: Path, run: Callable[..., Done], request: pytest.FixtureRequest
+) -> None:
     wanted = short(tmp_path, "--phase", "explore+0.5", "--kind", "battery-low")
     done = run(*wanted)
     assert (done.returncode, done.stderr) == (0, "")
@@ -38,6 +75,7 @@ def test_flights_are_tabulated_kept_and_gone_on_with(tmp_path: Path) -> None:
     first = flights.read_text()
     flights.write_text(first + '{"case": {"fau')  # the process was killed during a write
 
+    request.getfixturevalue("in_process")
     more = run(*wanted, "slow")
     assert more.returncode == 1
     assert "2 flights, 1 of them are there" in more.stdout
@@ -51,7 +89,8 @@ def test_flights_are_tabulated_kept_and_gone_on_with(tmp_path: Path) -> None:
     ]
 
 
-def test_a_phase_that_does_not_come_is_no_success(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("in_process")
+def test_a_phase_that_does_not_come_is_no_success(tmp_path: Path, run: Callable[..., Done]) -> None:
     done = run(*short(tmp_path, "--phase", "search", "--kind", "battery-low"))
     assert done.returncode == 1
     assert "| battery-low | not reached |" in done.stdout
@@ -67,7 +106,9 @@ def test_a_phase_that_does_not_come_is_no_success(tmp_path: Path) -> None:
         (["--workers", "two"], "invalid int value"),
     ],
 )
-def test_what_cannot_be_flown_is_refused(tmp_path: Path, arguments: list[str], said: str) -> None:
+def test_what_cannot_be_flown_is_refused(
+    tmp_path: Path, arguments: list[str], said: str, run: Callable[..., Done]
+) -> None:
     done = run("--out", tmp_path, *arguments)
     assert done.returncode == 2
     assert said in done.stderr
@@ -75,7 +116,7 @@ def test_what_cannot_be_flown_is_refused(tmp_path: Path, arguments: list[str], s
     assert not (tmp_path / "flights.jsonl").exists()
 
 
-def test_a_damaged_file_is_named_with_its_line(tmp_path: Path) -> None:
+def test_a_damaged_file_is_named_with_its_line(tmp_path: Path, run: Callable[..., Done]) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "flights.jsonl").write_text("{}\n{}\n")
     done = run(*short(tmp_path, "--kind", "battery-low", "--phase", "land"))
@@ -83,7 +124,7 @@ def test_a_damaged_file_is_named_with_its_line(tmp_path: Path) -> None:
     assert "flights.jsonl:1: damaged" in done.stderr
 
 
-def test_all_kinds_are_listed() -> None:
+def test_all_kinds_are_listed(run: Callable[..., Done]) -> None:
     done = run("--list")
     assert done.returncode == 0
     assert "disk-full" in done.stdout
@@ -101,7 +142,7 @@ def test_all_kinds_are_listed() -> None:
     ],
 )
 def test_over_olympe_only_loopback_anafis_are_flown_one_at_a_time(
-    tmp_path: Path, drone: str, why: str
+    tmp_path: Path, drone: str, why: str, run: Callable[..., Done]
 ) -> None:
     wanted = short(tmp_path, "--kind", "black", "--phase", "explore")
     done = run(*wanted, "--drone", drone, "--workers", "2")

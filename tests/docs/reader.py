@@ -74,7 +74,7 @@ class Reader:
         self._added = added
         self._long_python = long_python
         self._names: dict[str, Any] = {"__name__": "page"}
-        self._tested = False  # whether the page has run `pytest`
+        self._passed: set[Path] = set()  # files of tests that have passed
         self._unwritten: set[Path] = set()  # placeholders for outputs of commands that were not run
 
     def follow(self) -> None:
@@ -85,8 +85,8 @@ class Reader:
             except (AssertionError, click.ClickException) as error:
                 message = getattr(error, "message", error)
                 pytest.fail(f"{self.page}:{block.line}: {message}", pytrace=False)
-        if not self._tested and list(self.folder.rglob("test_*.py")):
-            assert "passed" in self._pytest()
+        if left := sorted(set(self._tests()) - self._passed):
+            assert "passed" in self._pytest(*map(str, left))
 
     def _block(self, block: Block) -> None:
         if block.file is not None:
@@ -105,7 +105,7 @@ class Reader:
                 parse_tree(block.text, NodeRegistry.installed())
             case "yaml":
                 assert isinstance(yaml.safe_load(block.text), dict)
-            case "python" | "xml" | "toml" if block.file is not None:
+            case "python" | "xml" | "toml" | "csv" if block.file is not None:
                 pass  # used by later blocks
             case "text":
                 pass  # output of a program
@@ -122,10 +122,29 @@ class Reader:
             if name.startswith("test_"):
                 self._names[name]()
 
+    def _tests(self) -> list[Path]:
+        """Return the files of tests that the page wrote; `examples` is a link into the checkout."""
+        files = self.folder.rglob("test_*.py")
+        return [file for file in files if not file.is_relative_to(self.folder / "examples")]
+
     def _pytest(self, *words: str, codes: tuple[int, ...] = (0,)) -> str:
+        """Run `pytest`; tests that fly and have passed are not run again."""
+        written = self._tests()
+        flown = [file for file in self._passed if "app.fly(" in file.read_text(encoding="utf-8")]
+        left_out = [f"--ignore={path}" for path in ("examples", *flown)]
         path = os.pathsep.join([str(self.folder), str(self.folder / ".meta")])
         result = subprocess.run(  # noqa: S603  # our own page
-            [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-p", "no:xdist", *words],
+            [
+                sys.executable,
+                "-m",
+                "pytest",
+                "-p",
+                "no:cacheprovider",
+                "-p",
+                "no:xdist",
+                *left_out,
+                *words,
+            ],
             cwd=self.folder,
             env={**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
             capture_output=True,
@@ -133,6 +152,8 @@ class Reader:
             check=False,
         )
         assert result.returncode in codes, result.stdout + result.stderr
+        if " passed" in result.stdout and " failed" not in result.stdout:
+            self._passed.update(written)
         return result.stdout
 
     # --- commands ---------------------------------------------------------------------------------
@@ -166,7 +187,6 @@ class Reader:
                 self._uav_bt(command)
             case "pytest" if not self._left_out(str(command)):
                 self._pytest(*words[1:])
-                self._tested = True
             case "mkdir" | "cp":
                 subprocess.run(words, check=True, cwd=self.folder)  # noqa: S603  # our own page
             case _:

@@ -5,22 +5,25 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
 from perception.camera.frame_watch import FrameWatch, FrameWatchConfig
 from uav_bt import plugins
-from uav_bt.app.calibrated_drone import CalibratedDrone
+from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.exact_masks import ExactSegmenter
 from uav_bt.app.flying_process import collections_postponed
 from uav_bt.app.loading import Mission, load_mission
-from uav_bt.app.option_values import is_drone_config, refuse_incomplete, refuse_unusable
 from uav_bt.app.options import FlightOptions, given_options
-from uav_bt.app.place_of_flight import classes_of, limits_of, mark_of, site_of
+from uav_bt.app.place_of_flight import (
+    lab_of,
+    limits_of,
+    mark_of,
+    mark_pose_of,
+    site_of,
+)
 from uav_bt.app.random_faults import with_faults
-from uav_bt.app.rehearsed_drone import RehearsedDrone
 from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_pose
 from uav_bt.app.site import Site, check_clearances
 from uav_bt.board import MISSION_KEYS
@@ -29,13 +32,15 @@ from uav_bt.board.context import MissionContext
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
-from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
-from uav_bt.protocols import Drone, DroneConfig, Imageless, LeafPolicy, Segmenter
+from uav_bt.protocols import Drone, Imageless, LeafPolicy, Segmenter
+from uav_bt.still_camera import Photographing
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types.area import Area
 
@@ -43,7 +48,6 @@ DroneT = TypeVar("DroneT", bound=Drone)
 
 _LOG: Final = logging.getLogger(__name__)
 
-_CEILING_SLACK_M = 0.6  # of the drone's own ceiling above the mission's
 _STILL_S = 2.0  # of a real camera; longer than video needs to repeat a whole image
 
 
@@ -56,14 +60,15 @@ class Flight(Generic[DroneT]):
         options: Options of the flight.
         judge: Decides when the flight has ended. Default: from the options.
         segmenter: Source of class maps in place of a network. Default: from the options.
+        classes: Classes of the place. Default: those of the lab.
         followers: Listeners that belong to the drone, before all others.
         area: Area of the flight. Default: of the mission's rules and the site.
         make_runner: Makes the runner, with the parameters of `MissionRunner`.
         outputs: Folder that leaves write files to.
 
     Raises:
-        InputError: Site and scene state different landing marks, or the mission's rules cannot be
-            kept there.
+        InputError: Site and scene state different landing marks, the scene is of another lab, or
+            the mission's rules cannot be kept there.
     """
 
     def __init__(
@@ -74,6 +79,7 @@ class Flight(Generic[DroneT]):
         *,
         judge: Judge | None = None,
         segmenter: Segmenter | None = None,
+        classes: LabClasses | None = None,
         followers: Sequence[TickListener] = (),
         area: Area | None = None,
         make_runner: Callable[..., MissionRunner] = MissionRunner,
@@ -87,12 +93,13 @@ class Flight(Generic[DroneT]):
         self._make_runner = make_runner
         self.outputs = outputs
         self._clock = TickClock(drone.clock)
-        self.mark, self.classes = mark_of(options, drone), classes_of(drone)
+        self.lab, self.mark = lab_of(options, drone.scene), mark_of(options, drone)
+        self.classes = classes or (self.lab or load_lab()).classes
         plugins.make_mark_finder(self.mark)  # refuses wrong options before the flight
         self.rules = rules_of(mission)
         self.judge_config = judge_of(options.judge, self.rules, rehearse=options.rehearse)
         if judge is None:
-            check_mark(self.judge_config, drone)
+            check_mark(self.judge_config, drone, self.lab)
             site = site_of(options)
             area = area_of(self.rules, site or Site(), take_off_pose(site, drone))
         self.area = area
@@ -110,7 +117,8 @@ class Flight(Generic[DroneT]):
             InputError: Exact masks need a drone with a referee.
         """
         site = site_of(self.options)
-        sight = self.drone.sight if isinstance(self.drone, Imageless) else None
+        drone = self.drone
+        sight = drone.sight if isinstance(drone, Imageless) else None
         return MissionContext(
             board=Blackboard(self._clock, MISSION_KEYS),
             clock=self._clock,
@@ -119,12 +127,14 @@ class Flight(Generic[DroneT]):
             inference_threads=self.options.inference_threads,
             segmenter=self._segmenter or self._exact_segmenter() or sight,
             sight=sight,
+            stills=drone.stills if isinstance(drone, Photographing) else None,
             ground=() if site is None else site.ground,
             classes=self.classes,
             airframe=self.drone.airframe,
             mark=self.mark,
             clearances=(site or Site()).clearances,
             take_off=take_off_pose(site, self.drone),
+            mark_pose=mark_pose_of(self.options, self.drone),
             area=self.area,
             outputs=self.outputs,
         )
@@ -245,101 +255,3 @@ def join(
 def frame_judge(drone: Drone) -> FrameJudge:
     """Return the check of images: it explains why an image is unusable for flight."""
     return FrameWatch(FrameWatchConfig(still_s=_STILL_S) if drone.live else None)
-
-
-def make_drone(options: FlightOptions) -> Drone:
-    """Return an unconnected drone.
-
-    Raises:
-        UnknownNameError: no drone is registered under that name.
-        InputError: the drone refuses the options.
-    """
-    drone = _named_drone(options) if isinstance(options.drone, str) else _given_drone(options)
-    refuse_incomplete(drone)
-    site = site_of(options) or Site()
-    camera = options.camera or site.camera
-    if camera is not None:
-        drone = CalibratedDrone(drone, Path(camera))
-    return RehearsedDrone(drone) if options.rehearse else drone
-
-
-def _named_drone(options: FlightOptions) -> Drone:
-    name, colon, address = str(options.drone).partition(":")
-    config = _config_class(name, options)
-    known = _field_names(config)
-    if colon and "address" not in known:
-        raise InputError(f"drone '{name}' takes no address, got '{address}'")
-    refuse_unusable(options, f"drone '{name}'", known)
-    settings = {**drone_settings(options), "address": address if colon else None}
-    given = {key: value for key, value in settings.items() if value is not None}
-    return config(**{key: value for key, value in given.items() if key in known}).create()
-
-
-def is_simulated(options: FlightOptions) -> bool:
-    """Return whether the drone is named, and flies in a scene.
-
-    Raises:
-        UnknownNameError: no drone has that name.
-    """
-    named = isinstance(options.drone, str)
-    return named and "scene" in _field_names(_config_class(options.drone_name, options))
-
-
-def _config_class(name: str, options: FlightOptions) -> type[DroneConfig]:
-    """Return the configuration class of a named drone: registered, or from a file of leaves.
-
-    Raises:
-        UnknownNameError: no drone has that name.
-    """
-    registered = name in plugins.names(plugins.DRONES)
-    own = {} if registered else options.own_parts.drones  # a plan is read without its leaves
-    config: type[DroneConfig] = own[name] if name in own else plugins.load(plugins.DRONES, name)
-    return config
-
-
-def _given_drone(options: FlightOptions) -> Drone:
-    """Return the drone of the options, or the one that their configuration makes."""
-    drone: Any = options.drone
-    if not is_drone_config(drone):
-        return drone  # type: ignore[no-any-return]  # the options have checked it
-    site, known = site_of(options), _field_names(type(drone))
-    settings = {} if site is None else _place_settings(site, site.limits)
-    given = {key: value for key, value in settings.items() if value is not None and key in known}
-    made: Drone = (replace(drone, **given) if given else drone).create()
-    return made
-
-
-def _field_names(config: type) -> set[str]:
-    return {each.name for each in fields(config)} if is_dataclass(config) else set()
-
-
-def drone_settings(options: FlightOptions) -> dict[str, Any]:
-    """Return the options that set up a drone, by field name of its config class.
-
-    None: the drone's default holds.
-    """
-    return {
-        "scene": options.scene,
-        "seed": options.seed,
-        "profile": options.profile,
-        "image_size_px": options.image_size_px,
-        "realtime": options.realtime,
-        "movers": options.movers or None,
-        "vary_room": options.vary_room or None,
-        **_place_settings(site_of(options) or Site(), limits_of(options)),
-    }
-
-
-def _place_settings(site: Site, limits: Limits) -> dict[str, Any]:
-    return {
-        "http_port": site.http_port,
-        "rtsp_port": site.rtsp_port,
-        "return_home": site.return_home,
-        "speed_limit_mps": limits.speed_mps,
-        "climb_limit_mps": limits.climb_mps,
-        "yaw_rate_limit_radps": limits.yaw_rate_radps,
-        # The drone's own ceiling counts from where it takes off, and lies above the mission's.
-        "altitude_limit_m": limits.ceiling_m - site.take_off_surface_m + _CEILING_SLACK_M,
-        "take_off_surface_m": site.take_off_surface_m,
-        "video_latency_s": site.video_latency_s,
-    }

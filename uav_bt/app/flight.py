@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.app.assembly import Flight, Listeners, frame_judge, join
+from uav_bt.app.camera_photos import fetch_photos
 from uav_bt.app.film import flight_video
 from uav_bt.app.flight_outputs import (
     REPORT_FILE,
@@ -139,6 +140,9 @@ def fly(
             _check_before_take_off(flight, on_check)
         made: list[Listeners] = []
         keep: dict[str, Callable[[FlightReport], None]] = {}  # the report last: it names losses
+        if folder is not None and flight.context.stills is not None:
+            camera = flight.context.stills  # first, while the drone waits on the ground
+            keep["camera photographs"] = partial(fetch_photos, camera=camera, folder=folder)
         if video is not None:
             film = stack.enter_context(flight_video(video))
             made.append(film)
@@ -224,6 +228,7 @@ def _run(
         result = log.report(
             verdict,
             scene=flight.scene_name,
+            lab=None if flight.lab is None else flight.lab.name,
             seed=options.seed,
             tree=flight.mission.origin,
             policies=_policies(flight.mission),

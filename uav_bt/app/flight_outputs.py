@@ -18,6 +18,7 @@ from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, write_whole
 from uav_bt.inputs import refuse_inputs, same_file
+from uav_bt.lab.lab import Lab
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.tree import MissionTree
 from uav_bt.tree.loading.lookup import shipped_trees
@@ -73,6 +74,9 @@ def check_outputs(
         FileError: An output cannot be written.
     """
     read = [getattr(options, name) for name in _FILES_OF_OPTIONS]
+    if isinstance(options.lab, Lab):
+        scenes = options.lab.scenes.values() if options.scene is None else ()
+        read += [options.lab.file, *scenes, options.lab.scenes.get(str(options.scene))]
     files = [(name, file) for name, file in outputs.items() if file is not None]
     for (first, file), (second, other) in combinations(files, 2):
         if same_file(file, other):

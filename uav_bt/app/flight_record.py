@@ -9,7 +9,7 @@ import json
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -20,7 +20,8 @@ from pydantic import TypeAdapter, ValidationError
 import uav_bt
 from uav_bt.app import provenance
 from uav_bt.app.assembly import Flight
-from uav_bt.app.recorded_files import scene_files, tree_facts, tree_files
+from uav_bt.app.place_of_flight import site_of
+from uav_bt.app.recorded_files import lab_files, scene_files, tree_facts, tree_files
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import writing
@@ -58,6 +59,8 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "tree": mission.origin,
         "tree_name": mission.name,
         "scene": flight.scene_name,
+        "lab": None if flight.lab is None else flight.lab.name,
+        "site": _site(flight),
         "replaced": mission.replaced,
         "ports": options.parameters.ports,
         "variables": _plain_variables(mission),
@@ -70,6 +73,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "simulated": flight.drone.referee is not None,
         "imageless": flight.context.sight is not None,
         "outputs": flight.outputs is not None,
+        "stills": flight.context.stills is not None,
         "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",
         "git": provenance.commit(),
@@ -82,7 +86,17 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
     }
     return FlightFacts(
         values={**texts, **tree_facts(mission)},
-        attachments=[*tree_files(mission), *scene_files(scene)],
+        attachments=[*tree_files(mission), *scene_files(scene), *lab_files(options)],
+    )
+
+
+def _site(flight: Flight[Drone]) -> Site | None:
+    """Return the site of a flight; that of a lab with the poses and the mark of the scene."""
+    site, context = site_of(flight.options), flight.context
+    if site is None or site.lab is None:
+        return site
+    return replace(
+        site, mark=flight.mark, mark_pose=context.mark_pose, take_off_pose=context.take_off
     )
 
 
@@ -107,6 +121,7 @@ class RecordedOptions:
     exact_masks: bool = False
     imageless: bool = False  # whether the frames show nothing
     outputs: bool = False  # whether leaves could write files
+    stills: bool = False  # whether the drone's camera took photographs
     record_quality: Quality = "lossless"
     site: Site | None = None
     limits: Limits = field(default_factory=Limits)

@@ -61,7 +61,7 @@ def load_mission(
     if faults := list(faults_of(mission)):
         raise TreeError(mission.path, faults)
     _check_variables(mission)
-    _check_ceiling(mission, limits_of(options))
+    check_ceiling(mission, limits_of(options))
     return mission
 
 
@@ -95,7 +95,8 @@ def read_mission(
             "a file with `set` and `var` only",
         )
     overrides = _overrides(options, replaced or {})
-    by_key = _site_values(site_of(options))
+    site = site_of(options)
+    by_key, source = _site_values(site), "site" if site is None else site.source
     if isinstance(tree, Node | Behaviour):
         tree = MissionTree(tree, name=tree.name)
     if isinstance(tree, MissionTree):
@@ -115,7 +116,7 @@ def read_mission(
         if options.leaves:
             raise InputError(f"leaves are for tree files; this is '{tree.name}', which has its own")
         _give(tree, options, overrides, by_key)
-        _check_site_reaches(tree, by_key)
+        _check_site_reaches(tree, by_key, source)
         return tree
     if registry is not None and not isinstance(registry, NodeRegistry):
         raise InputError(
@@ -136,7 +137,7 @@ def read_mission(
             lookup=lookup or options.tree_folders.lookup(),
             parameters=options.parameters,
         )
-        _check_site_reaches(loaded, by_key)
+        _check_site_reaches(loaded, by_key, source)
         return loaded
     raise InputError(
         "expected a mission: a shipped one's name, a tree file, a MissionTree, the root of a tree "
@@ -213,8 +214,13 @@ def _site_values(site: Site | None) -> _ByKey:
     return {key: attributes for key, attributes in given.items() if attributes}
 
 
-def _check_site_reaches(mission: MissionTree, by_key: _ByKey) -> None:
+def _check_site_reaches(mission: MissionTree, by_key: _ByKey, source: str) -> None:
     """Refuse a tree whose leaves cannot take a site's setting; log one that no leaf asks for.
+
+    Args:
+        mission: the tree.
+        by_key: attributes that the site replaces, by board key.
+        source: what states them, in messages.
 
     Raises:
         InputError: leaves write the board key of the setting, and none of them has its port.
@@ -224,7 +230,8 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey) -> None:
         for name, value in attributes.items():
             if not writers:
                 _log.warning(
-                    "Warning: the site's %s='%s' has no effect: no leaf of tree '%s' writes '%s'",
+                    "Warning: the %s's %s='%s' has no effect: no leaf of tree '%s' writes '%s'",
+                    source,
                     name,
                     value,
                     mission.name,
@@ -232,7 +239,7 @@ def _check_site_reaches(mission: MissionTree, by_key: _ByKey) -> None:
                 )
             elif not any(name in leaf.values_taken({key: attributes}) for leaf in writers):
                 raise InputError(
-                    f"the site's {name}='{value}' reaches no leaf of tree '{mission.name}': "
+                    f"the {source}'s {name}='{value}' reaches no leaf of tree '{mission.name}': "
                     f"'{writers[0].path}' writes '{key.name}' but has no port '{name}'; give it "
                     "that port, or fly without this setting"
                 )
@@ -253,7 +260,7 @@ def _check_variables(mission: MissionTree) -> None:
         )
 
 
-def _check_ceiling(mission: MissionTree, limits: Limits) -> None:
+def check_ceiling(mission: MissionTree, limits: Limits) -> None:
     """Refuse a tree that is to fly higher than it may.
 
     Args:

@@ -19,9 +19,11 @@ from uav_bt.app.option_values import (
     expect,
     refuse_unusable,
 )
-from uav_bt.app.site import Site, load_site
+from uav_bt.app.site import Site, load_site, site_of_lab
 from uav_bt.brief import brief_repr
-from uav_bt.errors import UnknownNameError
+from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
@@ -53,13 +55,13 @@ class FlightOptions:
         FlightOptions(scene="val-a", seed=3, judge=JudgeConfig(time_limit_s=600.0))
 
     In Python `drone` may also be a configuration such as `TwinConfig(scene="val-a")`, or a `Drone`.
-    An object is flown as it is; the site's values replace those of the same name in a
-    configuration. A policy may also be an object with `decide`, a site also a `Site`. The seed does
-    not reach a drone given as an object. A named drone without a seed, such as anafi, refuses any
-    but 0.
+    An object is flown as it is; the values of site or lab replace those of the same name in a
+    configuration. A policy may also be an object with `decide`, a site also a `Site`, a lab also a
+    `Lab`. The seed does not reach a drone given as an object. A named drone without a seed, such as
+    anafi, refuses any but 0.
 
     Raises:
-        InputError: A value cannot be used, or the site file cannot be read.
+        InputError: A value cannot be used, lab or site file cannot be read, or both are given.
     """
 
     scene: str | Path | None = field(
@@ -76,6 +78,15 @@ class FlightOptions:
             "that is installed.",
             "--drone",
             metavar="NAME[:ADDRESS]",
+        ),
+    )
+    lab: str | Path | Lab | None = field(
+        default=None,
+        metadata=about(
+            "The lab that is flown in, real or simulated: a shipped lab, a folder of labs/, or a "
+            "path. Its lab file has all keys of a site file.",
+            "--lab",
+            metavar="NAME",
         ),
     )
     site: str | Path | Site | None = field(
@@ -208,7 +219,7 @@ class FlightOptions:
     )
     limits: Limits = field(
         default_factory=Limits,
-        metadata=about("Limits that no command may exceed; a site's replace them."),
+        metadata=about("Limits that no command exceeds; with site or lab the smaller ones hold."),
     )
     runner: RunnerConfig = field(
         default_factory=RunnerConfig,
@@ -225,8 +236,16 @@ class FlightOptions:
         if not isinstance(self.site, Site):
             site = as_file("site", self.site, "a site file or a Site")
             self._set("site", None if site is None else load_site(site))
+        if not isinstance(self.lab, Lab):
+            lab = as_file("lab", self.lab, "the name of a lab, its folder, or a Lab")
+            self._set("lab", None if lab is None else load_lab(str(self.lab)))
+        if self.lab is not None and self.site is not None:
+            raise InputError(
+                "--lab and --site (lab and site in Python) both say how the place is flown: give "
+                "one of them; a lab file has all keys of a site file"
+            )
         for each in fields(self):
-            if each.name != "site":
+            if each.name not in {"lab", "site"}:
                 known: Declared = each.metadata["declared"]
                 value = known.checked(each.name, getattr(self, each.name), each.default)
                 self._set(each.name, value)
@@ -247,6 +266,13 @@ class FlightOptions:
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)  # as the class is frozen for all others
+
+    @cached_property
+    def place(self) -> Site | None:
+        """The site of these options, or that of their lab; None without both."""
+        if isinstance(self.lab, Lab):
+            return site_of_lab(self.lab)
+        return self.site if isinstance(self.site, Site) else None
 
     @property
     def drone_name(self) -> str:

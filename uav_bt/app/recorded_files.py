@@ -1,4 +1,4 @@
-"""The files that travel with a flight's record: its tree files and its scene, written and read."""
+"""Files that travel with a flight's record, written and read: tree files, places, scene, lab."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from typing import Any, Final
 
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import scene_text
+from uav_bt.app.options import FlightOptions
 from uav_bt.errors import FileError, InputError
+from uav_bt.files import reading
 from uav_bt.json_text import parse_json
+from uav_bt.lab.lab import Lab
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import Attachment
 from uav_bt.tree import MissionTree
@@ -19,14 +22,17 @@ from uav_bt.tree.loading.lookup import Inclusion, Library, Lookup
 
 _TREE_FOLDER: Final = "tree/"  # attachments below lie as they do beside the tree file
 _OTHER_FOLDER: Final = "elsewhere/"  # tree files of other folders, each in a numbered one
+_MEDIA_TYPES: Final = {".csv": "text/csv", ".txt": "text/plain"}  # of files of places
 _SCENE_FILE: Final = "scene.yaml"
+_LAB_FILE: Final = "lab.yaml"
 _INCLUSIONS: Final = "tree_includes"  # metadata: which attachment an `<include>` stands for
 
 
 def tree_files(mission: MissionTree) -> Iterator[Attachment]:
-    """Yield a tree file and all files that it takes trees from."""
+    """Yield a tree file and all files that it takes trees and places from."""
     for path, name in _names(mission).items():
-        yield Attachment(name=name, media_type="application/xml", data=mission.sources[path])
+        media_type = _MEDIA_TYPES.get(path.suffix.lower(), "application/xml")
+        yield Attachment(name=name, media_type=media_type, data=mission.sources[path])
 
 
 def tree_facts(mission: MissionTree) -> dict[str, str]:
@@ -57,6 +63,14 @@ def scene_files(scene: object) -> Iterator[Attachment]:
         yield Attachment(name=_SCENE_FILE, media_type="application/yaml", data=data)
 
 
+def lab_files(options: FlightOptions) -> Iterator[Attachment]:
+    """Yield the lab file of the options; nothing without a lab."""
+    if isinstance(options.lab, Lab):
+        with reading(options.lab.file):
+            data = options.lab.file.read_bytes()
+        yield Attachment(name=_LAB_FILE, media_type="application/yaml", data=data)
+
+
 @dataclass(frozen=True, kw_only=True)
 class RecordedFiles:
     """A record's files, written into a folder."""
@@ -81,7 +95,11 @@ def recorded_files(reader: RecordReader, folder: Path) -> RecordedFiles:
     files = {name: _written(reader, root, name) for name in reader.attachments}
     tree = files.get(f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}")
     folders = (_TREE_FOLDER, _OTHER_FOLDER)
-    others = [file for name, file in files.items() if name.startswith(folders)]
+    others = [
+        file
+        for name, file in files.items()
+        if name.startswith(folders) and file.suffix.lower() not in _MEDIA_TYPES
+    ]
     return RecordedFiles(
         tree=tree,
         scene=files.get(_SCENE_FILE),

@@ -62,6 +62,11 @@ class RehearsedDrone(DroneWrapper):
         """There is no truth about a pretended flight."""
         return
 
+    @property
+    def stills(self) -> None:
+        """A rehearsal takes no photographs: it commands nothing but the gimbal."""
+        return
+
     def connect(self) -> None:
         """Connect the inner drone; nothing was pretended yet.
 

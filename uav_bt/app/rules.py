@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from uav_bt.app.site import Site
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.lab.lab import Lab
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
@@ -95,19 +96,24 @@ def take_off_pose(site: Site | None, drone: Drone) -> Pose2D | None:
     return None if site is None else site.take_off_pose
 
 
-def check_mark(judge: JudgeConfig, drone: Drone) -> None:
-    """Refuse a flight that must end on a landing mark that its scene does not have.
+def check_mark(judge: JudgeConfig, drone: Drone, lab: Lab | None = None) -> None:
+    """Refuse a flight that must end on a landing mark that its scene or its lab does not have.
 
     Args:
         judge: Rules of the flight, with those of the mission.
         drone: Drone that flies.
+        lab: Lab of the flight; None if none is named.
 
     Raises:
-        InputError: The scene has no landing mark.
+        InputError: There is no landing mark.
     """
+    if judge.land_on not in {None, LandOn.MARK}:
+        return
     scene = drone.scene
-    if scene is not None and scene.mark is None and judge.land_on in {None, LandOn.MARK}:
-        raise InputError(
-            f"scene '{scene.name}' has no helipad, and the mission must land on one: say where it "
-            'may land, such as <Rules land_on="any"/> in the tree'
-        )
+    if scene is not None and scene.mark is None:
+        lacks = f"scene '{scene.name}' has no helipad, and the mission must land on one"
+    elif scene is None and lab is not None and lab.mark is None:
+        lacks = f"the lab '{lab.name}' states no landing mark, and the mission must land on one"
+    else:
+        return
+    raise InputError(f'{lacks}: say where it may land, such as <Rules land_on="any"/> in the tree')

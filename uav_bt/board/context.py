@@ -18,6 +18,7 @@ from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter, Sight
+from uav_bt.still_camera import StillCamera
 from uav_bt.types import Airframe, Clearances, GimbalTo, LandingMark, Movement, Pose2D
 from uav_bt.types.area import Area
 from uav_bt.types.flight_results import EventKind, FlightEvent
@@ -121,12 +122,14 @@ class MissionContext:
             do not depend on the load.
         segmenter: replaces the network of every Segment leaf, for flights on exact masks.
         sight: perception of a drone without images; replaces networks and optical flow.
+        stills: the drone's own photographs; None if it takes none.
         classes: classes of the lab. Default: those of the paper's lab.
         ground: names of further classes that count as ground.
         airframe: size and reaction of the drone's body.
         mark: landing mark. Default: that of the default lab.
         clearances: distances that routes keep.
         take_off: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
+        mark_pose: pose of the mark there, yaw counter-clockwise; None if unknown.
         area: area that the mission stays in; None: no bound.
         stage_times_s: duration of each perception stage, seconds by stage name.
         notes: events and photographs of the flight.
@@ -141,12 +144,14 @@ class MissionContext:
     inference_threads: int = 1
     segmenter: Segmenter | None = None
     sight: Sight | None = None
+    stills: StillCamera | None = None
     classes: LabClasses = field(default_factory=lambda: load_lab().classes)
     ground: tuple[str, ...] = ()
     airframe: Airframe = field(default_factory=Airframe)
     mark: LandingMark = field(default_factory=default_mark)
     clearances: Clearances = field(default_factory=Clearances)
     take_off: Pose2D | None = None
+    mark_pose: Pose2D | None = None
     area: Area | None = None
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
     notes: FlightNotes = field(default_factory=FlightNotes)

@@ -68,11 +68,11 @@ METRICS: Final = {
 """Fields of a flight's line that hold a number, or null when the flight did not reach it."""
 
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
-# Computing times, which differ from run to run.
-_WALL_CLOCK_FIELDS: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
+# Computing times, which differ from run to run, and the lab's name, which older flights lack.
+_NOT_COMPARED: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s", "lab"})
 _COUNTS: Final = ("objects_total", "map_restarts")
 _CURVES: Final = {"path": "t, x, y, z", "coverage_curve": "t, passed, seen"}
-_TEXT_FIELDS: Final = ("reason", "drone", "record", "folder", "details", "profile")
+_TEXT_FIELDS: Final = ("reason", "lab", "drone", "record", "folder", "details", "profile")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,11 +89,11 @@ def key_of(flight: Mapping[str, Any]) -> FlightKey:
 
 
 def comparable(flight: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a flight without what depends on the speed of the machine.
+    """Return a flight without the lab's name and without what depends on the machine's speed.
 
     Two flights of one seed agree in all of this on one machine, whatever flew beside them.
     """
-    return {name: value for name, value in flight.items() if name not in _WALL_CLOCK_FIELDS}
+    return {name: value for name, value in flight.items() if name not in _NOT_COMPARED}
 
 
 def parse_flight(text: bytes | str) -> dict[str, Any]:

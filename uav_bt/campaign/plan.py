@@ -6,18 +6,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Final
 
-from uav_bt.app.assembly import is_simulated
+from uav_bt.app.drone_of_flight import is_simulated
 from uav_bt.app.option_values import port_values, variable_values
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.flight_lines import FlightKey
-from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.errors import FileError, InputError, ValueRangeError
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import lab_address
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.parameters import Plain
 from uav_bt.types.mission_rules import LandOn
 
 SHARED: Final = (
-    *("drone", "profile", "image_size_px", "exact_masks", "movers", "vary_room", "faults"),
+    *("drone", "lab", "profile", "image_size_px", "exact_masks", "movers", "vary_room", "faults"),
     *("tree_id", "tree_folders", "leaves", "ports", "variables", "policies", "judge"),
     "record_quality",
 )
@@ -131,6 +133,7 @@ class CampaignPlan:
             minutes on a busy core (chosen).
         weights: SHA-256 by file of the networks that the trees load.
         leaves_sha256: SHA-256 by file of the Python files with leaves.
+        lab_sha256: SHA-256 by file of the lab files, and of the files that they name.
         versions: Versions of packages that flights depend on.
     """
 
@@ -143,6 +146,7 @@ class CampaignPlan:
     timeout_s: float = 900.0
     weights: dict[str, str] = field(default_factory=dict)
     leaves_sha256: dict[str, str] = field(default_factory=dict)
+    lab_sha256: dict[str, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -197,7 +201,7 @@ class CampaignPlan:
         for tree in self.trees:
             if tree.name in before_of:
                 found += _compared(tree.name, before_of[tree.name].values, tree.values)
-        for what in ("weights", "leaves_sha256", "versions"):
+        for what in ("weights", "leaves_sha256", "lab_sha256", "versions"):
             found += _compared(what, getattr(before, what), getattr(self, what))
         found += _compared("policies", before.options.policy_names, self.options.policy_names)
         found += _compared("ports", before.options.ports, self.options.ports)
@@ -222,7 +226,7 @@ class CampaignPlan:
         """Return the plan that `to_json` wrote.
 
         Raises:
-            InputError: these are not the values of a plan.
+            InputError: these are not the values of a plan, or its lab cannot be read.
         """
         try:
             files = {
@@ -230,6 +234,8 @@ class CampaignPlan:
                 for what, made in (("trees", PlannedTree), ("scenes", PlannedFile))
             }
             return cls(**{**_with_options(values), **files})
+        except FileError:  # a lab file
+            raise
         except (InputError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"not a campaign's plan: {type(error).__name__}: {error}") from error
 
@@ -262,7 +268,9 @@ def _check_shared(options: FlightOptions) -> None:
 def _flat(planned: FlightTask | CampaignPlan) -> dict[str, Any]:
     """Return plain JSON values; those of the options stand beside the others."""
     shared = {name: getattr(planned.options, name) for name in SHARED}
+    lab = planned.options.lab
     shared |= {
+        "lab": lab_address(lab) if isinstance(lab, Lab) else None,
         "policies": planned.options.policy_names,
         "tree_folders": planned.options.tree_folders.to_json(),
         "leaves": [str(file) for file in planned.options.leaves],

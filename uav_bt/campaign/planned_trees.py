@@ -115,7 +115,9 @@ def _check_same(mission: MissionTree, loaded: MissionTree) -> None:
     Raises:
         InputError: They do.
     """
-    if (mission.name, mission.sources) != (loaded.name, loaded.sources):
+    # Values from outside are given again with the places of their files, which are not read again.
+    changed = any(loaded.sources.get(path) != data for path, data in mission.sources.items())
+    if mission.name != loaded.name or changed:
         raise InputError(
             f"tree '{loaded.name}' of {loaded.path} is another one when it is read again for the "
             "campaign: its files have changed, or it needs the `tree_id` and `tree_folders` that "

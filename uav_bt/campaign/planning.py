@@ -14,20 +14,21 @@ from sim_bridge.twin.scene_file import load_scene, scene_names, shipped_scenes
 from uav_bt.app import provenance
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
+from uav_bt.app.place_of_flight import lab_of, scene_of
 from uav_bt.app.random_faults import check_faults
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.planned_trees import planned_trees
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
-from uav_bt.lab.lab import LAB_FILE
-from uav_bt.lab.shipped import DEFAULT_LAB
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import lab_address, load_lab
 
 
 def make_plan(
     trees: Sequence[Mission],
     options: FlightOptions | None = None,
     *,
-    scenes: Sequence[str] = ("val-*",),
+    scenes: Sequence[str] | None = None,
     flights: int = 10,
     seed_from: int = 0,
     record: bool = False,
@@ -41,7 +42,8 @@ def make_plan(
             file flies with its replaced ports and with its variables.
         options: how all are flown, by the fields in `uav_bt.campaign.plan.SHARED`, and `params`:
             each variant of the parameter file is flown.
-        scenes: names of shipped scenes, scene files, or patterns (`test-*`) of either.
+        scenes: names of scenes of the lab, scene files, or patterns (`test-*`) of either. Default:
+            all scenes of the lab's folder; without a lab `val-*`.
         flights: of each tree in each scene, one seed each.
         seed_from: the first seed.
         record: keep a record of every flight.
@@ -49,21 +51,26 @@ def make_plan(
         how: fields of `FlightOptions`, in place of an object or to change one.
 
     Raises:
-        InputError: a tree, a scene or a policy cannot be used, or a number is out of range.
+        InputError: a tree, a scene or a policy cannot be used, a scene is of another lab, or a
+            number is out of range.
     """
     options = given_options(options, how)
     leaves = [Path(file).resolve() for file in options.leaves]
     options = replace(
-        options, tree_folders=options.tree_folders.absolute(), leaves=tuple(map(str, leaves))
+        options,
+        lab=lab_address(options.lab) if isinstance(options.lab, Lab) else None,
+        tree_folders=options.tree_folders.absolute(),
+        leaves=tuple(map(str, leaves)),
     )
     check_faults(options.faults)
     flown = [one for tree in trees for one in planned_trees(tree, options)]
     missions = [mission for mission, _ in flown]
     common = options.parameters
+    places = [_planned_scene(name, options) for name in _scenes(scenes, options)]
     options = replace(options, ports=common.ports, variables=common.variables, params=None)
     return CampaignPlan(
         trees=tuple(planned for _, planned in flown),
-        scenes=tuple(_planned_scene(name) for name in _scenes(scenes)),
+        scenes=tuple(scene for scene, _ in places),
         flights=flights,
         seed_from=seed_from,
         options=options,
@@ -71,6 +78,7 @@ def make_plan(
         timeout_s=timeout_s,
         weights=provenance.weights_of(*missions),
         leaves_sha256=_leaves_sha256(options),
+        lab_sha256=_lab_sha256(options, [lab for _, lab in places]),
         versions=provenance.package_versions(),
     )
 
@@ -85,6 +93,7 @@ def plan_of(folder: Path) -> CampaignPlan:
     before, _ = read_plan(folder)
     check_faults(before.options.faults)
     missions = [load_mission(tree.path, tree.options(before.options)) for tree in before.trees]
+    places = [_planned_scene(scene.path, before.options) for scene in before.scenes]
     return replace(
         before,
         trees=tuple(
@@ -92,10 +101,12 @@ def plan_of(folder: Path) -> CampaignPlan:
             for tree, mission in zip(before.trees, missions, strict=True)
         ),
         scenes=tuple(
-            replace(_planned_scene(scene.path), name=scene.name) for scene in before.scenes
+            replace(now, name=scene.name)
+            for (now, _), scene in zip(places, before.scenes, strict=True)
         ),
         weights=provenance.weights_of(*missions),
         leaves_sha256=_leaves_sha256(before.options),
+        lab_sha256=_lab_sha256(before.options, [lab for _, lab in places]),
         versions=provenance.package_versions(),
     )
 
@@ -105,26 +116,67 @@ def _leaves_sha256(options: FlightOptions) -> dict[str, str]:
     return {str(file): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
 
 
-def _scenes(wanted: Sequence[str]) -> list[str]:
-    """Return the scenes that names and patterns match, each once."""
-    shipped, found = scene_names(), []
+def _lab_sha256(options: FlightOptions, of_scenes: Sequence[Lab]) -> dict[str, str]:
+    """Return the SHA-256 of the files of all labs, but of the default lab only where it is named.
+
+    Args:
+        options: how all are flown.
+        of_scenes: labs of the scenes.
+    """
+    named = [options.lab] if isinstance(options.lab, Lab) else []
+    labs = {lab.file.resolve(): lab for lab in (*of_scenes, *named)}
+    default = load_lab().file.resolve()
+    return {
+        f"{lab.name}/{file.name}": hashlib.sha256(file.read_bytes()).hexdigest()
+        for path, lab in labs.items()
+        if named or path != default
+        for file in _files_of(lab)
+        if file is not None
+    }
+
+
+def _files_of(lab: Lab) -> tuple[Path | None, ...]:
+    classes = (lab.flight.network or {}).get("classes")
+    built = () if lab.room is None else lab.room.files
+    return (lab.file, lab.flight.camera, classes, *built)
+
+
+def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> list[str]:
+    """Return the scenes that names and patterns match, each once.
+
+    Raises:
+        InputError: No scene matches a pattern, or the lab has no scenes.
+    """
+    own = options.lab.scenes if isinstance(options.lab, Lab) else {}
+    if wanted is None:
+        wanted = tuple(own)
+        if not own:
+            scene_of(options)  # refuses a lab without scenes
+            wanted = ("val-*",)
+    known: dict[str, str | Path] = {**{name: name for name in scene_names()}, **own}
+    found: list[str] = []
     for word in (part.strip() for text in wanted for part in text.split(",")):
         if not word:
             continue
-        matches = fnmatch.filter(shipped, word) or sorted(glob.glob(word))  # noqa: PTH207 - absolute ones too
+        among = fnmatch.filter(own, word) or fnmatch.filter(known, word)
+        matches = among or sorted(glob.glob(word))  # noqa: PTH207 - absolute ones too
         if not matches and glob.has_magic(word):
-            raise UnknownNameError("scene pattern", word, shipped)
-        found += matches or [word]
+            raise UnknownNameError("scene pattern", word, known)
+        found += [str(known.get(name, name)) for name in matches or [word]]
     return list(dict.fromkeys(found))
 
 
-def _planned_scene(name: str) -> PlannedFile:
+def _planned_scene(name: str, options: FlightOptions) -> tuple[PlannedFile, Lab]:
+    """Return a scene of the plan, and its lab.
+
+    Raises:
+        InputError: The scene cannot be read, or it is of another lab than that of the options.
+    """
     scene, shipped = load_scene(name), name in scene_names()
     content = shipped_scenes().get(name, Path(name)).read_bytes()
-    if scene.lab != DEFAULT_LAB:  # it states the kinds of the objects
-        content += (scene.place.lab.folder / LAB_FILE).read_bytes()
-    return PlannedFile(
+    planned = PlannedFile(
         name=scene.name,
         path=name if shipped else str(Path(name).resolve()),
         sha256=hashlib.sha256(content).hexdigest(),
     )
+    return planned, lab_of(options, scene) or load_lab(scene.lab)

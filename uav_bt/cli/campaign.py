@@ -73,7 +73,8 @@ class Place:
         "--scenes",
         metavar="GLOB",
         multiple=True,
-        help="Scenes by name, file or pattern, with commas between. Repeatable; default: val-*.",
+        help="Scenes by name, file or pattern, with commas between. Repeatable; default: those of "
+        "--lab, else val-*.",
     ),
     flights=click.option(
         "--flights",
@@ -160,7 +161,7 @@ def campaign(
         plan = campaigns.make_plan(
             trees,
             flight,
-            scenes=flown.scenes or ("val-*",),
+            scenes=flown.scenes or None,
             flights=flown.flights or 10,
             seed_from=flown.seed_from,
             timeout_s=flown.timeout_s,

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 import click
 
 from uav_bt.cli.command import Command
+from uav_bt.cli.lab_option import lab_option, refuse_in_lab
 from uav_bt.cli.options import format_option, tree_folders_option, tree_option
 from uav_bt.cli.parameter_options import parameter_options
 from uav_bt.cli.registry_options import registry_options
 from uav_bt.errors import FileError, InputError
+from uav_bt.lab.shipped import load_lab
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Finding, errors_of
 from uav_bt.tree.loading.folders import TreeFolders
@@ -36,6 +39,7 @@ _STDIN: Final = "-"  # as a TREE
 @registry_options
 @tree_folders_option
 @parameter_options
+@lab_option
 @format_option(
     "text",
     "json",
@@ -51,6 +55,7 @@ def check(
     registry: NodeRegistry,
     tree_folders: TreeFolders,
     parameters: tuple[Parameters, ...],
+    lab: str | None,
     format_: str,
 ) -> None:
     """Check tree files and report all that is wrong.
@@ -59,7 +64,8 @@ def check(
     folder is one workspace: its files use each other's trees. - is standard input, and a pipe is
     read, too. Exits with 2 when something is refused; a warning is about what flies all the same.
     --set, --var and --params are for one file, which is checked with their values, and with those
-    of each variant of the parameter file.
+    of each variant of the parameter file. --lab refuses a mission that does not fit the settings of
+    a lab: its network and flight height, its ceiling and its area.
 
     \b
     As JSON, each line is an object with
@@ -75,12 +81,22 @@ def check(
     """  # noqa: D301  (click needs the backspace)
     reports = []
     lookup = tree_folders.lookup()
-    if parameters and (len(trees) > 1 or Path(trees[0]).is_dir()):
-        raise click.UsageError("--set, --var and --params are for one mission: name one tree file")
+    one = bool(parameters or lab)
+    if one and (len(trees) > 1 or Path(trees[0]).is_dir()):
+        raise click.UsageError(
+            "--set, --var, --params and --lab are for one mission: name one tree file"
+        )
+    fits = (
+        None
+        if lab is None
+        else partial(
+            refuse_in_lab, load_lab(lab), registry, tree_id=tree_id, tree_folders=tree_folders
+        )
+    )
     for tree in trees:
         found = (
-            [_single(tree, registry, tree_id, lookup, parameters)]
-            if parameters
+            [_single(tree, registry, tree_id, lookup, parameters or [None], fits=fits)]
+            if one
             else _reports(tree, registry, tree_id, lookup)
         )
         for path, findings in found:
@@ -123,8 +139,19 @@ def _single(
     tree_id: str | None,
     lookup: Lookup,
     parameters: Sequence[Parameters | None],
+    *,
+    fits: Callable[..., None] | None = None,
 ) -> tuple[Path, tuple[Finding, ...]]:
-    """Return the name and the findings of one text, which is read once, with each set of values."""
+    """Return the name and the findings of one text, which is read once, with each set of values.
+
+    Args:
+        tree: File, shipped mission or pipe.
+        registry: Nodes that may occur.
+        tree_id: Which of the file's trees.
+        lookup: Where else trees are.
+        parameters: Sets of values from outside; None: no values.
+        fits: Raises InputError if the mission does not fit a lab; None without one.
+    """
     try:
         path, source = _read(tree)
     except InputError as error:
@@ -136,7 +163,13 @@ def _single(
             source, registry, path=path, tree_id=tree_id, lookup=lookup, parameters=each
         )
     )
-    return path, tuple(dict.fromkeys(found))
+    findings = tuple(dict.fromkeys(found))
+    if fits is not None and not errors_of(findings):
+        try:
+            fits(source.decode() if _is_pipe(tree) else path, parameters=parameters)
+        except InputError as error:
+            findings += findings_of(error, path)
+    return path, findings
 
 
 def _is_pipe(tree: str) -> bool:

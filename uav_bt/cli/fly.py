@@ -78,6 +78,7 @@ _SECTIONS: Final = {
         *("scene", "seed", "profile", "movers", "vary_room", "faults", "exact_masks"),
         *("realtime", "image_size_px"),
     ),
+    "Place": ("lab",),
     "Real drone": ("drone", "site", "camera", "rehearse"),
 }
 
@@ -104,7 +105,7 @@ _SECTIONS: Final = {
 )
 @flight_options(
     *("tree_id", "tree_folders", "leaves", "ports", "variables", "params", "policies", "judge"),
-    *("scene", "seed"),
+    *("lab", "scene", "seed"),
     *("profile", "movers", "vary_room", "faults", "exact_masks", "realtime", "drone", "site"),
     *("camera", "rehearse"),
     *("record", "record_quality", "image_size_px", "inference_threads"),

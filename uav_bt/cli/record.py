@@ -25,7 +25,8 @@ from uav_bt.record.info import RecordInfo, record_info
 from uav_bt.tree.loading.folders import TreeFolders
 
 _METADATA: Final = (
-    *("tree", "scene", "seed", "drone", "profile", "record_quality", "started", "uav_bt", "git"),
+    *("tree", "lab", "scene", "seed", "drone", "profile", "record_quality", "started"),
+    *("uav_bt", "git"),
 )
 _MAX_PRINTED: Final = 20  # differing ticks, and nodes that differ
 

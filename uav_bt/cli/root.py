@@ -228,9 +228,10 @@ _NET: Final = LazyGroup(
 )
 _LAB: Final = LazyGroup(
     "lab",
-    help="List scenes, calibrate a camera, tune the heading.",
+    help="List scenes, calibrate a camera, tune the heading, write a schema.",
     lazy={
         "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),
+        "schema": ("uav_bt.cli.lab_schema:schema", "Write a JSON schema of lab files."),
         "calibrate": (
             "uav_bt.cli.lab:calibrate",
             "Calibrate a camera from photographs of a checkerboard.",

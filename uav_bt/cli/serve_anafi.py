@@ -12,6 +12,7 @@ import click
 from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
 from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
 from sim_bridge.loopback.handshake import Identity, Ports
+from sim_bridge.loopback.media import Card
 from sim_bridge.loopback.server import ServerOptions
 from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM, REMOTE_MEDIUM
 from sim_bridge.twin.profile import Profile
@@ -91,6 +92,12 @@ def _port(name: str, what: str) -> Decorator:
     default=100,
     help="The battery's charge at first, per cent.",
 )
+@click.option(
+    "--card",
+    type=click.Choice([each.value for each in Card]),
+    default=Card.READY.value,
+    help="Its memory card. With a full or an absent one, photographs fail.",
+)
 @click.option("--name", default="ANAFI-loopback", help="Its product name.")
 @click.option("--verbose", is_flag=True, help="Log connections and damaged messages, too.")
 @grouped(
@@ -107,6 +114,7 @@ def serve_anafi(
     settings: dict[str, Any],
     address: str,
     battery_percent: int,
+    card: str,
     name: str,
     verbose: bool,
     ports: Ports,
@@ -127,6 +135,7 @@ def serve_anafi(
         profile=profile,
         server=ServerOptions(address=address, ports=ports, identity=Identity(name=name)),
         battery=BatteryOptions(charge=battery_percent / 100.0),
+        card=Card(card),
         **settings,
     )
     asyncio.run(_serve(setup))

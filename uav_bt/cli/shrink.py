@@ -17,6 +17,8 @@ from uav_bt.cli.options import FOLDER
 from uav_bt.cli.values import WholeNumber
 from uav_bt.errors import InputError, MissionError
 from uav_bt.files import write_whole, writing
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import lab_address
 from uav_bt.mission.judge import Outcome
 
 SCENE_FILE: Final = "scene.yaml"
@@ -79,6 +81,7 @@ def shrink_command(
     options = small.options
     words = ["uav-bt", "fly", small.tree, "--scene", str(out / SCENE_FILE)]
     words += ["--seed", str(options.seed), "--profile", options.profile]
+    words += ["--lab", lab_address(options.lab)] if isinstance(options.lab, Lab) else []
     words += ["--faults", f"@{out / FAULTS_FILE}"] if small.faults else []
     for option, values in (("--set", options.ports), ("--var", options.variables)):
         words += [word for name, value in values.items() for word in (option, f"{name}={value}")]

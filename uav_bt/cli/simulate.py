@@ -10,11 +10,13 @@ from typing import Any
 import click
 
 from uav_bt.cli.command import Command
+from uav_bt.cli.lab_option import lab_option, refuse_in_lab
 from uav_bt.cli.options import INPUT, format_option, tree_folders_option, tree_option
 from uav_bt.cli.parameter_options import parameter_options, single
 from uav_bt.cli.registry_options import registry_options
 from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
+from uav_bt.lab.shipped import load_lab
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
 from uav_bt.tree.loading.folders import TreeFolders
@@ -48,6 +50,7 @@ from uav_bt.tree.shipped import resolve_tree
 @registry_options
 @tree_folders_option
 @parameter_options
+@lab_option
 @click.pass_context
 def simulate(
     ctx: click.Context,
@@ -61,6 +64,7 @@ def simulate(
     registry: NodeRegistry,
     tree_folders: TreeFolders,
     parameters: tuple[Parameters, ...],
+    lab: str | None,
 ) -> None:
     """Tick a tree file with leaves that answer by a script.
 
@@ -86,6 +90,16 @@ def simulate(
       uav-bt simulate land_only --script answers.yaml
       uav-bt simulate mission.xml --script answers.yaml --format json
     """  # noqa: D301  (click needs the backspace)
+    values = single(parameters)
+    if lab is not None:
+        refuse_in_lab(
+            load_lab(lab),
+            registry,
+            resolve_tree(tree),
+            tree_id=tree_id,
+            tree_folders=tree_folders,
+            parameters=[values],
+        )
     simulation = Simulation(
         resolve_tree(tree),
         read_script(script),
@@ -93,7 +107,7 @@ def simulate(
         tick_s=tick_s,
         tree_id=tree_id,
         lookup=tree_folders.lookup(),
-        parameters=single(parameters),
+        parameters=values,
     )
     steps = simulation.run(ticks)
     if format_ == "json":

@@ -6,29 +6,49 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from uav_bt.brief import brief_repr
 from uav_bt.lab.classes import LabClasses
 from uav_bt.types.landing_mark import LandingMark
+from uav_bt.types.pose import Pose2D
 
-if TYPE_CHECKING:  # its form imports pydantic, which `uav-bt check` does not need
+if TYPE_CHECKING:
+    # pydantic takes long to import, and `uav-bt check` answers at once.
+    from uav_bt.lab.flight_keys import FlightKeys
     from uav_bt.lab.room import Room
 
 LAB_FILE: Final = "lab.yaml"
+SCENES_FOLDER: Final = "scenes"
+"""Folder of a lab's scene files, in the folder of the lab file."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lab:
-    """A place with its classes; `read_lab` reads one from its folder.
+    """A place, and how it is flown; `read_lab` reads one from its folder.
 
     Attributes:
         name: Name of the folder.
         folder: Folder of the lab file, with the scenes and networks.
         classes: Classes of the place.
+        file: The lab file.
+        flight: How the place is flown.
         mark: Landing mark of the place; None without one.
+        mark_pose: Pose of the mark in the drawing, yaw counter-clockwise; None if not stated.
         room: What the twin builds of the place; None: as the paper's.
     """
 
     name: str
     folder: Path
     classes: LabClasses
+    file: Path
+    flight: FlightKeys
     mark: LandingMark | None = None
+    mark_pose: Pose2D | None = None
     room: Room | None = None
+
+    __repr__ = brief_repr
+
+    @property
+    def scenes(self) -> dict[str, Path]:
+        """The scene files of the lab, by name, in the order of the names."""
+        files = [*(self.folder / SCENES_FOLDER).glob("*.yaml")]
+        return {file.stem: file for file in sorted(files)}

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Final
 
 from pydantic import Field
 
-from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
+from uav_bt.errors import FileError, InputError, UnknownNameError, ValueRangeError
 from uav_bt.lab.classes import Colour, LabClass, LabClasses
+from uav_bt.lab.drawn_area import area_problem
+from uav_bt.lab.flight_keys import FlightKeys, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
-from uav_bt.lab.mark_section import WholeMarkSection, mark_of_section
+from uav_bt.lab.mark_section import WholeMarkSection, mark_of_section, mark_pose
 from uav_bt.lab.roles import RoleName
 from uav_bt.lab.room import RoomSection
 from uav_bt.lab.room_reader import read_room
 from uav_bt.types.landing_mark import LandingMark
+from uav_bt.types.pose import Pose2D
 from uav_bt.yaml_file import YamlFile, read_yaml
 
 VERSION: Final = 1
@@ -33,25 +36,47 @@ def read_lab(path: Path) -> Lab:
     Raises:
         FileError: The file is absent, malformed, or of a newer version.
     """
-    path = path / LAB_FILE if path.is_dir() else path
-    file = read_yaml(path, _LabFile, "lab file", remedy="`uav-bt lab new NAME` makes one")
+    file = _read(path / LAB_FILE if path.is_dir() else path)
     if file.value.version > VERSION:
         raise file.error(
             f"this lab is of version {file.value.version}, and this program reads versions up to "
             f"{VERSION}: update uav-bt",
             "version",
         )
-    classes, room = _classes(file), file.value.room
+    classes, pose, room = _classes(file), _mark_pose(file), file.value.room
+    _check_ground(file, classes)
+    _check_area(file, pose)
+    folder = file.path.parent
     return Lab(
-        name=path.parent.resolve().name,
-        folder=path.parent,
+        name=folder.resolve().name,
+        folder=folder,
+        file=file.path,
         classes=classes,
         mark=_mark(file),
-        room=None if room is None else read_room(file, room, path.parent, classes),
+        mark_pose=pose,
+        flight=FlightKeys(
+            **{each.name: getattr(file.value, each.name) for each in fields(FlightKeys)}
+        ),
+        room=None if room is None else read_room(file, room, folder, classes),
     )
 
 
-def _classes(file: YamlFile[_LabFile]) -> LabClasses:
+def lab_error(file: Path, message: str, *steps: str | int) -> FileError:
+    """Return an error about a value of a lab file, with its line.
+
+    Args:
+        file: The lab file.
+        message: Text of the error.
+        steps: Keys and indices that lead to the value in the lab file.
+    """
+    return _read(file).error(message, *steps)
+
+
+def _read(path: Path) -> YamlFile[LabFile]:
+    return read_yaml(path, LabFile, "lab file", remedy="it states version and classes of a place")
+
+
+def _classes(file: YamlFile[LabFile]) -> LabClasses:
     for name in file.value.classes:
         if not _NAME.fullmatch(name):
             raise file.error(
@@ -69,12 +94,38 @@ def _classes(file: YamlFile[_LabFile]) -> LabClasses:
         raise file.error(str(error), "classes") from error
 
 
-def _mark(file: YamlFile[_LabFile]) -> LandingMark | None:
+def _check_ground(file: YamlFile[LabFile], classes: LabClasses) -> None:
+    for index, name in enumerate(file.value.ground):
+        if name not in classes.names:
+            error = UnknownNameError("class", name, classes.names)
+            raise file.error(str(error), "ground", index)
+
+
+def _mark(file: YamlFile[LabFile]) -> LandingMark | None:
     section = file.value.mark
     try:
         return None if section is None else mark_of_section(section)
     except InputError as error:
         raise file.error(str(error), "mark") from error
+
+
+def _mark_pose(file: YamlFile[LabFile]) -> Pose2D | None:
+    try:
+        return mark_pose(file.value.mark)
+    except ValueRangeError as error:
+        raise file.error(str(error), "mark") from error
+
+
+def _check_area(file: YamlFile[LabFile], mark: Pose2D | None) -> None:
+    try:
+        take_off = take_off_pose(file.value, mark)
+    except ValueRangeError as error:
+        raise file.error(str(error), "take_off") from error
+    if file.value.area is None:
+        return
+    problem = area_problem(file.value.area, take_off=take_off, mark=mark)
+    if problem is not None:
+        raise file.error(problem, "area")
 
 
 def _colour(text: str) -> Colour:
@@ -88,13 +139,20 @@ def _colour(text: str) -> Colour:
 @dataclass(frozen=True, kw_only=True)
 class _Class:
     role: RoleName
-    colour: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
-    top: str | None = None
+    colour: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description="Colour in drawings.")]
+    top: Annotated[str | None, Field(description="Class of the level upper face.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class _LabFile:
-    version: Annotated[int, Field(ge=1)]
-    classes: Annotated[dict[str, _Class], Field(min_length=1)]
-    mark: WholeMarkSection | None = None
-    room: RoomSection | None = None
+class LabFile(FlightKeys):
+    """Form of a lab file."""
+
+    version: Annotated[int, Field(ge=1, description="Version of the form: 1.")]
+    classes: Annotated[
+        dict[str, _Class],
+        Field(min_length=1, description="Classes by name; the order gives their ids."),
+    ]
+    mark: Annotated[WholeMarkSection | None, Field(description="The landing mark.")] = None
+    room: Annotated[
+        RoomSection | None, Field(description="What the twin builds; a real flight needs none.")
+    ] = None

@@ -286,8 +286,10 @@ class Room:
         section: The section of the lab file.
         folder: The lab's folder, with pictures and meshes.
         meshes: Triangles of each kind of mesh, (N, 3, 3) metres, from the middle of its base.
+        files: Pictures and meshes that the section names.
     """
 
     section: RoomSection
     folder: Path
     meshes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()

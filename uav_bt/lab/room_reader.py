@@ -44,6 +44,7 @@ def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: 
         FileError: A name, a class, a picture or a mesh is wrong.
     """
     meshes: dict[str, NDArray[np.float64]] = {}
+    files: list[Path] = []
     at: Steps
     for name, kind in section.objects.items():
         steps: Steps = (_SECTION, "objects", name)
@@ -65,6 +66,7 @@ def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: 
                 meshes[name] = read_obj(path, kind.size_m)
             except FileError as error:
                 raise file.error(str(error), *at) from error
+            files.append(path)
     for surface, steps in _surfaces(section):
         if surface.image is not None:
             at = (*steps, "image")
@@ -73,7 +75,8 @@ def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: 
                 check_picture(path)
             except FileError as error:
                 raise file.error(str(error), *at) from error
-    return Room(section=section, folder=folder, meshes=meshes)
+            files.append(path)
+    return Room(section=section, folder=folder, meshes=meshes, files=tuple(files))
 
 
 def _check_class(file: YamlFile[Any], name: str, classes: LabClasses, steps: Steps) -> None:

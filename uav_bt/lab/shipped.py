@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from uav_bt.errors import InputError, UnknownNameError
@@ -13,10 +15,12 @@ from uav_bt.types.landing_mark import LandingMark
 DEFAULT_LAB: Final = "paper"
 
 
-def shipped_labs() -> dict[str, Path]:
+@cache  # asked in every tick, and a folder is slow to list
+def shipped_labs() -> Mapping[str, Path]:
     """Return the folders of the labs that ship with the project, by name."""
     folder = Path(__file__).parents[1] / "labs"  # in a checkout a link to the folder beside uav_bt
-    return {path.parent.name: path.parent for path in sorted(folder.glob(f"*/{LAB_FILE}"))}
+    found = {path.parent.name: path.parent for path in sorted(folder.glob(f"*/{LAB_FILE}"))}
+    return MappingProxyType(found)
 
 
 def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
@@ -32,7 +36,7 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
         FileError: The lab file is absent or malformed.
     """
     name, path, shipped = str(name_or_path), Path(name_or_path), shipped_labs()
-    if len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
+    if "/" in name or len(path.parts) != 1 or path.suffix in (".yaml", ".yml"):
         return _read(path)
     own = Path("labs") / name
     ours = shipped.get(name)
@@ -41,13 +45,21 @@ def load_lab(name_or_path: str | Path = DEFAULT_LAB) -> Lab:
             return _read(own)
         if path.is_dir():
             return _read(path)
-        raise UnknownNameError("lab", name, shipped)
-    if (own / LAB_FILE).is_file() and own.resolve() != ours.resolve():
+        owned = (file.parent.name for file in Path("labs").glob(f"*/{LAB_FILE}"))
+        raise UnknownNameError("lab", name, {*shipped, *owned})
+    if (own / LAB_FILE).is_file() and not own.samefile(ours):
         raise InputError(
             f"the lab '{name}' ships with uav-bt, and there is another one in {own}: "
             f"give the path ./{own} for yours, or rename its folder"
         )
     return _shipped_lab(ours)
+
+
+def lab_address(lab: Lab) -> str:
+    """Return what `load_lab` finds a lab by from every folder: a shipped name, or a path."""
+    ours = shipped_labs().get(lab.name)
+    shipped = ours is not None and ours.resolve() == lab.folder.resolve()
+    return lab.name if shipped else str(lab.file.resolve())
 
 
 def default_mark() -> LandingMark:

@@ -30,6 +30,7 @@ from uav_bt.tree.editing.layout import format_source
 from uav_bt.tree.loading.findings import Finding
 from uav_bt.tree.loading.lookup import TREE_SUFFIXES
 from uav_bt.tree.registry import NodeRegistry
+from uav_bt.types.place import FILE_SUFFIXES
 
 _PALETTE: Final = "palette"  # owner of the palette's findings; no document has this URI
 _TRIGGERS: Final = ["<", " ", '"', "{", "@", "/"]
@@ -120,7 +121,7 @@ class _Session:
         workspace = self._server.client_capabilities.workspace
         files = None if workspace is None else workspace.did_change_watched_files
         if files is not None and files.dynamic_registration:
-            patterns = [f"**/*{suffix}" for suffix in TREE_SUFFIXES]
+            patterns = [f"**/*{suffix}" for suffix in (*TREE_SUFFIXES, *FILE_SUFFIXES)]
             watchers = [types.FileSystemWatcher(pattern) for pattern in patterns]
             options = types.DidChangeWatchedFilesRegistrationOptions(watchers)
             method = types.WORKSPACE_DID_CHANGE_WATCHED_FILES

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uav_bt.protocols import Clock, Drone, Imageless, Referee, Scene, Sight
+from uav_bt.still_camera import Photographing, StillCamera
 from uav_bt.types import Airframe, CameraModel, Command, Observation
 
 
@@ -40,6 +41,11 @@ class DroneWrapper:
     def sight(self) -> Sight | None:
         """The inner drone's perception without images; None if it sends images."""
         return self._drone.sight if isinstance(self._drone, Imageless) else None
+
+    @property
+    def stills(self) -> StillCamera | None:
+        """The inner drone's own photographs; None if it takes none."""
+        return self._drone.stills if isinstance(self._drone, Photographing) else None
 
     @property
     def scene(self) -> Scene | None:

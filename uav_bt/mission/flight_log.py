@@ -148,6 +148,7 @@ class FlightLog:
         verdict: Verdict,
         *,
         scene: str | None,
+        lab: str | None = None,
         seed: int,
         tree: str,
         policies: Mapping[str, str],
@@ -166,6 +167,7 @@ class FlightLog:
         Args:
             verdict: of the flight.
             scene: name of the scene.
+            lab: name of the lab.
             seed: of all random numbers.
             tree: the tree file's name.
             policies: leaf policies, by node.
@@ -185,6 +187,7 @@ class FlightLog:
         explored, found = (self._travelled_at(t) for t in (marks.explored_s, marks.found_s))
         return FlightReport(
             scene=scene,
+            lab=lab,
             seed=seed,
             tree=tree,
             policies=dict(policies),

@@ -53,6 +53,7 @@ class FlightReport(FlightChanges):
     """One flight. None stands for a value that does not apply or was not reached."""
 
     scene: str | None
+    lab: str | None = None  # name of the lab that was flown in; None: unknown
     seed: int
     tree: str
     policies: dict[str, str]  # by node

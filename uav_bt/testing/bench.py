@@ -14,6 +14,7 @@ from uav_bt.errors import InputError, MissionError, ValueRangeError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import LeafPolicy, Segmenter, Sight
+from uav_bt.still_camera import StillCamera
 from uav_bt.testing.board import BenchBoard, StrictBlackboard
 from uav_bt.testing.drone import blank_frame, pinhole
 from uav_bt.tree import Leaf, MissionTree, Status, Variables
@@ -29,6 +30,7 @@ from uav_bt.types import (
     Movement,
     MovementState,
     MovementStatus,
+    Pose2D,
 )
 from uav_bt.types.area import Area
 
@@ -46,9 +48,12 @@ class BenchWorld:
         self.policies: dict[str, LeafPolicy] = {}  # with precedence over the installed ones
         self.segmenter: Segmenter | None = None
         self.sight: Sight | None = None  # of a drone without images
+        self.stills: StillCamera | None = None  # of a drone that takes photographs
         self.outputs: FlightFolder | None = None  # such as FlightFolder(tmp_path)
         self.notes = FlightNotes()  # events and photographs
         self.mark, self.clearances = default_mark(), Clearances()
+        self.take_off: Pose2D | None = None  # in the lab's drawing
+        self.mark_pose: Pose2D | None = None  # likewise
         self.area: Area | None = None
         self.seed = 0
         self.camera = pinhole()
@@ -174,10 +179,13 @@ class BenchWorld:
             seed=self.seed,
             segmenter=self.segmenter,
             sight=self.sight,
+            stills=self.stills,
             outputs=self.outputs,
             notes=self.notes,
             mark=self.mark,
             clearances=self.clearances,
+            take_off=self.take_off,
+            mark_pose=self.mark_pose,
             area=self.area,
         )
         self.tree.setup(context)

@@ -106,6 +106,8 @@ class Port(Generic[T]):
         at_setup: whether the leaf reads the port in `on_setup`, so that its value is needed before
             the take-off.
         sample: a value for examples of a required port with a check.
+        places: whether the value is a list of places, in which a tree file may name files of
+            places (`file:rounds.csv`). The loader replaces them by their content.
         caution: returns a warning about a valid but unusual value, such as one beyond the usual
             limits, or None. `uav-bt check` prints the warning.
 
@@ -129,6 +131,7 @@ class Port(Generic[T]):
     sample: str = ""
     takes: tuple[Any, ...] | None = None
     at_setup: bool = False
+    places: bool = False
 
     def __post_init__(self) -> None:
         if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:

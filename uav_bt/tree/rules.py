@@ -46,6 +46,7 @@ class Rules(Leaf):
             str,
             default="",
             check=_check_area,
+            places=True,
             doc="corners of the polygon that the drone stays in, such as "
             "start:-1,-2;start:4,-2;start:4,2;start:-1,2; empty: no bound",
         ),

@@ -66,6 +66,9 @@ class Photo:
         pose: Pose of the drone. None: unknown.
         height_m: Height of the drone above the ground plane.
         gimbal_pitch_deg: 0 level, negative down.
+        camera_file: Name of the file with the photograph of the drone's own camera, which is
+            fetched after the landing. None: the camera took none.
+        camera_media: Identifier of this photograph on the drone's memory card. None: the same.
     """
 
     label: str
@@ -75,6 +78,8 @@ class Photo:
     pose: ReportedPose | None
     height_m: float
     gimbal_pitch_deg: float
+    camera_file: str | None = None
+    camera_media: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,9 @@
     mark               the landing mark
     object:3           object 3 of the map
 
+A list may name files of places, `file:rounds.csv`, which the loader of tree files replaces by their
+content (`uav_bt/tree/loading/place_lists.py`).
+
 Distances are in metres, headings in degrees. A heading counts clockwise from the take-off heading;
 after `body:` it counts from the drone's heading, and after `lab:` counter-clockwise from the
 drawing's x axis, as in scene files.
@@ -25,19 +28,24 @@ from uav_bt.errors import ValueRangeError
 
 SEPARATOR: Final = ";"
 """Between the places of a list, as between the elements of the format's loops."""
+FILE_PREFIX: Final = "file:"
+"""Before the name of a file beside the tree file whose places stand in a list."""
+FILE_SUFFIXES: Final = (".csv", ".txt")
+"""Of such files."""
 
 _FURTHEST_M: Final = 1000.0  # largest coordinate; chosen, a typing error beyond it
 _HIGHEST_M: Final = 20.0  # as the largest flight height of the take-off
 _LEAST_CORNERS: Final = 3  # of an area
 _LOWEST_M: Final = 0.3  # as the least flight height of the take-off
-_NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+"""Pattern of the numbers in a place."""
 _NAMED: Final = re.compile(
-    rf"mark(?:@(?P<mark_deg>{_NUMBER}))?|"
-    rf"object:(?P<object>\d+)(?:@(?P<object_deg>{_NUMBER}))?"
+    rf"mark(?:@(?P<mark_deg>{NUMBER}))?|"
+    rf"object:(?P<object>\d+)(?:@(?P<object_deg>{NUMBER}))?"
 )
 _POINT: Final = re.compile(
-    rf"(?P<frame>start|body|lab):(?P<x>{_NUMBER}),(?P<y>{_NUMBER})(?:,(?P<height>{_NUMBER}))?"
-    rf"(?:@(?P<deg>{_NUMBER}))?"
+    rf"(?P<frame>start|body|lab):(?P<x>{NUMBER}),(?P<y>{NUMBER})(?:,(?P<height>{NUMBER}))?"
+    rf"(?:@(?P<deg>{NUMBER}))?"
 )
 _EXPECTED: Final = (
     "expected a place such as start:2,0 (metres ahead and to the right of the take-off pose), "
@@ -84,6 +92,11 @@ class Place:
             ValueRangeError: The text is not a place, or a number is out of range.
         """
         bare = re.sub(r"\s+", "", text)
+        if bare.startswith(FILE_PREFIX):
+            raise ValueRangeError(
+                f"{_EXPECTED}, got '{text}': a file of places ends in "
+                f"{' or '.join(FILE_SUFFIXES)}, and a list in a tree file names it"
+            )
         named = _NAMED.fullmatch(bare)
         if named is not None:
             if named["object"] is None:

@@ -12,6 +12,7 @@ Users write the last three. The map's frame stays inside the program.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from uav_bt.types.place import Place, PlaceFrame
@@ -47,22 +48,25 @@ class Unresolved:
     reason: str
 
 
-def resolve(place: Place, site_map: SiteMap, take_off: Pose2D | None = None) -> Goal | Unresolved:
+def resolve(
+    place: Place,
+    site_map: SiteMap,
+    take_off: Pose2D | None = None,
+    mark: Pose2D | None = None,
+) -> Goal | Unresolved:
     """Return a place in the map's frame.
+
+    A place of the lab's drawing counts from the take-off pose; if that is unknown, from the landing
+    mark as the map has it.
 
     Args:
         place: The place.
         site_map: The newest map, with the drone's pose and the take-off pose.
         take_off: Take-off pose in the drawing of the lab, yaw counter-clockwise; None if unknown.
+        mark: Pose of the landing mark there, likewise; its upper edge is towards its y axis.
     """
-    at_start_m = from_start(place, take_off)
     if place.frame is PlaceFrame.LAB:
-        if take_off is None or at_start_m is None:
-            return Unresolved(reason="the take-off pose in the lab's drawing is unknown")
-        yaw_rad = None
-        if place.heading_rad is not None:
-            yaw_rad = site_map.start.yaw_rad + take_off.yaw_rad - place.heading_rad
-        return _goal(place, site_map.start.to_world(*at_start_m), yaw_rad)
+        return _resolve_drawn(place, site_map, take_off, mark)
     if place.frame is PlaceFrame.MARK:
         if site_map.mark is None:
             return Unresolved(reason="the landing mark was not seen yet")
@@ -78,6 +82,27 @@ def resolve(place: Place, site_map: SiteMap, take_off: Pose2D | None = None) -> 
         return _goal(place, origin.to_world(place.x_m, place.y_m), yaw_rad)
     heading_rad = place.heading_rad
     return _goal(place, at_m, None if heading_rad is None else site_map.start.yaw_rad + heading_rad)
+
+
+def _resolve_drawn(
+    place: Place, site_map: SiteMap, take_off: Pose2D | None, mark: Pose2D | None
+) -> Goal | Unresolved:
+    """Return a place of the drawing in the map's frame, from one pose that is known in both."""
+    seen = site_map.mark
+    if take_off is not None:
+        here, drawn = site_map.start, take_off
+    elif mark is None:
+        return Unresolved(reason="the take-off pose in the lab's drawing is unknown")
+    elif seen is None or seen.yaw_rad is None:
+        return Unresolved(reason="the landing mark and its heading were not seen yet")
+    else:
+        here = Pose2D(x_m=seen.x_m, y_m=seen.y_m, yaw_rad=seen.yaw_rad)
+        drawn = Pose2D(x_m=mark.x_m, y_m=mark.y_m, yaw_rad=mark.yaw_rad + math.pi / 2)
+    at = lab_to_start(Pose2D(x_m=place.x_m, y_m=place.y_m, yaw_rad=0.0), drawn)
+    yaw_rad = None
+    if place.heading_rad is not None:
+        yaw_rad = here.yaw_rad + drawn.yaw_rad - place.heading_rad
+    return _goal(place, here.to_world(at.x_m, at.y_m), yaw_rad)
 
 
 def _goal(place: Place, at_m: tuple[float, float], yaw_rad: float | None) -> Goal:

@@ -71,6 +71,8 @@ class MapMark:
     std_m: float
     seen_s: float
     moved_m: float = 0.0  # sum of the distances by which the mark was moved on the map
+    # Direction of its upper edge, clockwise from the map's x; None if the mark does not show it.
+    yaw_rad: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,7 +40,7 @@ class Storage(Part):
         publish("user_storage.supported_formatting_types", supported_types={"full", "quick"})
         publish("mediastore.state", state="indexed")
         self._publish_info("")
-        self._publish_state("ready")
+        self._publish_state(self._file_system)
         self._publish_counters()
         media.subscribe(lambda _: self._publish_counters())
 
@@ -49,31 +49,36 @@ class Storage(Part):
         if self._period_s and state.time_s - self._monitored_s >= self._period_s:
             self._monitor(state.time_s)
 
+    @property
+    def _file_system(self) -> str:
+        return "unknown" if self._media.absent else "ready"
+
     def _format(self, values: Values, state: WorldState) -> None:
         notify = self._core.publisher.notify
         if state.flying is not FlyingState.LANDED:
             notify("user_storage.format_result", result="denied")
             return
+        if self._media.absent:
+            notify("user_storage.format_result", result="error")
+            return
         self._publish_state("formatting")
-        self._media.clear()
+        self._media.format()
         self._publish_info(values["label"])
         notify("user_storage.format_result", result="success")
         self._publish_state("ready")
 
     def _start_monitoring(self, values: Values, state: WorldState) -> None:
         self._period_s = values["period"] or _DEFAULT_PERIOD_S
-        self._publish_state("ready")
+        self._publish_state(self._file_system)
         self._monitor(state.time_s)
 
     def _stop_monitoring(self, _values: Values, _state: WorldState) -> None:
         self._period_s = 0
-        self._publish_state("ready")
+        self._publish_state(self._file_system)
 
     def _monitor(self, time_s: float) -> None:
         self._monitored_s = time_s
-        self._core.publisher.refresh(
-            "user_storage.monitor", available_bytes=max(0, MAX_BYTES - self._media.used_bytes)
-        )
+        self._core.publisher.refresh("user_storage.monitor", available_bytes=self._media.free_bytes)
 
     def _publish_info(self, label: str) -> None:
         product = self._core.settings.value("common.SettingsState.ProductNameChanged", "name")
@@ -82,7 +87,7 @@ class Storage(Part):
     def _publish_state(self, file_system: str) -> None:
         self._core.publisher.state(
             "user_storage.state",
-            physical_state="available",
+            physical_state="undetected" if self._media.absent else "available",
             file_system_state=file_system,
             attribute=set(),
             monitor_enabled=int(self._period_s > 0),

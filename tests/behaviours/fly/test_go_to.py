@@ -18,7 +18,7 @@ from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import live
 from uav_bt.tree import Status
-from uav_bt.types import GimbalTo, MovementState, MovementStatus, Pose2D, Velocity
+from uav_bt.types import GimbalTo, LandingMark, MovementState, MovementStatus, Pose2D, Velocity
 from uav_bt.types import MoveBy as MoveByCommand
 from uav_bt.types.area import Area
 from uav_bt.types.site_map import MapMark, MapObject, SiteMap
@@ -162,6 +162,29 @@ def test_a_height_becomes_the_height_of_the_flight() -> None:
 def test_a_place_of_the_drawing_needs_the_take_off_pose_there() -> None:
     bench = LeafBench(GoTo, to="lab:1,0")
     with pytest.raises(InputError, match="take-off pose"):
+        live(bench, site_map=on())
+
+
+TAG = LandingMark(
+    kind="apriltag", length_m=0.5, width_m=0.5, height_m=0.1, options={"id": 7, "size_m": 0.3}
+)
+
+
+def test_a_place_of_the_drawing_counts_from_a_tag_once_it_was_seen() -> None:
+    bench = LeafBench(GoTo, to="lab:1,0")
+    bench.mark, bench.mark_pose = TAG, Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    assert live(bench, site_map=on()) is Status.FAILURE
+    assert "the landing mark and its heading were not seen yet" in bench.leaf.feedback_message
+    # The tag's upper edge is to the left of the drone, and the drawing's x ahead of it.
+    mark = MapMark(x_m=0.5, y_m=0.0, std_m=0.1, seen_s=1.0, yaw_rad=math.radians(-90))
+    assert live(bench, site_map=replace(on(), mark=mark)) is Status.RUNNING
+    assert velocity(bench).forward_mps > 0.2
+
+
+def test_a_helipad_leads_to_no_place_of_the_drawing() -> None:
+    bench = LeafBench(GoTo, to="lab:1,0")
+    bench.mark_pose = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    with pytest.raises(InputError, match="a helipad shows no heading"):
         live(bench, site_map=on())
 
 

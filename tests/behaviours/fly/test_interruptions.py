@@ -40,6 +40,7 @@ MISSION = """
   </Sequence>
 </ReactiveSequence>"""
 
+GROUND = ground()
 NEAREST_AHEAD_M = 1.0  # nearer ground is below the view ahead
 
 
@@ -58,7 +59,7 @@ def sense(drone: ScriptedDrone) -> type[Leaf]:
             frame = self.read(FRAME).value
             if frame is None:
                 return Status.SUCCESS
-            self.write(CLASS_MAP, paper_map(ids=ground(), captured_s=frame.captured_s))
+            self.write(CLASS_MAP, paper_map(ids=GROUND, captured_s=frame.captured_s))
             heading, x_m, y_m = drone.state.attitude.yaw_rad, -drone.x_m, -drone.y_m
             ahead = math.hypot(x_m, y_m) > NEAREST_AHEAD_M
             detected = ahead or frame.gimbal_pitch_rad < math.radians(-80)

@@ -87,6 +87,8 @@ def test_a_steady_drone_stores_frame_class_map_and_pose(tmp_path: Path) -> None:
         "pose": {"x_m": 1.0, "y_m": -2.0, "heading_deg": 270.0},
         "height_m": 1.5,
         "gimbal_pitch_deg": -30.0,
+        "camera_file": None,
+        "camera_media": None,
     }
     notes = bench.notes
     assert [photo.label for photo in notes.photos] == ["box 1, left"]

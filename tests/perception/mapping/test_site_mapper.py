@@ -235,6 +235,31 @@ def sighted(
     return marks
 
 
+@pytest.mark.parametrize(("heading_deg", "yaw_deg"), [(None, None), (30.0, -30.0)])
+def test_the_map_keeps_the_direction_of_the_marks_upper_edge(
+    heading_deg: float | None, yaw_deg: float | None
+) -> None:
+    mapper, here = (
+        SiteMapper(CLASSES),
+        motion(OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)),
+    )
+    mapper.follow(here)
+    for captured_s in (0.0, 0.1):
+        mapper.see_mark(
+            HelipadFix(
+                captured_s=captured_s,
+                forward_m=1.0,
+                right_m=0.0,
+                height_m=0.4,
+                detected=True,
+                heading_deg=heading_deg if captured_s == 0.0 else None,
+            )
+        )
+    mark = mapper.map(here).mark
+    assert mark is not None
+    assert mark.yaw_rad == (None if yaw_deg is None else pytest.approx(math.radians(yaw_deg)))
+
+
 def show_carpet(mapper: SiteMapper, time_s: float) -> SiteMap:
     """Let the mapper see only carpet, from 0.6 m behind its origin; return the map then."""
     pose = OdometryPose(time_s=time_s, x_m=-0.6, y_m=0.0, yaw_rad=0.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
+import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
@@ -15,17 +16,20 @@ import pytest
 
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.camera import Shutter
-from sim_bridge.loopback.handshake import Ports
+from sim_bridge.loopback.firmware.remote_control import RemoteControl
+from sim_bridge.loopback.handshake import SKYCONTROLLER, Identity, Ports
 from sim_bridge.loopback.media import MediaStore
 from sim_bridge.loopback.messages import message_table
 from sim_bridge.loopback.photographer import Photographer
 from sim_bridge.loopback.server import LoopbackServer, ServerOptions
 from sim_bridge.loopback.twin_camera import TwinCamera
+from sim_bridge.olympe.media import fetch_photo
 from tests.sim_bridge.loopback.loopback_client import PATIENCE_S, Client
 from tests.sim_bridge.loopback.loopback_world import PHOTO, Bench, taken
 from tests.sim_bridge.loopback.test_server import LiveWorld
 from tests.sim_bridge.loopback.test_twin_world import Stepped
 
+HOST = "127.0.0.23"  # for a port that is chosen before it is bound
 MEDIAS = "/api/v1/media/medias"
 
 
@@ -148,6 +152,29 @@ async def listening(server: LoopbackServer) -> AsyncIterator[Callable[[], Any]]:
 
     yield notification
     writer.close()
+
+
+def test_behind_a_remote_control_the_photographs_are_a_hundred_ports_higher() -> None:
+    with socket.socket() as free:
+        free.bind((HOST, 0))
+        port = min(free.getsockname()[1], 65_535 - 100)
+
+    async def run() -> None:
+        media, table, world = MediaStore(), message_table(), LiveWorld()
+        media_id = media.add(PHOTO)
+        anafi = Anafi(world, table, media=media)
+        remote = RemoteControl(anafi, world, table, drone=Identity(), identity=SKYCONTROLLER)
+        ports = Ports(discovery=0, control=0, commands=0, http=port, rtsp=0)
+        options = ServerOptions(address=HOST, ports=ports)
+        server = LoopbackServer(remote, table, options, media=media)
+        await server.start()
+        try:
+            fetched = await asyncio.to_thread(fetch_photo, HOST, port + 100, media_id, PATIENCE_S)
+            assert fetched == PHOTO.jpeg
+        finally:
+            await server.close()
+
+    asyncio.run(run())
 
 
 def test_a_client_that_listens_hears_of_a_new_photograph() -> None:

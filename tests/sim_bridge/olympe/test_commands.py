@@ -81,7 +81,7 @@ def test_a_landing_overtakes_what_would_move_the_drone() -> None:
         if kind is not Kind.END:
             blocked.queue.submit(kind, blocked.note(kind.value))
     blocked.queue.submit(Kind.END, blocked.note("land"))
-    assert blocked.finish() == ["land", "connection", "gimbal", "control", "limits"]
+    assert blocked.finish() == ["land", "connection", "gimbal", "camera", "control", "limits"]
 
 
 def test_a_cancelled_call_of_the_sdk_does_not_keep_the_landing_back() -> None:

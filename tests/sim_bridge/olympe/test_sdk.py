@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import logging
 import sys
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
 from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.sdk import load_sdk
-from tests.sim_bridge.olympe.fake_olympe import config
+from tests.sim_bridge.olympe.fake_olympe import FakeWorld, config
 from uav_bt.errors import MissingDependencyError
 
 
@@ -48,3 +48,20 @@ def test_the_sdks_log_becomes_ours(
     assert [(r.name, r.levelname, r.getMessage()) for r in caplog.records] == [
         ("sim_bridge.olympe.sdk.olympe.pdraw", "INFO", "sky falls")
     ]
+
+
+@pytest.mark.parametrize(
+    ("remote", "proxy", "address"),
+    [
+        (False, SimpleNamespace(address="127.0.0.9", port=1234), ("127.0.0.1", 8080)),
+        (True, SimpleNamespace(address="127.0.0.9", port=1234), ("127.0.0.9", 1234)),
+        (True, SimpleNamespace(address=None, port=None), ("127.0.0.1", 8180)),
+        (True, None, ("127.0.0.1", 8180)),
+    ],
+)
+def test_the_web_server_behind_a_remote_control_is_at_the_proxy(
+    *, remote: bool, proxy: object, address: tuple[str, int]
+) -> None:
+    drone = SimpleNamespace() if proxy is None else SimpleNamespace(http_proxy=proxy)
+    given = config(remote_control=remote, http_port=8080)
+    assert FakeWorld().sdk.web_address(drone, given) == address

@@ -185,9 +185,7 @@ def swing_record(folder: Path, profile: str, seed: int = 9) -> Path:
     path = folder / f"{profile}-{seed}.mcap"
     text = HOP.replace("<Land/>", '<HoverFor seconds="1"/><Swing/><Land/>')
     tree = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{text}</BehaviorTree></root>'
-    options = app.FlightOptions(
-        profile=profile, seed=seed, exact_masks=True, image_size_px=(64, 36), record=path
-    )
+    options = app.FlightOptions(drone="plain", profile=profile, seed=seed, record=path)
     app.fly(tree, options, registry=NodeRegistry.installed().with_nodes(Swing))
     return path
 
@@ -223,7 +221,7 @@ def test_the_command_prints_gains_and_draws(tmp_path: Path) -> None:
 def test_a_flight_without_yaw_rate_commands_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "hop.mcap"
     tree = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{HOP}</BehaviorTree></root>'
-    app.fly(tree, app.FlightOptions(exact_masks=True, image_size_px=(64, 36), record=path))
+    app.fly(tree, app.FlightOptions(drone="plain", record=path))
     assert_refused(run("lab", "tune-heading", path), "got 0: record a flight that explores")
 
 

@@ -18,11 +18,11 @@ EXPLORES = '="90000"'  # duration of the exploration, ms
 
 
 def shortened(name: str, folder: Path) -> Path:
-    """Return a shipped mission that explores for 6 s only."""
+    """Return a shipped mission that explores for 3 s only."""
     text = (ROOT / "trees" / f"{name}.xml").read_text(encoding="utf-8")
     assert EXPLORES in text
     path = folder / f"{name}.xml"
-    path.write_text(text.replace(EXPLORES, '="6000"', 1), encoding="utf-8")
+    path.write_text(text.replace(EXPLORES, '="3000"', 1), encoding="utf-8")
     return path
 
 

@@ -99,7 +99,7 @@ def test_a_plan_comes_back_from_json_with_the_options_of_its_flights() -> None:
 
 def test_options_that_a_campaign_does_not_keep_are_refused() -> None:
     before = plan()
-    with pytest.raises(InputError, match="a campaign takes no rehearse, only drone, profile"):
+    with pytest.raises(InputError, match="a campaign takes no rehearse, only drone, lab, profile"):
         replace(before, options=FlightOptions(rehearse=True))
 
 

@@ -149,4 +149,4 @@ def test_a_change_of_the_lab_is_a_change_of_the_plan(tmp_path: Path) -> None:
     lab = folder / "lab.yaml"
     lab.write_text(lab.read_text("utf-8").replace("height_m: 4,", "height_m: 3,"), "utf-8")
     (difference,) = make_plan(["land_only"], scenes=[str(scene)], flights=1).differences(before)
-    assert difference.startswith("scene: 'one' has changed")
+    assert difference.startswith("lab_sha256: 'hall/lab.yaml' has changed")

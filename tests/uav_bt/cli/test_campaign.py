@@ -16,7 +16,7 @@ from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
 from uav_bt import campaign as campaigns
 from uav_bt.cli.progress import campaign_progress
 
-SMALL = ("--profile", "ideal", "--exact-masks", "--image-size", "160x90", "--workers", 1)
+SMALL = ("--drone", "plain", "--profile", "ideal", "--workers", 1)
 
 
 def flights_of(folder: Path) -> list[dict[str, Any]]:
@@ -25,7 +25,7 @@ def flights_of(folder: Path) -> list[dict[str, Any]]:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A campaign of two short flights of the twin."""
+    """A campaign of two short flights."""
     folder = tmp_path_factory.mktemp("campaign")
     mission = tree_file(folder, HOP)
     out = folder / "out"
@@ -103,7 +103,7 @@ def test_a_worse_tree_makes_the_exit_code(folder: Path, tmp_path: Path) -> None:
 
 def test_a_file_of_flights_is_reported_beside_it(folder: Path) -> None:
     file = (folder / "flights.jsonl").rename(folder / "mine.jsonl")
-    done = run("report", file)
+    done = run("report", file, "--figures", "none")
     assert done.exit_code == 0, done.output
     assert done.stdout.splitlines()[0] == str(folder / "mine.html")
 

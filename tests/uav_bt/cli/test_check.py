@@ -238,6 +238,7 @@ def test_sarif_of_good_files_has_no_results(tmp_path: Path) -> None:
         ("<Inverter/>", "children"),
         ('<Sequence><Script code="x:=\'a\'"/><TakeOff height_m="{x}"/></Sequence>', "variable"),
         ('<Explore policy="segmentatio"/>', "not-installed"),
+        ('<Rules area="file:absent.csv"/>', "places"),
         ('<SetBlackboard value="1" output_key="x" _x="1"/>', "no-meaning"),
     ],
 )
@@ -479,3 +480,25 @@ def test_a_value_in_another_unit_is_a_warning_of_check_and_fly(
     assert (finding["rule"], finding["severity"]) == ("unit", "warning")
     assert_refused(run("fly", tree, "--drone", "blimp"), "unknown drone 'blimp'")
     assert f"Turn: attribute 'degrees': 1.047 {words}" in caplog.text  # before the flight
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "finding"),
+    [
+        ("rounds.txt", "mark\nstrat:1,0\n", "rounds.txt:2:1: expected a place such as start:2,0"),
+        ("rounds.csv", "frame,x,y\nstart,1,b\n", "rounds.csv:2:1: column 'y': expected a number"),
+        ("rounds.csv", "frame,x,y\nlabs,1,2\n", "rounds.csv:2:1: column 'frame': expected start"),
+        ("rounds.csv", "", "rounds.csv: the list is empty"),
+        ("other.csv", "", "mission.xml:3:13: LoopString: attribute 'queue': no such file"),
+    ],
+)
+def test_a_wrong_file_of_places_is_one_line(
+    name: str, content: str, finding: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(content)
+    named = name.replace("other", "rounds")
+    body = f'<LoopString queue="file:{named}" value="{{p}}"><GoTo to="{{p}}"/></LoopString>'
+    result = run("check", tree_file(tmp_path, body))
+    assert result.exit_code == 2
+    (line,) = (result.stdout + result.stderr).splitlines()
+    assert line.startswith(f"{tmp_path}/{finding}")

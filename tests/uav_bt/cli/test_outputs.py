@@ -14,6 +14,13 @@ from uav_bt.cli.command import Command, OutputFile, OutputFolder
 INCLUDING = '<root BTCPP_format="4"><include path="sub/parts.xml"/></root>'
 SCENE = "helipad: {position_m: [0, 0]}\n"
 SITE = "camera: camera.yaml\n"
+LAB = """\
+version: 1
+classes:
+  wall: {role: outside, colour: "#000000"}
+  floor: {role: ground, colour: "#808080"}
+camera: camera.yaml
+"""
 
 
 @pytest.fixture
@@ -29,8 +36,11 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     os.link(tmp_path / "mission.xml", tmp_path / "hard.xml")
     (tmp_path / "scene.yaml").write_text(SCENE)
     (tmp_path / "site.yaml").write_text(SITE)
+    (tmp_path / "labs" / "hall").mkdir(parents=True)
+    (tmp_path / "labs" / "hall" / "lab.yaml").write_text(LAB)
     (tmp_path / "photos").mkdir()
     for name in (
+        "labs/hall/camera.yaml",
         *("camera.yaml", "script.yaml", "palette.xml", "net.onnx", "pilot.onnx", "old.mcap"),
         *("classes.yaml", "flight.mp4", "w.safetensors", "flights.jsonl", "photos/board.png"),
         *("picks.csv", "telemetry.mcap"),
@@ -57,6 +67,8 @@ def contents(folder: Path) -> dict[str, bytes]:
         "fly mission.xml --scene scene.yaml --report scene.yaml",
         "fly mission.xml --site site.yaml --report site.yaml",
         "fly mission.xml --site site.yaml --report camera.yaml",
+        "fly mission.xml --lab labs/hall --report labs/hall/lab.yaml",
+        "fly mission.xml --lab labs/hall --report labs/hall/camera.yaml",
         "fly mission.xml --camera camera.yaml --report camera.yaml",
         "fly mission.xml --policy Explore=student:pilot.onnx --report pilot.onnx",
         "tree render mission.xml --out mission.xml",
@@ -142,6 +154,7 @@ OUTPUTS = [
     "net export depth --out {}.onnx",
     "net export student --out {}.onnx",
     "lab scenes --show train-a --out {}.png",
+    "lab schema --out {}.json",
     "lab calibrate photos --out {}.yaml",
     "lab tune-heading old.mcap --out {}.png",
 ]

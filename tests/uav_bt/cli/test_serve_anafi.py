@@ -10,7 +10,14 @@ from tests.uav_bt.cli.cli_world import assert_refused, run
 def test_its_help_names_what_olympe_users_need() -> None:
     result = run("serve-anafi", "--help")
     assert result.exit_code == 0
-    for word in ("--address", "--http-port", "--rtsp-port", "--discovery-port", "--scene"):
+    for word in (
+        "--address",
+        "--http-port",
+        "--rtsp-port",
+        "--discovery-port",
+        "--scene",
+        "--card",
+    ):
         assert word in result.output
 
 

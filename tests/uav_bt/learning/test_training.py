@@ -1,8 +1,10 @@
 """Training and evaluation on a few images of the twin."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -21,6 +23,8 @@ from uav_bt.learning.evaluation import evaluate_segmentation
 from uav_bt.learning.training import train_segmentation
 from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
 from uav_bt.types.arrays import Image
+
+T = TypeVar("T")
 
 SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)
 PLAN = ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))
@@ -78,13 +82,22 @@ def test_the_teacher_learns_the_twins_patterns(teacher: Teacher) -> None:
     assert score.role_miou > 0.8
 
 
+class InProcess(Executor):
+    """Runs each call at once in this process: a new process takes seconds to start."""
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        done: Future[T] = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
+
+
 def test_labelling_keeps_what_is_done_and_training_writes_both_files(
-    teacher: Teacher, tmp_path: Path
+    teacher: Teacher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     weights = tmp_path / "teacher.safetensors"
     save_teacher(weights, teacher)
     plan = learning.UNetPlan(
-        views=replace(PLAN, views=3),
+        views=replace(PLAN, views=2),
         frame_size_px=(160, 90),
         refine=RefineConfig(rounds=1),
         size_px=(64, 32),
@@ -92,12 +105,13 @@ def test_labelling_keeps_what_is_done_and_training_writes_both_files(
     told: list[tuple[str, int, int]] = []
     folder = tmp_path / "labels"
     rgb, ids = learning.label_views(weights, plan, folder, advance=lambda *now: told.append(now))
-    assert rgb.shape == (6, 32, 64, 3)
-    assert ids.shape == (6, 32, 64)
+    assert rgb.shape == (4, 32, 64, 3)
+    assert ids.shape == (4, 32, 64)
     assert told[-1] == ("labels", 2, 2)
     first = folder / "labels-train-a-0.npz"
     made = first.stat().st_mtime_ns
     (folder / "labels-train-b-0.npz").unlink()
+    monkeypatch.setattr(learning, "ProcessPoolExecutor", lambda **_: InProcess())
     again, _ = learning.label_views(weights, plan, folder)
     np.testing.assert_array_equal(again, rgb)
     assert first.stat().st_mtime_ns == made
@@ -116,17 +130,18 @@ def test_labelling_keeps_what_is_done_and_training_writes_both_files(
 
 
 def test_the_network_gets_frames_of_each_profile_in_turn_and_the_teachers_ids(
-    teacher: Teacher, tmp_path: Path
+    teacher: Teacher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(learning, "ProcessPoolExecutor", lambda **_: InProcess())
     weights = tmp_path / "teacher.safetensors"
     save_teacher(weights, teacher)
 
     def labelled(*profiles: str) -> tuple[Image, Image]:
         plan = learning.UNetPlan(
-            views=replace(PLAN, scenes=("train-a",), views=3),
+            views=replace(PLAN, scenes=("train-a",), views=2),
             frame_size_px=(160, 90),
             profiles=profiles,
-            refine=RefineConfig(rounds=1),
+            refine=RefineConfig(rounds=0),
             size_px=(64, 32),
         )
         return learning.label_views(weights, plan, tmp_path / "-".join(profiles))
@@ -137,7 +152,7 @@ def test_the_network_gets_frames_of_each_profile_in_turn_and_the_teachers_ids(
         labelled("ideal", "harsh"),
     )
     np.testing.assert_array_equal(ids, same)
-    np.testing.assert_array_equal(both, [ideal[0], harsh[1], ideal[2]])
+    np.testing.assert_array_equal(both, [ideal[0], harsh[1]])
     off = np.abs(harsh.astype(int) - ideal)
     assert 1.0 < off.mean() < 20.0, "the same places, degraded"
 

@@ -172,7 +172,7 @@ def test_the_same_tree_in_two_files_is_refused_with_both_places_until_one_is_gon
     found = folder.open("main.xml", MAIN)
     assert found == same_verdict(folder, "main.xml")
     assert ["copy.xml:2" in one and "parts.xml:2" in one for one in found[:1]] == [True]
-    assert set(folder.editor.watched) == {"**/*.xml", "**/*.btproj"}
+    assert set(folder.editor.watched) == {f"**/*.{one}" for one in ("xml", "btproj", "csv", "txt")}
     copy.unlink()
     folder.editor.disk_changed(copy)
     assert folder.said(folder.path / "main.xml") == []
@@ -348,3 +348,13 @@ def test_a_folder_with_a_blank_and_a_hash_is_a_folder_like_others(tmp_path: Path
         assert set(edits) == {uri, other}
     finally:
         editor.close()
+
+
+def test_a_fault_in_a_file_of_places_is_shown_in_that_file(folder: Folder) -> None:
+    rounds = folder.write("rounds.txt", "mark\nhere\n")
+    tree = MAIN.replace('<Script code="rounds := 0"/>', "")
+    loop = '<LoopString queue="file:rounds.txt" value="{p}"><Face at="{p}"/></LoopString>'
+    named = tree[: tree.index("<Sequence>")] + loop + "</BehaviorTree></root>"
+    assert folder.open("main.xml", named) == []
+    (said,) = folder.said(rounds)
+    assert said.startswith("expected a place such as start:2,0")

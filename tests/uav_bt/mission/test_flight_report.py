@@ -420,8 +420,8 @@ def test_ticks_and_stages_are_summarised() -> None:
 # --- the file -------------------------------------------------------------------------------------
 
 FIELDS = {
-    "scene", "seed", "tree", "policies", "ports", "variables", "movers", "vary_room", "faults",
-    "drone", "profile", "outcome", "reason",
+    "scene", "lab", "seed", "tree", "policies", "ports", "variables", "movers", "vary_room",
+    "faults", "drone", "profile", "outcome", "reason",
     "duration_s",
     "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_helipad_s",
     "time_to_land_s", "landing_error_m", "min_clearance_m", "coverage_passed_90s",

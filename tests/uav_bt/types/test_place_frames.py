@@ -49,6 +49,41 @@ def test_ahead_of_the_take_off_is_along_its_heading() -> None:
     assert abs(goal.yaw_rad) == pytest.approx(math.pi)
 
 
+def test_a_place_of_the_drawing_counts_from_a_mark_that_shows_its_heading() -> None:
+    """The mark's y axis points up the drawing, and along the map's y: x is opposite to it."""
+    mark = MapMark(x_m=0.25, y_m=0.5, std_m=0.1, seen_s=1.0, yaw_rad=math.radians(90))
+    drawn = Pose2D(x_m=2.0, y_m=1.0, yaw_rad=0.0)
+    found = resolve(Place.parse("lab:2.5,2@90"), replace(the_map(), mark=mark), None, drawn)
+    assert isinstance(found, Goal)
+    assert (found.x_m, found.y_m) == pytest.approx((-0.25, 1.5))
+    assert found.yaw_rad == pytest.approx(math.radians(90))
+
+
+def test_take_off_pose_and_mark_lead_to_the_same_place() -> None:
+    """The take-off pose faces along x of a drawing in which the mark is turned by 30 degrees."""
+    take_off, drawn = (
+        Pose2D(x_m=-1.0, y_m=0.5, yaw_rad=math.radians(20)),
+        Pose2D(x_m=1.5, y_m=1.0, yaw_rad=math.radians(30)),
+    )
+    at = lab_to_start(replace(drawn, yaw_rad=drawn.yaw_rad + math.pi / 2), take_off)
+    x_m, y_m = START.to_world(at.x_m, at.y_m)
+    mark = MapMark(x_m=x_m, y_m=y_m, std_m=0.1, seen_s=1.0, yaw_rad=START.yaw_rad + at.yaw_rad)
+    seen, place = replace(the_map(), mark=mark), Place.parse("lab:0.7,-1.2@-40")
+    one, other = resolve(place, seen, take_off), resolve(place, seen, None, drawn)
+    assert isinstance(one, Goal)
+    assert isinstance(other, Goal)
+    assert (one.x_m, one.y_m) == pytest.approx((other.x_m, other.y_m))
+    assert one.yaw_rad == pytest.approx(other.yaw_rad)
+
+
+def test_without_a_heading_a_mark_leads_to_no_place_of_the_drawing() -> None:
+    drawn = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    seen = replace(the_map(), mark=MapMark(x_m=0.25, y_m=0.5, std_m=0.1, seen_s=1.0))
+    for site_map in (the_map(), seen):
+        found = resolve(Place.parse("lab:1,0"), site_map, None, drawn)
+        assert found == Unresolved(reason="the landing mark and its heading were not seen yet")
+
+
 def test_body_counts_from_the_drone() -> None:
     goal = goal_of("body:0.5,0.25@0")
     assert (goal.x_m, goal.y_m) == pytest.approx((0.5, 0.75))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from uav_bt.app.replay.recorded_stills import RecordedStills
+from uav_bt.board import ELAPSED
 from uav_bt.errors import FileError, InputError
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
@@ -81,12 +83,15 @@ class RecordedDrone:
     Args:
         reader: of the record.
         airframe: of the recorded drone.
+        stills: whether its camera took photographs.
 
     Raises:
         FileError: the record has no tick.
     """
 
-    def __init__(self, reader: RecordReader, airframe: Airframe | None = None) -> None:
+    def __init__(
+        self, reader: RecordReader, airframe: Airframe | None = None, *, stills: bool = False
+    ) -> None:
         self._reader = reader
         self.airframe = airframe or Airframe()
         self._moments: Iterator[Moment] = reader.moments()
@@ -101,6 +106,7 @@ class RecordedDrone:
         self.moment = first
         self._next = next(self._moments, None)
         self._take_frame()
+        self.stills = RecordedStills.of(reader, self._elapsed_s) if stills else None
 
     @property
     def at_end(self) -> bool:
@@ -114,6 +120,11 @@ class RecordedDrone:
         self.before, self.moment = self.moment, self._next
         self._next = next(self._moments, None)
         self._take_frame()
+
+    def _elapsed_s(self) -> float:
+        """Return the recorded time since the take-off command, s."""
+        known = self.moment.board.get(ELAPSED.name)
+        return 0.0 if known is None else float(known["value"])
 
     def _take_frame(self) -> None:
         stored = self.moment.frame

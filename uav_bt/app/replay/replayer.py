@@ -157,7 +157,7 @@ def assemble_recorded(
             "was flown without images, so there is nothing to perceive again; fly it again with "
             "its seed instead, which gives the same flight",
         )
-    drone = RecordedDrone(reader, recorded.airframe)
+    drone = RecordedDrone(reader, recorded.airframe, stills=recorded.stills)
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     options = FlightOptions(
         seed=recorded.seed,
@@ -183,6 +183,7 @@ def assemble_recorded(
         judge=ReplayJudge(drone, recorded.judge),
         area=None if recorded.area is None else Area(recorded.area),
         segmenter=RecordedSegmenter(drone) if masks == "recorded" else None,
+        classes=reader.classes,
         make_runner=ReplayRunner,
     )
     return flight, masks

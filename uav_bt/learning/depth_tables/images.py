@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
+from sim_bridge.twin.body import CONTROL_STEP_S, Motion
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.flying_body import CONTROL_STEP_S, Motion
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene

@@ -39,8 +39,12 @@ def covered(frame: Frame, at: FaultMoment) -> Image:
     """Return the image dark and blurred."""
     import cv2  # noqa: PLC0415 - few faults need it
 
-    blurred = cv2.GaussianBlur(frame.image, (0, 0), frame.image.shape[1] / 10)
-    return (at.level * blurred).astype(np.uint8)
+    height_px, width_px = frame.image.shape[:2]
+    # Blurred over a tenth of its width, an image has no details for more pixels than these.
+    small = cv2.resize(frame.image, (64, 36), interpolation=cv2.INTER_AREA)
+    blurred = cv2.GaussianBlur(small, (0, 0), 6.4)
+    large = cv2.resize(blurred, (width_px, height_px), interpolation=cv2.INTER_LINEAR)
+    return (at.level * large).astype(np.uint8)
 
 
 def _newest(seen: Observation, at: FaultMoment, limit_s: float) -> Observation:

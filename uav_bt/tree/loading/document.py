@@ -21,6 +21,7 @@ from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
 from uav_bt.tree.loading.models import read_enumerations, read_models
 from uav_bt.tree.loading.parameters import Parameters
+from uav_bt.tree.loading.place_lists import PlaceLists
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -42,6 +43,7 @@ class Document:
 
     path: Path
     registry: NodeRegistry  # the nodes that may occur
+    place_lists: PlaceLists
     main: str = ""  # "": the file leaves it open
     is_mission: bool = False  # whether the file or the caller names the main tree
     trees: dict[str, Element] = field(default_factory=dict)
@@ -121,8 +123,15 @@ def outline(
         TreeError: an included file cannot be read or is not XML.
     """
     lookup = lookup or Lookup()
-    document = Document(root.path, registry, enum_members=dict(registry.enum_members))
     included = Includes(root.path, lookup)
+    document = Document(
+        root.path,
+        registry,
+        PlaceLists(lookup.included, included.sources, included.found, findings),
+        included=included.sources,
+        inclusions=included.found,
+        enum_members=dict(registry.enum_members),
+    )
     waiting = [root]
     while waiting:
         element = waiting.pop(0)
@@ -133,9 +142,10 @@ def outline(
             _read_parts(element, document, findings)
     document.own = tuple(document.trees)
     included.note_circles(findings)
-    document.included, document.inclusions = included.sources, included.found
     document.unread = lookup.library.hint()
     _fetch(document, lookup, findings)
+    for tree_id, tree in document.trees.items():
+        document.trees[tree_id] = document.place_lists.in_tree(tree, registry)
     return document
 
 
@@ -286,7 +296,9 @@ def _read_models(models: Element, document: Document, findings: Findings) -> Non
     for model in read_models(models, findings):
         if model.kind is NodeKind.SUBTREE:
             document.subtree_ports[model.node_id] = {
-                name: port.attributes.get("default") or None for name, port in model.ports.items()
+                name: document.place_lists.in_default(port, port.attributes.get("default", ""))
+                or None
+                for name, port in model.ports.items()
             }
         elif model.node_id in document.registry:
             node = document.registry[model.node_id]

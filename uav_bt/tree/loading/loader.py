@@ -101,7 +101,7 @@ def parse_tree(
     registry = NodeRegistry.installed() if registry is None else registry
     findings = Findings()
     read = _Read(data, Path(path), registry, findings, lookup)
-    read.document.parameters = parameters or Parameters()
+    read.take_parameters(parameters or Parameters())
     find_main(read.document, read.root, findings, tree_id)
     Checker(read.document, findings).check(read.roots)
     check_given_variables(read.document, findings)
@@ -148,6 +148,11 @@ class _Read:
     def roots(self) -> tuple[str, ...]:
         """The trees that may be flown."""
         return (self.document.main,) if self.document.main else self.document.unused
+
+    def take_parameters(self, parameters: Parameters) -> None:
+        """Take values from outside, with the places of the files that variables name."""
+        document = self.document
+        document.parameters = document.place_lists.in_parameters(parameters, document.path)
 
     def build(
         self,
@@ -271,7 +276,7 @@ def check_text(
         if parameters is None:
             _find_main_to_check(read, findings, tree_id)
         else:
-            read.document.parameters = parameters
+            read.take_parameters(parameters)
             find_main(read.document, read.root, findings, tree_id)
         roots = read.roots
         Checker(read.document, findings).check(roots)

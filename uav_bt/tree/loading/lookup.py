@@ -264,9 +264,8 @@ class Includes:
             findings: where each include is added that closes a circle.
         """
         after: dict[Path, list[tuple[Element, Path]]] = {}
-        for inclusion, target in self.found.items():
-            uses = after.setdefault(inclusion.path, [])
-            uses.append((self._elements[inclusion], target))
+        for inclusion, element in self._elements.items():
+            after.setdefault(inclusion.path, []).append((element, self.found[inclusion]))
         for include, files in circles([self._main], lambda path: after.get(path, ())):
             message = (
                 f"the files include each other in a circle, {' > '.join(p.name for p in files)}: "

@@ -15,6 +15,7 @@ from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import Findings, Position, errors_of
 from uav_bt.tree.loading.parameters import SET, Parameters, split_port
+from uav_bt.tree.loading.place_lists import takes_places
 from uav_bt.tree.loading.plans import Plan
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.nodes import SubTree
@@ -88,6 +89,9 @@ class Overrides:
     def _replace(
         self, plan: Plan, attributes: Mapping[str, str], name: str, place: Place | None
     ) -> None:
+        attributes = {
+            port: self._with_places(plan, port, text, place) for port, text in attributes.items()
+        }
         plan.attributes.update(attributes)
         self.replaced.setdefault(plan.path, {}).update(attributes)
         lead = f"override of '{name}': "
@@ -100,6 +104,14 @@ class Overrides:
         for finding in errors_of(found):
             at = place or Place(element.path, finding.position)
             self._findings.add(at.path, at.position, f"{lead}{finding.message}", finding.node)
+
+    def _with_places(self, plan: Plan, port: str, text: str, place: Place | None) -> str:
+        """Return a value with the places of the files that it names."""
+        document = self._document
+        if not takes_places(plan.element, port, document.registry):
+            return text
+        at = place or Place(document.path, Position(1, 1))
+        return document.place_lists.in_override(text, f"{plan.name}.{port}", document.path, at)
 
     def _refused(self, plan: Plan, attributes: Mapping[str, str]) -> list[str]:
         """Return the faults of attributes that only a replacement can have."""

@@ -11,6 +11,7 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, IDLE, RUNNING, Status
+from uav_bt.types.place import FILE_PREFIX, SEPARATOR, Place
 
 IF_EMPTY = Port(
     "if_empty", str, default="SUCCESS", doc="the answer when nothing is left", choices=ANSWER_NAMES
@@ -18,16 +19,23 @@ IF_EMPTY = Port(
 
 
 def _split(value: Port[Any], text: str) -> list[Any]:
-    return [value.convert(part) for part in text.removesuffix(";").split(";")] if text else []
+    if not text:
+        return []
+    return [value.convert(part) for part in text.removesuffix(SEPARATOR).split(SEPARATOR)]
 
 
 def _queue(value: Port[Any]) -> Port[Any]:
     def check(queue: object) -> None:
-        if isinstance(queue, str):
-            _split(value, queue)
+        for part in _split(value, queue) if isinstance(queue, str) else ():
+            if isinstance(part, str) and part.strip().startswith(FILE_PREFIX):
+                Place.parse(part)  # refuses the file, which the loader has not replaced
 
     doc = "elements as 1;2;3, or {variable} with such a text, or with a list, which is used up"
-    return Port("queue", object, doc=doc, check=check, takes=(str, MutableSequence))
+    is_text = value.type is str
+    if is_text:
+        doc += "; file:rounds.csv stands for the places of a file"
+    takes = (str, MutableSequence)
+    return Port("queue", object, doc=doc, check=check, takes=takes, places=is_text)
 
 
 class _Loop(DecoratorNode):

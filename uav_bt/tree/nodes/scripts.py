@@ -126,7 +126,7 @@ class SetBlackboard(Leaf):
     """Writes a variable of the tree: a text, or a copy of another variable."""
 
     answers = (SUCCESS,)
-    VALUE = Port("value", object, doc="the value, or {variable} to copy it")
+    VALUE = Port("value", object, doc="the value, or {variable} to copy it", places=True)
     OUTPUT_KEY = Port("output_key", str, doc="the variable's name", check=_check_variable)
     ports = (VALUE, OUTPUT_KEY)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sim_bridge.loopback.media import MAX_BYTES
-from tests.sim_bridge.loopback.loopback_world import PHOTO, Bench
+from sim_bridge.loopback.media import MAX_BYTES, Card, MediaStore
+from tests.sim_bridge.loopback.loopback_world import PHOTO, Bench, taken
 
 
 def file_system(bench: Bench) -> list[str]:
@@ -64,3 +64,32 @@ def test_nothing_is_formatted_in_flight(bench: Bench) -> None:
     assert bench.values("user_storage.format_result") == [{"result": "denied"}]
     assert file_system(bench) == []
     assert len(bench.media) == 1
+
+
+def test_without_a_card_photographs_and_formatting_fail() -> None:
+    media = MediaStore(card=Card.ABSENT)
+    bench = Bench(shoot=taken(), media=media)
+    bench.send("common.Common.AllStates")
+    state = bench.values("user_storage.state")[-1]
+    assert (state["physical_state"], state["file_system_state"]) == ("undetected", "unknown")
+    bench.send("camera.take_photo", cam_id=0)
+    bench.run(1.0)
+    results = [one["result"] for one in bench.values("camera.photo_progress")]
+    assert results == ["error_no_storage_space"]
+    bench.send("user_storage.format", label="card")
+    assert bench.values("user_storage.format_result") == [{"result": "error"}]
+    assert bench.values("user_storage.state")[-1]["physical_state"] == "undetected"
+
+
+def test_a_card_that_is_full_at_first_has_room_once_it_is_formatted() -> None:
+    media = MediaStore(card=Card.FULL)
+    bench = Bench(shoot=taken(), media=media)
+    bench.send("user_storage.start_monitoring", period=1)
+    assert bench.values("user_storage.monitor")[-1] == {"available_bytes": 0}
+    bench.send("camera.take_photo", cam_id=0)
+    bench.run(1.0)
+    bench.send("user_storage.format", label="card")
+    bench.send("camera.take_photo", cam_id=0)
+    bench.run(1.0)
+    results = [one["result"] for one in bench.values("camera.photo_progress")]
+    assert results == ["error_no_storage_space", "taking_photo", "photo_taken", "photo_saved"]

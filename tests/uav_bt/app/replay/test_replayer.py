@@ -100,7 +100,7 @@ def test_another_policy_differs_where_it_decides_otherwise(
 
 def test_a_small_record_replays_within_the_tolerance_it_states(tmp_path: Path) -> None:
     record = tmp_path / "small.mcap"
-    options = replace(SMALL, image_size_px=(640, 360), record=record, record_quality="high")
+    options = replace(SMALL, image_size_px=(320, 180), record=record, record_quality="high")
     app.fly(tree_file(tmp_path, PERCEIVING), options)
     report = replay(record)
     assert not report.exact
@@ -291,7 +291,7 @@ def test_a_flight_in_a_site_replays_as_it_was_flown(tmp_path: Path) -> None:
         limits=Limits(ceiling_m=2.0, speed_mps=0.4),
     )
     record = tmp_path / "flight.mcap"
-    options = replace(SMALL, site=site, record=record, record_quality="lossless")
+    options = replace(SMALL, site=site, record=record, exact_masks=True)
     app.fly(tree_file(tmp_path, PERCEIVING), options)
 
     flight, _ = assemble_recorded(RecordReader(record), ReplayOptions())

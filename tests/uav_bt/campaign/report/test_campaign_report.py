@@ -6,6 +6,7 @@ import csv
 import datetime as dt
 import json
 import re
+from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.errors import FileError
 from uav_bt.mission.judge import JudgeConfig
 
+PAGE, FILES = "html", "campaign_report"  # modules that draw the pictures of the page and the files
 LAB = LabMap(
     carpet_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9)),),
@@ -86,10 +88,16 @@ def campaign(folder: Path, *flights: dict[str, Any], **how: Any) -> Path:
     return folder
 
 
-def write(out: Path, *paths: Path, **options: Any) -> WrittenReport:
-    return write_campaign_report(
-        read_sources(paths), out, maps={"lab": LAB}, today=dt.date(2026, 1, 2), **options
-    )
+def write(
+    out: Path, *paths: Path, undrawn: Sequence[str] = (PAGE, FILES), **options: Any
+) -> WrittenReport:
+    """Write a report. Drawing takes long: pictures are drawn only for tests that look at them."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in undrawn:
+            patch.setattr(f"uav_bt.campaign.report.{module}.drawn", lambda *_: b"undrawn")
+        return write_campaign_report(
+            read_sources(paths), out, maps={"lab": LAB}, today=dt.date(2026, 1, 2), **options
+        )
 
 
 def rows(written: WrittenReport, name: str) -> list[dict[str, str]]:
@@ -124,7 +132,7 @@ class Page(HTMLParser):
 
 def test_a_report_is_a_page_with_pictures_and_tables_beside_it(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
-    written = write(tmp_path / "r.html", folder)
+    written = write(tmp_path / "r.html", folder, undrawn=[PAGE])
     assert [str(path.relative_to(tmp_path)) for path in written.images] == [
         *("r-figures/outcomes.png", "r-figures/densities.png", "r-figures/scene-lab.png")
     ]
@@ -172,8 +180,8 @@ def test_the_page_says_that_a_machine_was_not_recorded(tmp_path: Path) -> None:
 
 def test_the_same_flights_make_the_same_report(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
-    first = write(tmp_path / "r.html", folder).page.read_bytes()
-    assert write(tmp_path / "r.html", folder).page.read_bytes() == first
+    first = write(tmp_path / "r.html", folder, undrawn=[]).page.read_bytes()
+    assert write(tmp_path / "r.html", folder, undrawn=[]).page.read_bytes() == first
 
 
 @pytest.mark.parametrize(
@@ -184,21 +192,21 @@ def test_the_same_flights_make_the_same_vector_figures(
     tmp_path: Path, form: str, begins: bytes, date: bytes
 ) -> None:
     folder = campaign(tmp_path / "c", *(flight(seed, **COVERED) for seed in range(6)))
-    written = write(tmp_path / "r.html", folder, figures=form)
+    written = write(tmp_path / "r.html", folder, figures=form, undrawn=[PAGE])
     files = [path.read_bytes() for path in written.images]
     assert [path.name for path in written.images] == [
         f"{name}.{form}" for name in ("outcomes", "densities", "coverage", "scene-lab")
     ]
     assert all(one.startswith(begins) for one in files)
     assert not any(date in one for one in files)
-    again = write(tmp_path / "r.html", folder, figures=form)
+    again = write(tmp_path / "r.html", folder, figures=form, undrawn=[PAGE])
     assert [path.read_bytes() for path in again.images] == files
     assert "data:image/png" in written.page.read_text()
 
 
 def test_figures_stay_in_the_page_alone(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", flight(0))
-    written = write(tmp_path / "r.html", folder, figures=None)
+    written = write(tmp_path / "r.html", folder, figures=None, undrawn=[])
     assert written.images == ()
     assert not (tmp_path / "r-figures").exists()
     assert "data:image/png" in written.page.read_text()
@@ -323,11 +331,11 @@ def test_the_paper_is_quoted_of_its_own_missions(tmp_path: Path) -> None:
 
 def test_other_missions_have_nothing_of_the_paper(tmp_path: Path) -> None:
     flights = [flight(seed, tree="my_survey.xml") for seed in range(6)]
-    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *flights))
+    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *flights), undrawn=[PAGE])
     assert "paper" not in written.page.read_text()
     assert "paper" not in rows(written, "metrics")[0]
     theirs = [{**one, "tree": DEPTH} for one in flights]
-    other = write(tmp_path / "d.html", jsonl(tmp_path / "d.jsonl", *theirs))
+    other = write(tmp_path / "d.html", jsonl(tmp_path / "d.jsonl", *theirs), undrawn=[PAGE])
     mine, depth = (cv2.imread(str(one.images[1])) for one in (written, other))
     assert yellow(mine) == 0
     assert yellow(depth) > 100
@@ -360,12 +368,14 @@ def test_a_path_that_leaves_the_carpet_stays_in_view(tmp_path: Path) -> None:
 def test_what_no_flight_reached_is_left_out(tmp_path: Path) -> None:
     never = dict.fromkeys(("search_distance_m", "time_to_find_helipad_s", "time_to_land_s"))
     bare = [flight(seed, duration_s=22.0, profile=None, **never) for seed in range(2)]
-    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *bare))
+    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *bare), undrawn=[PAGE])
     assert {row["metric"] for row in rows(written, "metrics")} == {"duration_s"}
     text = written.page.read_text()
     for word in ("search", "90 s", "helipad", "`"):
         assert word not in text
-    whole = write(tmp_path / "w.html", jsonl(tmp_path / "w.jsonl", flight(0), flight(1)))
+    whole = write(
+        tmp_path / "w.html", jsonl(tmp_path / "w.jsonl", flight(0), flight(1)), undrawn=[PAGE]
+    )
     few, many = (cv2.imread(str(one.images[1])) for one in (written, whole))
     assert few.shape[0] < many.shape[0], "panels without a value are left out"
 
@@ -412,7 +422,7 @@ def test_coverage_stands_in_the_table_and_in_a_figure_of_its_own(tmp_path: Path)
         *(flight(seed, **COVERED | {"coverage_passed": 0.5 + seed / 10}) for seed in range(3)),
         *(flight(seed, tree="two.xml", **COVERED) for seed in range(3)),
     )
-    written = write(tmp_path / "r.html", source)
+    written = write(tmp_path / "r.html", source, undrawn=[PAGE])
     table = {(row["metric"], row["tree"]): row for row in rows(written, "metrics")}
     row = table["coverage_passed", "one"]
     assert (row["mean"], row["median"], row["least"], row["most"]) == (
@@ -427,7 +437,7 @@ def test_coverage_stands_in_the_table_and_in_a_figure_of_its_own(tmp_path: Path)
     (figure,) = (path for path in written.images if path.name == "coverage.png")
     first = cv2.imread(str(figure))
     more = dict(COVERED, coverage_curve=[[10.0, 0.3, 0.9], [20.0, 0.4, 0.95]])
-    write(tmp_path / "r.html", jsonl(tmp_path / "more.jsonl", flight(0, **more)))
+    write(tmp_path / "r.html", jsonl(tmp_path / "more.jsonl", flight(0, **more)), undrawn=[PAGE])
     assert first is not None
     assert not np.array_equal(first, cv2.imread(str(figure)))
 
@@ -538,7 +548,7 @@ def test_a_page_that_cannot_be_written_is_told(tmp_path: Path) -> None:
 def test_pictures_differ_with_what_they_show(tmp_path: Path) -> None:
     near, far = ([[0.0, 0.0, 0.0, 1.0], [1.0, end, 0.0, 1.0]] for end in (0.1, 2.0))
     pictures = [
-        cv2.imread(str(write(tmp_path / "r.html", source).images[2]))
+        cv2.imread(str(write(tmp_path / "r.html", source, undrawn=[PAGE]).images[2]))
         for source in (
             jsonl(tmp_path / "near.jsonl", flight(0, tree="a.xml", path=near)),
             jsonl(tmp_path / "far.jsonl", flight(0, tree="a.xml", path=far)),

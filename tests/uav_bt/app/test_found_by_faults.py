@@ -1,0 +1,46 @@
+"""Flights that random rooms, movers and faults have found, with the causes that are left."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from uav_bt import app
+
+SHORT = {"ExploreFor.duration_ms": "30000"}
+
+
+def fly(
+    tree: str, scene: str, seed: int, *faults: str, movers: int = 0, vary_room: bool = True
+) -> app.FlownMission:
+    options = app.FlightOptions(
+        scene=scene, seed=seed, drone="plain", movers=movers, vary_room=vary_room, ports=SHORT
+    )
+    return app.fly(tree, replace(options, faults=faults))
+
+
+def test_a_step_that_is_broken_off_does_not_deflect_the_next() -> None:
+    """The speed of the braking drone was learned as a drift, and the next step was aimed at it."""
+    flown = fly("explore_and_land_depth", "val-a", 20030)
+    assert flown.outcome == "success"
+
+
+def test_a_wrong_speed_in_the_telemetry_turns_with_the_drone() -> None:
+    """The drone turned away from the ground, and flew off by the error of the former heading."""
+    flown = fly(
+        "explore_and_land_depth", "val-b", 1, "velocity-bias=-0.2@take-off+1", vary_room=False
+    )
+    assert flown.outcome == "success"
+
+
+def test_a_frozen_image_does_not_displace_the_map() -> None:
+    """Equal images of a moving drone were taken for a drift until the video was back."""
+    flown = fly("survey_and_land", "train-b", 20014, "frozen@explore+17.9~10.5")
+    assert flown.outcome == "success"
+    assert flown.map_drift_m is not None
+    assert flown.map_drift_m < 0.15
+
+
+def test_a_mover_that_turned_round_out_of_view_is_evaded() -> None:
+    """A second after it was lost from view it came back, with its base below the view."""
+    flown = fly("explore_and_land_depth", "train-a", 20009, movers=1)
+    assert flown.outcome == "success"

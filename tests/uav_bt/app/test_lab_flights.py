@@ -1,0 +1,331 @@
+"""Flights in a lab: `--lab` and `FlightOptions(lab=)`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, tree_file
+from uav_bt import app
+from uav_bt.app.calibrated_drone import CalibratedDrone
+from uav_bt.app.lab_check import check_in_lab
+from uav_bt.app.place_of_flight import limits_of
+from uav_bt.app.replay import ReplayOptions
+from uav_bt.app.replay.replayer import assemble_recorded
+from uav_bt.campaign.flight_lines import comparable
+from uav_bt.errors import FileError, InputError, UnknownNameError
+from uav_bt.lab.shipped import load_lab
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.limits import Limits
+from uav_bt.record.reader import RecordReader
+from uav_bt.testing import ScriptedDrone
+from uav_bt.types import Pose2D
+from uav_bt.types.mission_rules import LandOn
+
+LAB = """\
+version: 1
+classes:
+  wall: {role: outside, colour: "#000000"}
+  floor: {role: ground, colour: "#0a0b0c"}
+  pad: {role: mark, colour: "#ffffff"}
+  side: {role: mark, colour: "#ff00ff", top: pad}
+  drum: {role: obstacle, colour: "#ff0000", top: lid}
+  lid: {role: obstacle, colour: "#800000"}
+"""
+MARK = "mark: {size_m: [0.6, 0.6], height_m: 0.05, position_m: [1, 0.5]}\n"
+SCENE = "helipad: {position_m: [1, 0.5], size_m: [0.6, 0.6, 0.05]}\n"
+ANYWHERE = JudgeConfig(land_on=LandOn.ANY)
+
+MakeLab = Callable[..., Path]
+
+
+@pytest.fixture
+def make_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeLab:
+    """Return a function that makes a lab in `labs/` of the working directory."""
+    monkeypatch.chdir(tmp_path)
+
+    def make(keys: str = MARK, *, name: str = "hall", scenes: tuple[str, ...] = ()) -> Path:
+        folder = Path("labs") / name
+        (folder / "scenes").mkdir(parents=True, exist_ok=True)
+        (folder / "lab.yaml").write_text(LAB + keys)
+        for scene in scenes:
+            (folder / "scenes" / f"{scene}.yaml").write_text(SCENE)
+        return folder
+
+    return make
+
+
+# --- which lab ------------------------------------------------------------------------------------
+
+
+def test_a_lab_is_found_by_name_by_folder_and_by_object(make_lab: MakeLab) -> None:
+    folder = make_lab("flight_height_m: 1.1\n")
+    for lab in ("hall", folder, folder / "lab.yaml", load_lab("hall")):
+        options = app.FlightOptions(lab=lab)
+        assert options.place is not None
+        assert (options.place.lab, options.place.flight_height_m) == ("hall", 1.1)
+        assert replace(options, seed=1).place == options.place
+
+
+def test_an_unknown_lab_is_refused_with_a_suggestion(make_lab: MakeLab) -> None:
+    make_lab()
+    with pytest.raises(UnknownNameError, match=r"unknown lab 'hal'; did you mean 'hall'.*paper"):
+        app.FlightOptions(lab="hal")
+    with pytest.raises(FileError, match=r"labs/hal: there is no such lab file.*'hall'"):
+        app.FlightOptions(lab="labs/hal")
+    with pytest.raises(InputError, match=r"lab: expected the name of a lab.*got 3"):
+        app.FlightOptions(lab=3)  # type: ignore[arg-type]
+
+
+def test_lab_and_site_together_are_refused() -> None:
+    with pytest.raises(InputError, match=r"--lab and --site .* both say how the place is flown"):
+        app.FlightOptions(lab="paper", site=app.Site())
+
+
+# --- a real drone ---------------------------------------------------------------------------------
+
+
+def test_a_real_drone_flies_with_the_settings_of_the_lab(make_lab: MakeLab) -> None:
+    keys = (
+        f"{MARK}flight_height_m: 1.1\nlimits: {{ceiling_m: 2.0}}\nmargins: {{obstacle_m: 0.5}}\n"
+        'take_off: {position_m: [0, 0.5], yaw_deg: 90}\narea: "lab:-1,-1;lab:2,-1;lab:2,2;lab:-1,2"'
+    )
+    make_lab(keys)
+    flight = app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
+    context = flight.context
+    assert context.classes.names == ("wall", "floor", "pad", "side", "drum", "lid")
+    assert (context.mark.length_m, context.mark.height_m) == (0.6, 0.05)
+    assert context.take_off == Pose2D(x_m=0.0, y_m=0.5, yaw_rad=pytest.approx(1.5708, abs=1e-4))
+    assert context.mark_pose == Pose2D(x_m=1.0, y_m=0.5, yaw_rad=0.0)
+    assert context.clearances.obstacle_m == 0.5
+    assert flight.mission.find("TakeOff").port_value("height_m") == 1.1
+    assert flight.area is not None
+    assert flight.area.margin_m(0.0, 0.0) == pytest.approx(1.0)
+    assert flight.area.margin_m(1.4, 0.0) == pytest.approx(0.1)  # ahead is up the drawing
+
+
+def test_a_lab_without_a_mark_needs_rules_that_need_none(make_lab: MakeLab) -> None:
+    make_lab("")
+    with pytest.raises(InputError, match="the lab 'hall' states no landing mark"):
+        app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
+    app.assemble("land_only", drone=ScriptedDrone(), lab="hall", judge=ANYWHERE)
+
+
+def test_a_margin_that_is_too_small_has_the_line_of_the_lab_file(make_lab: MakeLab) -> None:
+    make_lab(f"{MARK}margins: {{edge_m: 0.1}}\n")
+    with pytest.raises(FileError, match=r"labs/hall/lab.yaml:10: margins.edge_m: must be at least"):
+        app.assemble("land_only", drone=ScriptedDrone(), lab="hall")
+
+
+def test_messages_about_settings_name_the_lab(
+    make_lab: MakeLab, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    make_lab("flight_height_m: 0.9\n")
+    app.check(tree_file(tmp_path, "<Land/>"), lab="hall")
+    assert "the lab's height_m='0.9' has no effect" in caplog.text
+
+
+def test_the_camera_of_a_lab_is_that_of_its_real_drone(make_lab: MakeLab) -> None:
+    folder = make_lab(scenes=("one",))
+    (folder / "camera.yaml").touch()
+    make_lab(f"{MARK}camera: camera.yaml\n", scenes=("one",))
+    real, simulated = (
+        app.make_drone(app.FlightOptions(drone=drone, lab="hall"))
+        for drone in (ScriptedDrone(), "plain")
+    )
+    assert isinstance(real, CalibratedDrone)
+    assert not isinstance(simulated, CalibratedDrone)
+
+
+# --- precedence -----------------------------------------------------------------------------------
+
+
+def test_the_command_line_comes_before_the_lab_and_the_lab_before_the_tree(
+    make_lab: MakeLab,
+) -> None:
+    make_lab(f"{MARK}flight_height_m: 1.1\n")
+    lab, given = (
+        app.check("land_only", lab="hall"),
+        app.check("land_only", lab="hall", ports={"TakeOff.height_m": "0.8"}),
+    )
+    assert lab.find("TakeOff").port_value("height_m") == 1.1
+    assert given.find("TakeOff").port_value("height_m") == 0.8
+
+
+def test_the_smaller_limits_of_options_and_lab_hold(make_lab: MakeLab) -> None:
+    make_lab(f"{MARK}limits: {{speed_mps: 0.5, ceiling_m: 3.0}}\nbattery: {{critical: 0.2}}\n")
+    usual = app.FlightOptions(lab="hall")
+    assert (limits_of(usual).speed_mps, limits_of(usual).ceiling_m) == (0.5, 3.0)
+    own = replace(usual, limits=Limits(speed_mps=0.8, climb_mps=0.2, floor_m=0.5))
+    assert limits_of(own) == Limits(
+        speed_mps=0.5, climb_mps=0.2, ceiling_m=2.4, floor_m=0.5, critical_battery=0.2
+    )
+
+
+def test_the_areas_of_rules_and_lab_both_hold(make_lab: MakeLab, tmp_path: Path) -> None:
+    make_lab('area: "start:-1,-1; start:3,-1; start:3,1; start:-1,1"\n', scenes=("one",))
+    rules = '<Rules area="start:-2,-2; start:2,-2; start:2,2; start:-2,2"/>'
+    body = f"<Segment/><TrackMotion/><Sequence>{rules}<TakeOff/><Land/></Sequence>"
+    tree = tree_file(tmp_path, f"<ReactiveSequence>{body}</ReactiveSequence>")
+    flight = app.assemble(tree, drone="plain", lab="hall")
+    assert flight.area is not None
+    assert flight.area.margin_m(2.5, 0.0) < 0.0
+    assert flight.area.margin_m(0.0, 1.5) < 0.0
+    assert flight.area.margin_m(1.5, 0.5) > 0.0
+
+
+# --- a simulated drone ----------------------------------------------------------------------------
+
+
+def test_the_first_scene_of_the_lab_is_flown_unless_one_is_named(make_lab: MakeLab) -> None:
+    make_lab(scenes=("west", "east"))
+    for asked, name in ((None, "east"), ("west", "west"), ("labs/hall/scenes/west.yaml", "west")):
+        flight = app.assemble("land_only", drone="plain", lab="hall", scene=asked)
+        assert flight.scene_name == name
+        assert flight.classes.names[1] == "floor"
+        assert flight.lab is not None
+        assert flight.lab.name == "hall"
+
+
+def test_the_papers_lab_is_flown_in_the_usual_scene() -> None:
+    assert app.assemble("land_only", drone="plain", lab="paper").scene_name == "train-a"
+
+
+def test_a_lab_without_scenes_is_for_real_drones(make_lab: MakeLab) -> None:
+    make_lab()
+    with pytest.raises(InputError, match=r"the lab 'hall' has no scene.*labs/hall/scenes/NAME"):
+        app.assemble("land_only", drone="plain", lab="hall")
+
+
+def test_a_scene_of_another_lab_is_refused(make_lab: MakeLab, tmp_path: Path) -> None:
+    make_lab(scenes=("one",))
+    words = r"scene 'val-a' belongs to the lab 'paper'.*lab 'hall': choose a scene .*\(one\)"
+    with pytest.raises(InputError, match=words):
+        app.assemble("land_only", drone="plain", lab="hall", scene="val-a")
+    other = tmp_path / "other.yaml"
+    other.write_text(f"lab: hall\n{SCENE}")
+    assert app.assemble("land_only", drone="plain", lab="hall", scene=other).lab is not None
+    with pytest.raises(InputError, match=r"'other' belongs to the lab 'hall'"):
+        app.assemble("land_only", drone="plain", lab="paper", scene=other)
+
+
+def test_a_scene_in_the_folder_of_a_lab_belongs_to_it(
+    make_lab: MakeLab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From every folder, and also if it states the lab's name."""
+    folder = make_lab(scenes=("one", "two")).resolve()
+    (folder / "scenes" / "two.yaml").write_text(f"lab: hall\n{SCENE}")
+    monkeypatch.chdir(tmp_path.parent)
+    for name in ("one", "two"):
+        flight = app.assemble("land_only", drone="plain", scene=folder / "scenes" / f"{name}.yaml")
+        assert flight.classes.names[1] == "floor"
+
+
+def test_the_mark_of_a_scene_comes_before_that_of_its_lab(make_lab: MakeLab) -> None:
+    make_lab("mark: {size_m: [1, 1], height_m: 0.3, position_m: [0, 0]}\n", scenes=("one",))
+    context = app.assemble("land_only", drone="plain", lab="hall").context
+    assert context.mark.height_m == 0.05
+    assert context.mark_pose == Pose2D(x_m=1.0, y_m=0.5, yaw_rad=0.0)
+
+
+def test_the_papers_lab_changes_no_flight() -> None:
+    plain, named = (
+        app.fly("land_only", drone="plain", seed=1, lab=lab).to_json() for lab in (None, "paper")
+    )
+    assert plain["outcome"] == "success"
+    assert (plain["lab"], named["lab"]) == ("paper", "paper")
+    assert comparable(plain) == comparable(named)
+
+
+TAG = "kind: apriltag, options: {id: 7, size_m: 0.4}"
+BY_TAG = """
+<ReactiveSequence>
+  <SubTree ID="Perceive"/>
+  <Sequence>
+    <TakeOff height_m="1.5"/><Turn degrees="360"/><GoTo to="lab:-1,-0.5@0"/>
+    <ForceSuccess><EmergencyLand/></ForceSuccess>
+  </Sequence>
+</ReactiveSequence>
+"""
+
+
+def test_a_place_of_the_drawing_is_reached_by_the_tag_of_the_lab(
+    make_lab: MakeLab, tmp_path: Path
+) -> None:
+    """The take-off is random, and the lab states where its tag stands."""
+    pose = "position_m: [1.2, 0.8], yaw_deg: 30"
+    folder = make_lab(f"mark: {{{TAG}, size_m: [0.5, 0.5], height_m: 0.1, {pose}}}\n")
+    (folder / "scenes" / "one.yaml").write_text(
+        f"helipad: {{{TAG}, size_m: [0.5, 0.5, 0.1], {pose}}}\ntake_off: {{from: random}}\n"
+    )
+    tree = tree_file(tmp_path, BY_TAG)
+    flown = app.fly(tree, drone="plain", lab="hall", seed=3, judge=ANYWHERE)
+    x_m, y_m = flown.path[-1, 1:3]
+    assert math.hypot(x_m + 1.0, y_m + 0.5) < 0.2
+
+
+# --- what is kept ---------------------------------------------------------------------------------
+
+
+def test_report_and_record_keep_the_lab_and_a_replay_flies_in_it(
+    make_lab: MakeLab, tmp_path: Path
+) -> None:
+    folder = make_lab(
+        f"{MARK}margins: {{obstacle_m: 0.5}}\ntake_off: {{yaw_deg: 90}}\n"
+        "limits: {speed_mps: 0.4}\nground: [wall]\n"
+    )
+    record = tmp_path / "flight.mcap"
+    report = app.fly(
+        tree_file(tmp_path, FLIGHT), drone=NoisyDrone(), lab="hall", record=record, judge=ANYWHERE
+    )
+    reader = RecordReader(record)
+    assert (report.lab, reader.metadata["lab"]) == ("hall", "hall")
+    assert reader.attachments["lab.yaml"].data == (folder / "lab.yaml").read_bytes()
+    replayed, _ = assemble_recorded(reader, ReplayOptions())
+    context = replayed.context
+    assert context.classes.names[1] == "floor"
+    assert (context.mark.height_m, context.clearances.obstacle_m) == (0.05, 0.5)
+    assert (context.ground, context.take_off) == (("wall",), replayed.options.site.take_off_pose)
+    assert replayed.options.site.limits.speed_mps == 0.4
+
+
+def test_no_output_overwrites_a_file_of_the_lab(make_lab: MakeLab) -> None:
+    folder = make_lab()
+    (folder / "camera.yaml").touch()
+    make_lab(f"{MARK}camera: camera.yaml\n", scenes=("one",))
+    for name in ("lab.yaml", "camera.yaml", "scenes/one.yaml"):
+        with pytest.raises(FileError, match="is an input and would be overwritten"):
+            app.fly("land_only", drone="plain", lab="hall", report=folder / name)
+
+
+# --- before any drone -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("keys", "body", "words"),
+    [
+        ("limits: {ceiling_m: 1.0}", '<TakeOff height_m="1.5"/>', "above the ceiling of 1 m"),
+        (
+            'area: "start:-1,-1;start:1,-1;start:1,1;start:-1,1"',
+            '<Rules area="start:0,0;start:0,1;start:0,2"/>',
+            "must not lie on one line",
+        ),
+    ],
+)
+def test_a_mission_that_does_not_fit_a_lab_is_refused(
+    make_lab: MakeLab, tmp_path: Path, keys: str, body: str, words: str
+) -> None:
+    make_lab(f"{MARK}{keys}\n")
+    tree = tree_file(tmp_path, f"<Sequence>{body}<Land/></Sequence>")
+    with pytest.raises(InputError, match=words):
+        check_in_lab(tree, app.FlightOptions(lab="hall"))
+
+
+def test_a_mission_that_fits_is_returned_with_the_settings_of_the_lab(make_lab: MakeLab) -> None:
+    make_lab(f'{MARK}flight_height_m: 1.1\narea: "lab:0,0; lab:2,0; lab:2,2; lab:0,2"\n')
+    mission = check_in_lab("land_only", app.FlightOptions(lab="hall"))
+    assert mission.find("TakeOff").port_value("height_m") == 1.1

@@ -1,0 +1,48 @@
+"""`--lab` of check and simulate, and `uav-bt lab schema`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.app.test_lab_flights import LAB, MARK
+from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from uav_bt.lab.schema import lab_schema
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A mission, a script, and a lab with a ceiling of 0.9 m."""
+    monkeypatch.chdir(tmp_path)
+    tree_file(tmp_path, HOP)
+    (tmp_path / "script.yaml").write_text("default: S\n")
+    (tmp_path / "labs" / "low").mkdir(parents=True)
+    (tmp_path / "labs" / "low" / "lab.yaml").write_text(f"{LAB}{MARK}limits: {{ceiling_m: 0.9}}\n")
+    return tmp_path
+
+
+def test_a_mission_that_fits_the_lab_is_good(world: Path) -> None:
+    assert world.is_dir()
+    assert run("check", "mission.xml", "--lab", "paper").stdout == "mission.xml: good\n"
+    lower = run("check", "mission.xml", "--lab", "low", "--set", "TakeOff.height_m=0.8")
+    assert lower.stdout == "mission.xml: good\n"
+
+
+def test_a_mission_above_the_ceiling_of_the_lab_is_refused(world: Path) -> None:
+    assert world.is_dir()
+    assert_refused(run("check", "mission.xml", "--lab", "low"), "above the ceiling of 0.9 m")
+    found = json.loads(run("check", "mission.xml", "--lab", "low", "--format", "json").stdout)
+    assert "above the ceiling" in found["findings"][0]["message"]
+    simulated = run("simulate", "mission.xml", "--script", "script.yaml", "--lab", "low")
+    assert_refused(simulated, "above the ceiling of 0.9 m")
+    simulated = run("simulate", "mission.xml", "--script", "script.yaml", "--lab", "paper")
+    assert simulated.exit_code == 0
+
+
+def test_the_schema_is_printed_or_written(world: Path) -> None:
+    assert run("lab", "schema").stdout == lab_schema()
+    written = run("lab", "schema", "--out", "lab.schema.json")
+    assert written.stdout == "written: lab.schema.json\n"
+    assert (world / "lab.schema.json").read_text() == lab_schema()

@@ -1,0 +1,165 @@
+"""How a place is flown, in its lab file; and the schema of lab files."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.lab.test_lab_file import GOOD, lab_folder
+from uav_bt.app.site import Site, load_site, site_of_lab
+from uav_bt.errors import FileError
+from uav_bt.lab.lab_file import read_lab
+from uav_bt.lab.schema import lab_schema
+from uav_bt.lab.shipped import load_lab
+from uav_bt.types import Pose2D
+
+KEYS = """
+flight_height_m: 1.2
+take_off_surface_m: 0.4
+camera: camera.yaml
+network: {model: hall.onnx, classes: classes.yaml}
+ground: [floor, wall]
+limits: {speed_mps: 0.6, ceiling_m: 2}
+take_off: {position_m: [-1, 0.5], yaw_deg: 90}
+area: "lab:-2,-2; lab:2,-2; lab:2,2; lab:-2,2"
+mark: {size_m: [0.6, 0.4], height_m: 0.05, position_m: [1, -1], yaw_deg: 180}
+margins: {obstacle_m: 0.5}
+battery: {take_off: 0.4, critical: 0.15}
+link: {take_off: 0.6}
+video: {latency_s: 0.2}
+ports: {http: 8080, rtsp: 8554}
+return_home: off
+"""
+
+
+def filled(folder: Path) -> Path:
+    """Make the files that the keys name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in ("camera.yaml", "hall.onnx", "classes.yaml"):
+        (folder / name).touch()
+    return folder
+
+
+def test_a_lab_file_has_the_keys_of_a_site_file(tmp_path: Path) -> None:
+    """The same text gives the same site."""
+    folder = lab_folder(filled(tmp_path / "hall"), GOOD + KEYS)
+    (folder / "site.yaml").write_text(KEYS)
+    site = site_of_lab(read_lab(folder))
+
+    assert site == load_site(folder / "site.yaml")
+    assert (site.source, site.lab, site.file) == ("lab", "hall", folder / "lab.yaml")
+    assert (site.flight_height_m, site.camera) == (1.2, folder / "camera.yaml")
+    assert site.take_off_pose == Pose2D(x_m=-1.0, y_m=0.5, yaw_rad=math.radians(90))
+    assert site.mark_pose == Pose2D(x_m=1.0, y_m=-1.0, yaw_rad=math.pi)
+
+
+def test_a_lab_with_classes_only_is_a_site_without_settings(tmp_path: Path) -> None:
+    assert site_of_lab(read_lab(lab_folder(tmp_path))) == Site()
+
+
+def test_a_take_off_without_a_position_is_from_the_mark(tmp_path: Path) -> None:
+    text = "mark: {size_m: [1, 1], height_m: 0, position_m: [1, -1]}\ntake_off: {yaw_deg: 90}\n"
+    site = site_of_lab(read_lab(lab_folder(tmp_path, GOOD + text)))
+    assert site.take_off_pose == Pose2D(x_m=1.0, y_m=-1.0, yaw_rad=math.radians(90))
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("hight: 1", r"lab.yaml:7: hight: unknown key \(known: flight_height_m,"),
+        ("mark: {size_m: [1, 1], height_m: 0, psition_m: [0, 0]}", "did you mean 'position_m'"),
+        ("mark: {size_m: [1, 1], height_m: 0, yaw_deg: 9}", "7: mark: yaw_deg needs position_m"),
+        ("camera: gone.yaml", r"lab.yaml:7: camera: there is no file .*gone\.yaml"),
+        ("network: {model: gone.onnx}", r"7: network.model: there is no file .*gone\.onnx"),
+        ("ground: [floor, drumm]", r"7: ground\[1\]: unknown class 'drumm'; did you mean 'drum'"),
+        ("take_off: {yaw_deg: 90}", "7: take_off: lacks the key 'position_m'"),
+        ('area: "lab:0,0; lab:1,0"', "7: area: expected at least 3 corners"),
+        (
+            'area: "start:-1,-1; start:1,1; start:1,-1; start:-1,1"',
+            "7: area: the sides of an area must not cross",
+        ),
+        (
+            'area: "start:1,1; start:2,1; start:2,2"',
+            "7: area: the take-off pose lies outside the area start:1,1; start:2,1; start:2,2",
+        ),
+        (
+            'area: "lab:0,0; lab:1,0; lab:1,1"\ntake_off: {position_m: [3, 0]}',
+            "7: area: the take-off pose lies outside",
+        ),
+        (
+            (
+                'area: "lab:0,0; lab:1,0; lab:1,1"\n'
+                "mark: {size_m: [1, 1], height_m: 0, position_m: [3, 0]}"
+            ),
+            "7: area: the landing mark at lab:3,0 lies outside the area lab:0,0;",
+        ),
+        (
+            (
+                'area: "start:-1,-1; start:2,-1; start:2,1; start:-1,1"\n'
+                "take_off: {position_m: [1, 0], yaw_deg: 180}\n"
+                "mark: {size_m: [1, 1], height_m: 0, position_m: [2.5, 0]}"
+            ),
+            "7: area: the landing mark at lab:2.5,0 lies outside",
+        ),
+        ('area: "start:-1,-1; start:1,-1; lab:1,1"', "7: area: corners in both frames need"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, keys: str, message: str) -> None:
+    with pytest.raises(FileError, match=message):
+        read_lab(lab_folder(tmp_path, f"{GOOD}{keys}\n"))
+
+
+def test_an_area_that_contains_all_is_good(tmp_path: Path) -> None:
+    """The mark of the case above, a metre nearer."""
+    text = (
+        'area: "start:-1,-1; start:2,-1; start:2,1; start:-1,1"\n'
+        "take_off: {position_m: [1, 0], yaw_deg: 180}\n"
+        "mark: {size_m: [1, 1], height_m: 0, position_m: [1.5, 0]}\n"
+    )
+    assert read_lab(lab_folder(tmp_path, GOOD + text)).flight.area is not None
+
+
+def test_a_limit_of_zero_is_refused_with_its_line(tmp_path: Path) -> None:
+    lab = read_lab(lab_folder(tmp_path, f"{GOOD}limits: {{speed_mps: 0}}\n"))
+    with pytest.raises(FileError, match=r"lab.yaml:7: limits: .* must be positive"):
+        site_of_lab(lab)
+
+
+def test_a_site_file_may_state_the_pose_of_its_mark(tmp_path: Path) -> None:
+    path = tmp_path / "site.yaml"
+    path.write_text("mark: {position_m: [1, 2]}")
+    assert load_site(path).mark_pose == Pose2D(x_m=1.0, y_m=2.0, yaw_rad=0.0)
+    path.write_text("mark: {yaw_deg: 5}")
+    with pytest.raises(FileError, match=r"site.yaml:1: mark: yaw_deg needs position_m"):
+        load_site(path)
+
+
+def test_the_papers_lab_states_the_defaults() -> None:
+    """Its sections are examples and change no flight; a real drone takes off from its box."""
+    stated, usual = site_of_lab(load_lab("paper")), Site()
+    assert stated.take_off_surface_m == 0.4
+    for name in ("limits", "clearances", "preflight", "video_latency_s", "area", "ground"):
+        assert getattr(stated, name) == getattr(usual, name)
+
+
+# --- the schema for editors -----------------------------------------------------------------------
+
+
+def test_the_schema_beside_the_shipped_labs_is_current() -> None:
+    """`uav-bt lab schema --out labs/lab.schema.json` writes it."""
+    paper = load_lab("paper").file
+    assert (paper.parents[1] / "lab.schema.json").read_text() == lab_schema()
+    assert paper.read_text().startswith("# yaml-language-server: $schema=../lab.schema.json\n")
+
+
+def test_the_schema_refuses_what_the_reader_refuses() -> None:
+    schema = json.loads(lab_schema())
+    assert schema["required"] == ["version", "classes"]
+    assert schema["additionalProperties"] is False
+    assert set(schema["properties"]) >= {"flight_height_m", "area", "mark", "classes"}
+    assert all(each.get("description") for each in schema["properties"].values())
+    assert schema["$defs"]["LimitKeys"]["additionalProperties"] is False
+    assert schema["$defs"]["WholeMarkSection"]["required"] == ["size_m", "height_m"]

@@ -1,0 +1,237 @@
+"""Files of places, and the trees that name them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.errors import TreeError
+from uav_bt.tree import MissionTree, load_tree
+from uav_bt.tree.loading.loader import check_file
+from uav_bt.tree.loading.lookup import Inclusion, Library, Lookup
+from uav_bt.tree.loading.parameters import Parameters
+from uav_bt.tree.loading.places_file import MAX_BYTES, MAX_PLACES, read_places
+from uav_bt.tree.rules import Rules
+
+LOOP = '<LoopString queue="{}" value="{{p}}"><Face at="{{p}}"/></LoopString>'
+SHARED = '<SubTree ID="Visit" places="file:rounds.txt"/>'
+VISIT = (
+    '<BehaviorTree ID="Visit">'
+    + LOOP.format("{{places}}").replace("{p}", "{{p}}")
+    + "</BehaviorTree>"
+    '<TreeNodesModel><SubTree ID="Visit"><input_port name="places" default="{}"/></SubTree>'
+    "</TreeNodesModel>"
+)
+
+
+def tree_file(folder: Path, body: str, more: str = "", name: str = "mission.xml") -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / name
+    path.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="Main">\n'
+        f'<BehaviorTree ID="Main">{body}</BehaviorTree>{more}</root>'
+    )
+    return path
+
+
+def queue_of(tree: MissionTree) -> str:
+    loop = next(node for node in tree.nodes() if type(node).__name__ == "LoopString")
+    return str(loop.literals["queue"])
+
+
+# --- the file -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text", "places"),
+    [
+        (".txt", "# a round\nstart:2,0  # door\n\n  mark@90\r\n", "start:2,0;mark@90"),
+        (".csv", "frame,x,y\nstart,2,0\nlab , 1.25,-0.5\n", "start:2,0;lab:1.25,-0.5"),
+        (
+            ".csv",
+            "# a round\nnote,frame,x,y,height,heading_deg\ndoor,start,2,0,,90\n,mark,,,,-45\n",
+            "start:2,0@90;mark@-45",
+        ),
+        (".csv", "frame,x,y,height\n# more\nbody,1,0,1.2\nobject:3,,,\n", "body:1,0,1.2;object:3"),
+        (".csv", '\ufeffplace,note\n"start:2,0",a\nmark,"b, c"\n', "start:2,0;mark"),
+    ],
+)
+def test_places_are_read_in_their_order(suffix: str, text: str, places: str) -> None:
+    read = read_places(text.encode(), suffix)
+    assert (read.text, read.faults) == (places, ())
+
+
+@pytest.mark.parametrize(
+    ("suffix", "data", "line", "words"),
+    [
+        (".txt", "mark\nstrat:2,0\n", 2, "expected a place such as"),
+        (".txt", "mark;mark\n", 1, "got 'mark;mark'"),
+        (".txt", "start:2000,0\n", 1, "expected a coordinate of -1000 to 1000 m, got 2000"),
+        (".txt", "file:other.txt\n", 1, "got 'file:other.txt'"),
+        (".txt", "# nothing\n\n", 0, "the list is empty"),
+        (".csv", "frame,x,y\n", 0, "the list is empty"),
+        (".csv", "frame,x\n", 1, "the column 'y' is missing"),
+        (".csv", "\nframe,x,y,hight\n", 2, "got the column 'hight'; did you mean 'height'?"),
+        (".csv", "frame,x,y,x\n", 1, "got the column 'x'"),
+        (".csv", "place,x\n", 1, "got the column 'x'"),
+        (".csv", "frame,x,y\nmark,,\nstrat,1,2\n", 3, "got 'strat'; did you mean 'start'?"),
+        (".csv", "frame,x,y\nobject,1,2\n", 2, "an object such as object:3, got 'object'"),
+        (".csv", "frame,x,y\nstart,a,2\n", 2, "column 'x': expected a number, got 'a'"),
+        (".csv", "frame,x,y\nstart,1,\n", 2, "column 'y': expected a number, got ''"),
+        (".csv", "frame,x,y,heading_deg\nmark,,,inf\n", 2, "column 'heading_deg': expected a nu"),
+        (".csv", "frame,x,y\nmark,1,2\n", 2, "expected no x, y and height of 'mark'"),
+        (".csv", "frame,x,y,height\nstart,1,2,99\n", 2, "expected a height of 0.3 to 20 m"),
+        (".csv", "place\nstart:1,2\n", 2, "expected 1 cells (place), got 2"),
+        (".csv", 'place\n"start:1,2\n', 2, "expected cells with commas between them"),
+    ],
+)
+def test_each_fault_has_its_line(suffix: str, data: str, line: int, words: str) -> None:
+    read = read_places(data.encode(), suffix)
+    assert read.text == ""
+    assert [number for number, _ in read.faults] == [line]
+    assert words in read.faults[0][1]
+
+
+def test_what_is_no_text_and_what_is_too_long_is_refused() -> None:
+    assert read_places(b"mark\n\xff\xfe", ".txt").faults == ((2, "expected UTF-8 text"),)
+    long = read_places(b"mark\n" * (MAX_PLACES + 1), ".txt")
+    assert long.faults == ((MAX_PLACES + 1, f"more than {MAX_PLACES} places"),)
+    assert len(read_places(b"nowhere\n" * 500, ".txt").faults) == 20
+
+
+# --- the tree -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def rounds(tmp_path: Path) -> Path:
+    path = tmp_path / "rounds.txt"
+    path.write_text("start:2,0\nmark\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("body", "given", "places"),
+    [
+        (LOOP.format("file:rounds.txt"), Parameters(), "start:2,0;mark"),
+        (LOOP.format(" body:1,0;file: rounds.txt"), Parameters(), " body:1,0;start:2,0;mark"),
+        (
+            LOOP.format("mark"),
+            Parameters(ports={"LoopString.queue": "file:rounds.txt"}),
+            "start:2,0;mark",
+        ),
+    ],
+)
+def test_a_file_stands_for_its_places(
+    body: str, given: Parameters, places: str, rounds: Path, tmp_path: Path
+) -> None:
+    tree = load_tree(tree_file(tmp_path, body), parameters=given)
+    assert queue_of(tree) == places
+    assert tree.sources[rounds] == rounds.read_bytes()
+
+
+def test_the_entry_of_a_subtree_its_default_and_a_variable_are_lists_too(
+    rounds: Path, tmp_path: Path
+) -> None:
+    entry = load_tree(tree_file(tmp_path, SHARED, VISIT.format("mark")))
+    default = load_tree(
+        tree_file(tmp_path, '<SubTree ID="Visit"/>', VISIT.format("file:rounds.txt"))
+    )
+    for tree in (entry, default):
+        assert tree.root.attributes["places"] == "start:2,0;mark"  # type: ignore[attr-defined]
+    path = tree_file(tmp_path, LOOP.format("{places}"))
+    outside = load_tree(path, parameters=Parameters(variables={"places": "file:rounds.txt"}))
+    assert outside.variables["places"] == "start:2,0;mark"
+    assert all(rounds in tree.sources for tree in (entry, default, outside))
+
+
+def test_an_area_may_stand_in_a_file(tmp_path: Path) -> None:
+    (tmp_path / "area.csv").write_text("frame,x,y\nstart,-1,-1\nstart,3,-1\nstart,3,2\n")
+    tree = load_tree(tree_file(tmp_path, '<Rules area="file:area.csv"/>'))
+    assert isinstance(tree.root, Rules)
+    assert list(map(str, tree.root.stated().area or ())) == [
+        "start:-1,-1",
+        "start:3,-1",
+        "start:3,2",
+    ]
+
+
+def test_a_subtree_finds_its_file_beside_its_own(tmp_path: Path) -> None:
+    part = tree_file(tmp_path / "parts", LOOP.format("file:rounds.txt"), name="part.xml")
+    part.write_text(part.read_text().replace('"Main"', '"Part"'))
+    (tmp_path / "rounds.txt").write_text("mark\n")
+    (part.parent / "rounds.txt").write_text("object:3\n")
+    for lookup, more in ((Lookup(Library([part])), ""), (None, '<include path="parts/part.xml"/>')):
+        path = tree_file(tmp_path, '<SubTree ID="Part"/>', more)
+        assert queue_of(load_tree(path, lookup=lookup)) == "object:3"
+
+
+def test_texts_that_are_no_lists_stay(rounds: Path, tmp_path: Path) -> None:
+    body = (
+        '<Sequence><Say text="file:rounds.txt"/><AlwaysSuccess name="file:rounds.txt"/></Sequence>'
+    )
+    tree = load_tree(tree_file(tmp_path, body))
+    assert rounds not in tree.sources
+    assert tree.root.children[0].literals["text"] == "file:rounds.txt"
+
+
+def test_a_library_that_is_read_once_has_the_newest_places(rounds: Path, tmp_path: Path) -> None:
+    part = tree_file(tmp_path, LOOP.format("file:rounds.txt"), name="part.xml")
+    part.write_text(part.read_text().replace('"Main"', '"Part"'))
+    lookup = Lookup(Library([part]))
+    path = tree_file(tmp_path, '<SubTree ID="Part"/>')
+    assert queue_of(load_tree(path, lookup=lookup)) == "start:2,0;mark"
+    rounds.write_text("mark@90\n")
+    assert queue_of(load_tree(path, lookup=lookup)) == "mark@90"
+
+
+def test_a_file_that_an_earlier_reading_found_is_taken_from_there(tmp_path: Path) -> None:
+    path = tree_file(tmp_path / "tree", LOOP.format("file:rounds.txt"))
+    kept = tmp_path / "elsewhere.txt"
+    kept.write_text("object:7\n")
+    known = {Inclusion(path.resolve(), None, "rounds.txt"): kept}
+    assert queue_of(load_tree(path, lookup=Lookup(included=known))) == "object:7"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("../rounds.txt", "lies outside the folder"),
+        ("sub/../rounds.txt", "lies outside the folder"),
+        ("link.txt", "lies outside the folder"),
+        ("ronds.txt", "no such file of places 'ronds.txt' in"),
+        ("ronds.txt", "did you mean 'rounds.txt'?"),
+        ("folder.txt", "is a folder, no file"),
+        ("huge.csv", f"larger than {MAX_BYTES} bytes"),
+        ("x" * 300 + ".txt", "is no name of a file"),
+        ("rounds", "got 'file:rounds': a file of places ends in .csv or .txt"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_one_finding_at_the_attribute(
+    name: str, words: str, rounds: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "tree"
+    path = tree_file(folder, f"<Sequence>{LOOP.format(f'file:{name}')}</Sequence>")
+    rounds.rename(folder / "rounds.txt")
+    (tmp_path / "outside.txt").write_text("mark\n")
+    (folder / "link.txt").symlink_to(tmp_path / "outside.txt")
+    (folder / "folder.txt").mkdir()
+    (folder / "huge.csv").write_bytes(bytes(MAX_BYTES + 1))
+    found = check_file(path)
+    assert len(found) == 1
+    assert (found[0].path, found[0].position.line) == (str(path), 2)
+    assert words in found[0].message
+
+
+def test_an_absolute_name_is_refused(rounds: Path, tmp_path: Path) -> None:
+    path = tree_file(tmp_path, LOOP.format(f"file:{rounds}"))
+    with pytest.raises(TreeError, match="lies outside the folder"):
+        load_tree(path)
+
+
+def test_a_faulty_file_is_reported_once_though_two_nodes_name_it(tmp_path: Path) -> None:
+    (tmp_path / "area.txt").write_text("start:0,0\nhere\n")
+    body = f'<Sequence><Rules area="file:area.txt"/>{LOOP.format("file:area.txt")}</Sequence>'
+    found = check_file(tree_file(tmp_path, body))
+    assert [(Path(one.path).name, one.position.line) for one in found] == [("area.txt", 2)]
+    assert "got 'here'; Rules, attribute 'area', at " in found[0].message

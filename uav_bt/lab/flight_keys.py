@@ -1,0 +1,200 @@
+"""How a place is flown: the keys that lab files and site files have in common.
+
+    # All of it may be left out.
+    flight_height_m: 1.2           # above the ground; replaces `height_m` of the tree's take-off
+    take_off_surface_m: 0.4        # height of the take-off surface above the ground
+    camera: anafi-720p.yaml        # of `uav-bt lab calibrate`
+    network: {model: hall.onnx, classes: hall-classes.yaml}   # for all that segment
+    ground: [carpet, background]   # which of the classes it may fly over and scale depth by
+    limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2.0}
+    take_off: {position_m: [0.5, -1.2], yaw_deg: 90}   # in the lab's drawing, for lab:1,2
+    area: "start:-1,-2; start:4,-2; start:4,2; start:-1,2"   # that every mission stays in
+    margins: {obstacle_m: 0.4, edge_m: 0.3, unknown_m: 0.35, lane_m: 0.7}   # that routes keep
+    battery: {take_off: 0.4, critical: 0.15}
+    link: {take_off: 0.4}
+    video: {latency_s: 0.2}
+    ports: {http: 8080, rtsp: 8554}
+    return_home: off               # the drone's automatic return, during a flight
+
+Files that it names lie beside it, unless their path is absolute.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema
+from typing_extensions import TypedDict
+
+from uav_bt.brief import brief_repr
+from uav_bt.errors import ValueRangeError
+from uav_bt.files import did_you_mean_file
+from uav_bt.types.place import area_corners
+from uav_bt.types.pose import Pose2D
+
+
+def _beside(value: Path, info: ValidationInfo) -> Path:
+    context: Any = info.context
+    file: Path = context["folder"] / value
+    if not file.is_file():
+        raise ValueError(f"there is no file {file}{did_you_mean_file(file)}")
+    return file
+
+
+def _network(value: str, info: ValidationInfo) -> str:
+    return str(_beside(Path(value), info)) if value.endswith(".onnx") else value
+
+
+def _area(value: str) -> str:
+    try:
+        area_corners(value)
+    except ValueRangeError as error:
+        raise ValueError(str(error)) from error
+    return value
+
+
+Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+"""A coordinate in metres, or an angle in degrees."""
+Position = Annotated[
+    tuple[Coordinate, Coordinate], Field(description="x to the right and y up the drawing, metres")
+]
+Yaw = Annotated[
+    Coordinate, Field(description="counter-clockwise from the drawing's x axis, degrees")
+]
+_Number = Annotated[float, Field(ge=0.0, le=1000.0)]
+_Height = Annotated[float, Field(gt=0.0, le=1000.0)]
+_Distance = Annotated[float, Field(ge=0.0, le=5.0)]
+_Share = Annotated[float, Field(ge=0.0, le=1.0)]
+_Port = Annotated[int, Field(ge=1, le=65_535)]
+_FileBeside = Annotated[Path, AfterValidator(_beside)]
+# YAML 1.1 reads `on` and `off` as truth values, and editors read them as texts.
+_Switch = Annotated[bool, WithJsonSchema({"enum": [True, False, "on", "off"]})]
+
+
+class NetworkKeys(TypedDict, total=False):
+    """The segmentation network: a file or the name of a shipped one, and its class mapping."""
+
+    model: Annotated[str, AfterValidator(_network)]
+    classes: _FileBeside
+
+
+class LimitKeys(TypedDict, total=False):
+    """Limits that no movement exceeds."""
+
+    speed_mps: _Number
+    climb_mps: _Number
+    yaw_rate_radps: _Number
+    ceiling_m: _Number
+
+
+class MarginKeys(TypedDict, total=False):
+    """Distances from the drone's centre that routes keep, metres."""
+
+    obstacle_m: _Distance
+    edge_m: _Distance
+    unknown_m: _Distance
+    lane_m: _Distance
+
+
+class BatteryKeys(TypedDict, total=False):
+    """Charge of the battery, 0 to 1: least for a take-off, and below which the drone lands."""
+
+    take_off: _Share
+    critical: _Share
+
+
+class TakeOffKeys(TypedDict, total=False):
+    """The take-off pose in the lab's drawing. Without a position it is that of the mark."""
+
+    position_m: Position
+    yaw_deg: Yaw
+
+
+class LinkKeys(TypedDict, total=False):
+    """Least quality of the radio link for a take-off, 0 to 1."""
+
+    take_off: _Share
+
+
+class VideoKeys(TypedDict, total=False):
+    """Least time from exposure to arrival of a frame, seconds."""
+
+    latency_s: _Number
+
+
+class PortKeys(TypedDict, total=False):
+    """Ports of the drone's web interface and of its video."""
+
+    http: _Port
+    rtsp: _Port
+
+
+def _about(text: str) -> Any:
+    return Field(description=text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightKeys:
+    """How a place is flown, as a file states it. None and empty: not stated.
+
+    Paths of files lead from the working directory, or are absolute.
+    """
+
+    flight_height_m: Annotated[
+        _Height | None, _about("Flight height above the ground, instead of the tree's.")
+    ] = None
+    take_off_surface_m: Annotated[
+        _Number, _about("Height of the take-off surface above the ground.")
+    ] = 0.0
+    take_off: Annotated[
+        TakeOffKeys | None, _about("Take-off pose in the lab's drawing, for places such as lab:1,2")
+    ] = None
+    camera: Annotated[
+        _FileBeside | None, _about("Camera file of `uav-bt lab calibrate`, beside this file.")
+    ] = None
+    network: Annotated[NetworkKeys | None, _about("Network of all leaves that segment.")] = None
+    ground: Annotated[
+        tuple[str, ...],
+        Field(min_length=1, description="Classes that the drone may fly over and scale depth by."),
+    ] = ()
+    limits: Annotated[LimitKeys | None, _about("Limits of every movement.")] = None
+    area: Annotated[
+        str | None,
+        AfterValidator(lambda value: None if value is None else _area(value)),
+        _about("Corners that every mission stays within: start:x,y or lab:x,y, with ; between."),
+    ] = None
+    margins: Annotated[MarginKeys | None, _about("Distances that routes keep.")] = None
+    battery: Annotated[BatteryKeys | None, _about("Charge of a real drone's battery.")] = None
+    link: Annotated[LinkKeys | None, _about("Radio link of a real drone.")] = None
+    video: Annotated[VideoKeys | None, _about("Video of a real drone.")] = None
+    ports: Annotated[PortKeys | None, _about("Network ports of a real drone.")] = None
+    return_home: Annotated[
+        _Switch | None, _about("Whether the drone returns by itself during a flight.")
+    ] = None
+
+    __repr__ = brief_repr
+
+
+def take_off_pose(keys: FlightKeys, mark: Pose2D | None) -> Pose2D | None:
+    """Return the take-off pose in the lab's drawing, yaw counter-clockwise; None if not stated.
+
+    Args:
+        keys: Keys of the file.
+        mark: Pose of the landing mark in the drawing; None if unknown.
+
+    Raises:
+        ValueRangeError: The section `take_off` has no position, and that of the mark is unknown.
+    """
+    section = keys.take_off
+    if section is None:
+        return None
+    position_m = section.get("position_m") or (None if mark is None else (mark.x_m, mark.y_m))
+    if position_m is None:
+        raise ValueRangeError(
+            "lacks the key 'position_m', and the section 'mark' has none to take off from"
+        )
+    x_m, y_m = position_m
+    return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(section.get("yaw_deg", 0.0)))
