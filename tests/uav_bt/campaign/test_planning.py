@@ -150,3 +150,8 @@ def test_a_change_of_the_lab_is_a_change_of_the_plan(tmp_path: Path) -> None:
     lab.write_text(lab.read_text("utf-8").replace("height_m: 4,", "height_m: 3,"), "utf-8")
     (difference,) = make_plan(["land_only"], scenes=[str(scene)], flights=1).differences(before)
     assert difference.startswith("lab_sha256: 'hall/lab.yaml' has changed")
+    before = make_plan(["land_only"], scenes=[str(scene)], flights=1)
+    mesh = folder / "cone.obj"
+    mesh.write_text(mesh.read_text("utf-8").replace("v 0.5 0.5 1", "v 0.5 0.5 2"), "utf-8")
+    (difference,) = make_plan(["land_only"], scenes=[str(scene)], flights=1).differences(before)
+    assert difference.startswith("lab_sha256: 'hall/cone.obj' has changed")
