@@ -74,7 +74,8 @@ def test_the_wheel_holds_trees_scenes_and_weights(wheel: Path) -> None:
         for room in (*ROOMS, "uav_bt/labs")  # a link, which rglob does not follow
         if room != "labs"
         for path in (ROOT / room).rglob("*")
-        if path.suffix in {".py", ".xml", ".yaml", ".onnx", ".safetensors", ".typed"}
+        if path.suffix
+        in {".py", ".xml", ".yaml", ".onnx", ".safetensors", ".typed", ".jpg", ".obj"}
     }
     assert {Path(name).name for name in wanted - held} == {
         *("unet-fp32.onnx", "depth-fp32.onnx", "student-fp32.onnx"),

@@ -31,8 +31,9 @@ load_mujoco()  # before the modules below: MuJoCo selects its OpenGL backend whe
 
 import mujoco  # noqa: E402  (after load_mujoco)
 
+from sim_bridge.twin.builder import LabModel  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.flying_body import FlyingBody  # noqa: E402  (after load_mujoco)
-from sim_bridge.twin.model import LabModel, build_model  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 
 _PERIOD_S: Final = 0.02  # s between two updates: two control steps of the twin

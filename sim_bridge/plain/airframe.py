@@ -121,9 +121,10 @@ class PlainBody:
     def place_movers(self, movers: Sequence[MoverState]) -> None:
         """Place the movers, in the order of the scene."""
         for number, mover in enumerate(movers):
-            row = self._solids.table[self._solids.first_mover + number]
-            row[0], row[1] = mover.pose.x_m, mover.pose.y_m
             self._mover_mps[number] = mover.vx_mps, mover.vy_mps
+        for row, part in enumerate(self._solids.moving, start=self._solids.first_mover):
+            at = movers[part.mover].pose
+            self._solids.table[row, :2] = at.x_m + part.beside_m[0], at.y_m + part.beside_m[1]
 
     def advance(self) -> None:
         """Advance the physics by one control step."""
@@ -172,7 +173,8 @@ class PlainBody:
         found, first = [], self._solids.first_mover
         for row, gap_m, normal in self._near:
             moves = first <= row < self._solids.obstacles
-            speed_mps = self._mover_mps[row - first] if moves else (0.0, 0.0)
+            mover = self._solids.moving[row - first].mover if moves else 0
+            speed_mps = self._mover_mps[mover] if moves else (0.0, 0.0)
             if carries(normal):
                 slope = None if self._motors else self._slope(row)
                 surface = Surface(gap_m, slope or normal, 0.0 if slope else _GRIP, speed_mps)
@@ -183,7 +185,7 @@ class PlainBody:
 
     def _slope(self, row: int) -> Vector3 | None:
         """Return the slope on which the body slides off a solid; None if its centre is above it."""
-        x, y, half_x, half_y, _, top_m, cos, sin, is_round = self._solids.table[row].tolist()
+        x, y, half_x, half_y, _, top_m, cos, sin, is_round, *_ = self._solids.table[row].tolist()
         dx, dy = self._at[0] - x, self._at[1] - y
         u, v = cos * dx + sin * dy, cos * dy - sin * dx
         if is_round:
@@ -203,7 +205,8 @@ class PlainBody:
         pose[:] = (*self._at, *self._tilt, self._yaw)
         speed = max(map(abs, self._velocity)) + (_MOVER_MPS if self._mover_mps else 0.0)
         reach_m = _ROUND_M + _NEAR_M + 2.0 * CONTROL_STEP_S * speed
-        count = find_near(pose, self._core_m, self._solids.table, reach_m, self._found)
+        solids = self._solids
+        count = find_near(pose, self._core_m, (solids.table, solids.facets), reach_m, self._found)
         self._near: list[_Near] = [
             (int(row), gap_m - _ROUND_M, (nx, ny, nz))
             for row, gap_m, nx, ny, nz in self._found[:count].tolist()
@@ -214,8 +217,10 @@ class PlainBody:
         if not self._near:
             return ()
         names = self._solids.names
-        return tuple(sorted(names[row] for row, gap_m, _ in self._near if gap_m < _TOUCH_M))
+        return tuple(sorted({names[row] for row, gap_m, _ in self._near if gap_m < _TOUCH_M}))
 
     def clearance_m(self) -> float:
-        """Return the distance from the hull to the nearest box or mover; inf without any."""
-        return clearance(self._pose, self._half_m, self._solids.table[: self._solids.obstacles])
+        """Return the distance from the hull to the nearest obstacle; inf without any."""
+        solids = self._solids
+        table = solids.table[: solids.obstacles]
+        return clearance(self._pose, self._half_m, (table, solids.facets))

@@ -1,7 +1,7 @@
 """Class ids and depth of a view by ray casting: what a perfect network would see, without images.
 
-Every pixel's ray is intersected with the ground, and with the boxes and cylinders whose outlines in
-the image contain the pixel. The view is that of the twin's renderer at the same pose.
+Every pixel's ray is intersected with the ground, and with the boxes, cylinders and triangles whose
+outlines in the image contain the pixel. The view is that of the twin's renderer at the same pose.
 """
 
 from __future__ import annotations
@@ -14,18 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.anafi import anafi_camera
+from sim_bridge.plain.ground_rays import cast_ground
+from sim_bridge.plain.mesh_rays import cast_triangles
+from sim_bridge.plain.solid_rays import COLUMNS, cast_solids, solid_row
 from sim_bridge.twin.camera import CameraPose
-from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.movers import MoverSpec, Point
 from sim_bridge.twin.objects import BoxSpec
+from sim_bridge.twin.placed import Shape
 from sim_bridge.twin.scene import Scene
-from uav_bt.compiled import compiled
+from sim_bridge.twin.walls import wall_solids
 from uav_bt.lab.roles import OUTSIDE
-from uav_bt.types import CameraModel, MoverState
+from uav_bt.lab.shipped import DEFAULT_LAB
+from uav_bt.types import CameraModel, MoverState, Pose2D
 
-_MARGIN_PX: Final = 2.0  # of rays that look beside their pixel; chosen
-_BESIDE_M: Final = 0.05  # a corner with less depth has no place in the image; chosen
-_COLUMNS: Final = 11  # of the kernel's table of solids
-_FAR_M: Final = 30.0  # depth of the room beyond the ground; farther than any lab is long
+_FAR_M: Final = 30.0  # depth of the room beyond the ground, unless the room is larger
+
+Meshes = tuple[NDArray[np.float64], NDArray[np.uint8]]
+"""Corners of triangles, (N, 3, 3) world metres, and their class ids, (N,)."""
 
 
 class Caster:
@@ -41,23 +46,38 @@ class Caster:
         self.camera = anafi_camera(640, 360).resized(*size_px)
         self._lens = _lens(self.camera)
         self.rays = _rays(self._lens, size_px)
-        self._ground_m = np.array(scene.ground.size_m) / 2
         self._scene = scene
         self.classes = scene.classes
         self.ground_id = self.classes.ground
+        plan = scene.ground_plan
+        edges = plan.area.edges[0] if plan.outline_m else ()
+        self._ground = (
+            np.array(scene.ground.size_m) / 2,
+            np.array(edges, dtype=np.float64).reshape(-1, 4),
+            self.ground_id,
+            max(_FAR_M, math.hypot(*scene.room_size_m)),
+        )
         solids = [
-            _solid((box.position_m, box.size_m, box.yaw_deg), self._papers(box))
+            solid_row((box.position_m, box.size_m, box.yaw_deg), self._papers(box))
             for box in scene.boxes
         ]
         solids += [
-            _solid(
+            solid_row(
                 (pad.position_m, pad.drawn_size_m, pad.yaw_deg),
                 (scene.mark_class, scene.mark_top),
                 pad.panel_share,
             )
             for pad in scene.pads
         ]
-        self._standing = np.array(solids).reshape(-1, _COLUMNS)
+        if scene.lab != DEFAULT_LAB:
+            solids += _walls(scene)
+        meshes = []
+        for item in scene.placed:
+            at = item.spec.position_m
+            solids += _shape_rows(item.shape, at, item.spec.yaw_deg)
+            meshes += _shape_meshes(item.shape, at, item.spec.yaw_deg)
+        self._standing = np.array(solids).reshape(-1, COLUMNS)
+        self._meshes = _together(meshes)
 
     def cast(
         self,
@@ -75,51 +95,92 @@ class Caster:
         Returns:
             Class ids, (H, W) uint8, and depth along the optical axis, (H, W) float32, metres.
         """
-        solids = self._standing
+        solids, meshes = self._standing, self._meshes
         if movers:
-            moving = [
-                self._moving(spec, state)
-                for spec, state in zip(self._scene.movers, movers, strict=True)
-            ]
-            solids = np.concatenate([solids, moving])
+            rows, moved = self._moving(movers)
+            solids = np.concatenate([solids, rows])
+            meshes = _together([meshes, *moved]) if moved else meshes
         width_px, height_px = self.size_px
         ids = np.empty((height_px, width_px), dtype=np.uint8)
         depth_m = np.empty((height_px, width_px), dtype=np.float32)
         place, rays = _place(pose), self.rays if rays is None else rays
-        _cast_ground(place, rays, (self._ground_m, self.ground_id), ids, depth_m)
-        _cast_solids((place, self._lens), rays, solids, ids, depth_m)
+        cast_ground(place, rays, self._ground, ids, depth_m)
+        cast_solids((place, self._lens), rays, solids, ids, depth_m)
+        if len(meshes[0]):
+            cast_triangles((place, self._lens), rays, meshes, ids, depth_m)
         return ids, depth_m
 
     def _papers(self, item: BoxSpec | MoverSpec) -> tuple[int, int]:
         """Return the classes of the sides and of the roof of a box or mover."""
         class_id = self._scene.class_of(item)
-        return class_id, int(self.classes.top_of[class_id])
+        return class_id, int(self.classes.top_of[class_id]) or class_id
 
-    def _moving(self, spec: MoverSpec, state: MoverState) -> list[float]:
-        outline = (state.pose.x_m, state.pose.y_m), spec.size_m, spec.yaw_deg
-        return _solid(outline, self._papers(spec), is_round=spec.shape == "cylinder")
+    def _moving(self, movers: Sequence[MoverState]) -> tuple[NDArray[np.float64], list[Meshes]]:
+        rows: list[list[float]] = []
+        meshes: list[Meshes] = []
+        for spec, state in zip(self._scene.movers, movers, strict=True):
+            at = (state.pose.x_m, state.pose.y_m)
+            if spec.kind is None:
+                is_round, outline = spec.shape == "cylinder", (at, spec.size_m, spec.yaw_deg)
+                rows.append(solid_row(outline, self._papers(spec), is_round=is_round))
+            else:
+                shape = self._scene.shape_of(spec.kind)
+                rows += _shape_rows(shape, at, spec.yaw_deg)
+                meshes += _shape_meshes(shape, at, spec.yaw_deg)
+        return np.array(rows).reshape(-1, COLUMNS), meshes
 
 
-def _solid(
-    outline: tuple[tuple[float, float], tuple[float, float, float], float],
-    papers: tuple[int, int],
-    share: float = 1.0,
-    *,
-    is_round: bool = False,
-) -> list[float]:
-    """Return the row of a solid in the kernel's table.
+def _shape_rows(shape: Shape, at_m: Point, yaw_deg: float) -> list[list[float]]:
+    """Return the rows of a shape's boxes and cylinders; none of a mesh."""
+    if shape.mesh is not None:
+        return []
+    place = Pose2D(x_m=at_m[0], y_m=at_m[1], yaw_rad=math.radians(yaw_deg))
+    return [
+        solid_row(
+            (
+                place.to_world(*part.centre_m),
+                (2.0 * part.half_m[0], 2.0 * part.half_m[1], part.top_m),
+                yaw_deg,
+            ),
+            (shape.class_id, shape.top_class if part.roofed else shape.class_id),
+            is_round=part.round,
+            base_m=part.base_m,
+        )
+        for part in shape.parts
+    ]
 
-    Args:
-        outline: its centre, world x and y, m; its size along its x and y and upwards, m; its yaw,
-            degrees counter-clockwise.
-        papers: classes of its sides and of the middle of its top.
-        share: side of that middle over the side of the top; the rest has the class of the sides.
-        is_round: whether it is a cylinder.
-    """
-    position_m, (length_m, width_m, height_m), yaw_deg = outline
-    cos, sin = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
-    sizes_m = length_m / 2, width_m / 2, height_m
-    return [*position_m, *sizes_m, cos, sin, *papers, share, float(is_round)]
+
+def _shape_meshes(shape: Shape, at_m: Point, yaw_deg: float) -> list[Meshes]:
+    """Return a mesh at its place in the world; none of another shape."""
+    if shape.mesh is None:
+        return []
+    place = Pose2D(x_m=at_m[0], y_m=at_m[1], yaw_rad=math.radians(yaw_deg))
+    triangles = shape.mesh.copy()
+    triangles[..., :2] = place.points_to_world(triangles[..., :2].reshape(-1, 2)).reshape(-1, 3, 2)
+    return [(triangles, np.full(len(triangles), shape.class_id, dtype=np.uint8))]
+
+
+def _together(meshes: Sequence[Meshes]) -> Meshes:
+    """Return meshes as one."""
+    if not meshes:
+        return np.empty((0, 3, 3)), np.empty(0, dtype=np.uint8)
+    return np.concatenate([each[0] for each in meshes]), np.concatenate(
+        [each[1] for each in meshes]
+    )
+
+
+def _walls(scene: Scene) -> list[list[float]]:
+    return [
+        solid_row(
+            (
+                wall.centre_m[:2],
+                (2.0 * wall.half_m[0], 2.0 * wall.half_m[1], 2.0 * wall.half_m[2]),
+                math.degrees(wall.yaw_rad),
+            ),
+            (OUTSIDE, OUTSIDE),
+        )
+        for wall in wall_solids(scene).values()
+    ]
 
 
 def _place(pose: CameraPose) -> NDArray[np.float64]:
@@ -138,179 +199,3 @@ def _rays(lens: NDArray[np.float64], size_px: tuple[int, int]) -> NDArray[np.flo
 def _lens(camera: CameraModel) -> NDArray[np.float64]:
     """Return focal lengths and middle, (4,), px."""
     return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
-
-
-@compiled(
-    "void(float64[:, ::1], float64[:, :, ::1], Tuple((float64[::1], int64)), uint8[:, ::1],"
-    " float32[:, ::1])"
-)
-def _cast_ground(
-    place: NDArray[np.float64],
-    rays: NDArray[np.float64],
-    ground: tuple[NDArray[np.float64], int],
-    ids: NDArray[np.uint8],
-    depth_m: NDArray[np.float32],
-) -> None:
-    """Fill a view with the ground, and with what lies outside.
-
-    Args:
-        place: (4, 3) position of the lens, optical axis, and right and down of the image.
-        rays: (H, W, 2) right and down at unit depth.
-        ground: (2,) half sizes of the ground along x and y, and its class id.
-        ids: (H, W) filled with class ids.
-        depth_m: (H, W) filled with depth along the optical axis, m.
-    """
-    half_m, ground_id = ground
-    for row in range(ids.shape[0]):
-        for column in range(ids.shape[1]):
-            u, v = rays[row, column]
-            ids[row, column], depth_m[row, column] = OUTSIDE, _FAR_M
-            down = place[1, 2] + u * place[2, 2] + v * place[3, 2]
-            if down < 0.0:
-                depth = -place[0, 2] / down
-                x_m = place[0, 0] + depth * (place[1, 0] + u * place[2, 0] + v * place[3, 0])
-                y_m = place[0, 1] + depth * (place[1, 1] + u * place[2, 1] + v * place[3, 1])
-                depth_m[row, column] = min(depth, _FAR_M)
-                if abs(x_m) <= half_m[0] and abs(y_m) <= half_m[1]:
-                    ids[row, column] = ground_id
-
-
-@compiled("UniTuple(int64, 4)(float64[:, ::1], float64[::1], float64[::1], UniTuple(int64, 2))")
-def _frame(
-    place: NDArray[np.float64],
-    lens: NDArray[np.float64],
-    solid: NDArray[np.float64],
-    size_px: tuple[int, int],
-) -> tuple[int, int, int, int]:
-    """Return the rows and columns of the image that a solid may cover.
-
-    Args:
-        place: (4, 3) position of the lens, optical axis, and right and down of the image.
-        lens: (4,) focal lengths and middle, px.
-        solid: (11,) row of `_solid`.
-        size_px: rows and columns of the image.
-
-    Returns:
-        First row, row after the last, first column, column after the last, with a margin for rays
-        beside their pixels. No rows if the whole solid is behind the lens or beside the view; all
-        if only a corner is beside or behind the lens.
-    """
-    x_m, y_m, half_x, half_y, high_m, cos, sin = solid[:7]
-    rows, columns = size_px
-    low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
-    # The largest distance of a corner from the lens's plane and into the view from each side.
-    ahead = from_left = from_right = from_top = from_bottom = -np.inf
-    beside = False
-    for corner in range(8):
-        along = half_x if corner & 1 else -half_x
-        across = half_y if corner & 2 else -half_y
-        dx = x_m + cos * along - sin * across - place[0, 0]
-        dy = y_m + sin * along + cos * across - place[0, 1]
-        dz = (high_m if corner & 4 else 0.0) - place[0, 2]
-        depth = place[1, 0] * dx + place[1, 1] * dy + place[1, 2] * dz
-        right = lens[0] * (place[2, 0] * dx + place[2, 1] * dy + place[2, 2] * dz)
-        down = lens[1] * (place[3, 0] * dx + place[3, 1] * dy + place[3, 2] * dz)
-        ahead = max(ahead, depth)
-        from_left = max(from_left, right + (lens[2] + _MARGIN_PX) * depth)
-        from_right = max(from_right, (columns - 1 + _MARGIN_PX - lens[2]) * depth - right)
-        from_top = max(from_top, down + (lens[3] + _MARGIN_PX) * depth)
-        from_bottom = max(from_bottom, (rows - 1 + _MARGIN_PX - lens[3]) * depth - down)
-        if depth < _BESIDE_M:
-            beside = True
-            continue
-        u, v = right / depth + lens[2], down / depth + lens[3]
-        low_u, high_u = min(low_u, u), max(high_u, u)
-        low_v, high_v = min(low_v, v), max(high_v, v)
-    if min(ahead, from_left, from_right, from_top, from_bottom) < 0.0:
-        return 0, 0, 0, 0
-    if beside:
-        return 0, rows, 0, columns
-    return (
-        math.ceil(max(low_v - _MARGIN_PX, 0.0)),
-        math.floor(min(high_v + _MARGIN_PX, rows - 1.0)) + 1,
-        math.ceil(max(low_u - _MARGIN_PX, 0.0)),
-        math.floor(min(high_u + _MARGIN_PX, columns - 1.0)) + 1,
-    )
-
-
-@compiled("Tuple((float64, boolean))(float64[::1], float64[::1], float64[::1])")
-def _met(
-    solid: NDArray[np.float64], origin_m: NDArray[np.float64], ray: NDArray[np.float64]
-) -> tuple[float, bool]:
-    """Return the depth at which a ray enters a solid, and whether through its top.
-
-    Args:
-        solid: (11,) row of `_solid`.
-        origin_m: (3,) the lens in the solid's own axes, from the middle of its base.
-        ray: (3,) of unit depth, in the same axes.
-
-    Returns:
-        Depth along the optical axis, m, inf without a hit; whether the top was hit.
-    """
-    half_m, high_m = solid[2:4], solid[4]
-    enter, leave = 0.0, np.inf
-    if solid[10]:  # a cylinder
-        square = ray[0] * ray[0] + ray[1] * ray[1]
-        along = origin_m[0] * ray[0] + origin_m[1] * ray[1]
-        beyond = origin_m[0] * origin_m[0] + origin_m[1] * origin_m[1] - half_m[0] * half_m[0]
-        root = along * along - square * beyond
-        if root < 0.0:
-            return np.inf, False
-        enter, leave = (-along - math.sqrt(root)) / square, (-along + math.sqrt(root)) / square
-    else:
-        for axis in range(2):
-            near = (-half_m[axis] - origin_m[axis]) / ray[axis]
-            far = (half_m[axis] - origin_m[axis]) / ray[axis]
-            enter, leave = max(enter, min(near, far)), min(leave, max(near, far))
-    base, roof = -origin_m[2] / ray[2], (high_m - origin_m[2]) / ray[2]
-    through_top = roof < base and roof >= enter
-    enter = max(enter, min(base, roof))
-    leave = min(leave, max(base, roof))
-    return (enter, through_top) if 0.0 < enter <= leave else (np.inf, False)
-
-
-@compiled(
-    "void(Tuple((float64[:, ::1], float64[::1])), float64[:, :, ::1], float64[:, ::1],"
-    " uint8[:, ::1], float32[:, ::1])"
-)
-def _cast_solids(
-    camera: tuple[NDArray[np.float64], NDArray[np.float64]],
-    rays: NDArray[np.float64],
-    solids: NDArray[np.float64],
-    ids: NDArray[np.uint8],
-    depth_m: NDArray[np.float32],
-) -> None:
-    """Draw boxes and cylinders into a view, where they are nearer than its depth.
-
-    Args:
-        camera: (4, 3) position of the lens, optical axis, and right and down of the image; and
-            (4,) focal lengths and middle, px.
-        rays: (H, W, 2) right and down at unit depth.
-        solids: (S, 11) rows of `_solid`.
-        ids: (H, W) class ids.
-        depth_m: (H, W) depth along the optical axis, m.
-    """
-    place, lens = camera
-    origin_m, ray = np.empty(3), np.empty(3)
-    for index in range(len(solids)):
-        solid = solids[index]
-        cos, sin = solid[5], solid[6]
-        dx, dy = place[0, 0] - solid[0], place[0, 1] - solid[1]
-        origin_m[:] = cos * dx + sin * dy, cos * dy - sin * dx, place[0, 2]
-        first_row, end_row, first_column, end_column = _frame(place, lens, solid, ids.shape)
-        for row in range(first_row, end_row):
-            for column in range(first_column, end_column):
-                u, v = rays[row, column]
-                x = place[1, 0] + u * place[2, 0] + v * place[3, 0]
-                y = place[1, 1] + u * place[2, 1] + v * place[3, 1]
-                z = place[1, 2] + u * place[2, 2] + v * place[3, 2]
-                ray[0], ray[1], ray[2] = cos * x + sin * y, cos * y - sin * x, z
-                depth, through_top = _met(solid, origin_m, ray)
-                if depth >= depth_m[row, column]:
-                    continue
-                depth_m[row, column] = depth
-                middle = through_top
-                for axis in range(2):
-                    met_m = origin_m[axis] + depth * ray[axis]
-                    middle = middle and abs(met_m) <= solid[9] * solid[2 + axis]
-                ids[row, column] = solid[8] if middle else solid[7]

@@ -73,7 +73,7 @@ class Body(Protocol):
         ...
 
     def clearance_m(self) -> float:
-        """Return the distance from the hull to the nearest box or mover; inf without any."""
+        """Return the distance from the hull to the nearest obstacle; inf without any."""
         ...
 
 

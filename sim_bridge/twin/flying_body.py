@@ -13,11 +13,11 @@ from typing import Any, Final
 import mujoco
 
 from sim_bridge.twin.body import GRAVITY_MPS2, TILT_RADPS, Motion, Thrust, tilt_for
-from sim_bridge.twin.model import HULL_MASS_KG, STEPS_PER_CONTROL, LabModel
+from sim_bridge.twin.builder import HULL_MASS_KG, STEPS_PER_CONTROL, LabModel
 from uav_bt.types import MoverState, rotate
 from uav_bt.types.bounds import clamp
 
-_FAR_M: Final = 30.0  # larger than any room, m
+_FAR_M: Final = 100.0  # larger than any room, m
 
 
 class FlyingBody:
@@ -38,7 +38,7 @@ class FlyingBody:
         self._hull = lab.hull_geom
         self._obstacles = lab.obstacle_geoms
         self._thrust = Thrust(lag_s)
-        self._names = [lab.model.geom(index).name for index in range(lab.model.ngeom)]
+        self._names = [lab.contact_name(index) for index in range(lab.model.ngeom)]
 
     def place(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
         """Place the body at a pose, at rest and level."""
@@ -116,17 +116,17 @@ class FlyingBody:
         mujoco.mj_step(self._model, self.data, nstep=STEPS_PER_CONTROL)
 
     def contacts(self) -> tuple[str, ...]:
-        """Return the names of the geoms that the hull touches now, sorted."""
+        """Return the names of the objects that the hull touches now, sorted."""
         count = self.data.ncon
         if not count:
             return ()
         pairs = self.data.contact.geom[:count].tolist()
         hull = self._hull
-        others = {a if b == hull else b for a, b in pairs if hull in (a, b)}
-        return tuple(sorted(self._names[geom] for geom in others))
+        others = {self._names[a if b == hull else b] for a, b in pairs if hull in (a, b)}
+        return tuple(sorted(others))
 
     def clearance_m(self) -> float:
-        """Return the distance from the hull to the nearest box or mover; inf without any."""
+        """Return the distance from the hull to the nearest obstacle; inf without any."""
         model, data, hull = self._model, self.data, self._hull
         mujoco.mj_kinematics(model, data)
         nearest = _FAR_M

@@ -50,6 +50,7 @@ class MoverSpec:
     yaw_deg: float = 0.0  # counter-clockwise from +x; constant, as of a cart on castors
     loop: bool = False  # True: from the last corner to the first; False: back along the path
     pauses_s: Point | None = None  # shortest and longest pause before each run of the path
+    kind: str | None = None  # of the lab: in place of shape, pattern and size
 
     def __post_init__(self) -> None:
         if not 1 <= self.pattern <= PATTERN_COUNT:

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.anafi import FOCAL_SHARE
+from sim_bridge.twin.builder import LabModel
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.gl import no_gl, open_context
-from sim_bridge.twin.model import LabModel
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import MoverState
 
@@ -126,8 +126,7 @@ class Renderer:
         self._place(movers)
         self._draw(pose, width_px, height_px, segments=True)
         mujoco.mjr_readPixels(colours, buffer, self._rect, self._context)
-        # Fewer than 256 geoms are drawn, so the first channel holds the whole number.
-        ids = self._class_of_segment[colours[::-1, :, 0]]
+        ids = self._classes_at(colours)
         near, far = np.float32(self._near), np.float32(self._far)
         depth = near * far / (near + buffer[::-1] * (far - near))
         return ids, np.ascontiguousarray(depth, np.float32)
@@ -140,7 +139,14 @@ class Renderer:
         self._place(movers)
         self._draw(pose, width_px, height_px, segments=True)
         mujoco.mjr_readPixels(colours, None, self._rect, self._context)
-        return self._class_of_segment[colours[::-1, :, 0]]
+        return self._classes_at(colours)
+
+    def _classes_at(self, colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the class ids of numbered colours, the rows reversed."""
+        numbers: NDArray[Any] = colours[::-1, :, 0]
+        if len(self._class_of_segment) > 256:  # the first channel holds fewer numbers
+            numbers = numbers + 256 * colours[::-1, :, 1].astype(np.int32)
+        return np.asarray(self._class_of_segment[numbers], np.uint8)
 
     def _place(self, movers: Sequence[MoverState]) -> None:
         """Set the positions of the movers in the list of geoms."""

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.twin.model import LabModel
+from sim_bridge.twin.builder import LabModel
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.simulation import Capture
 

@@ -4,58 +4,58 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+from sim_bridge.twin.lab_of_scene import SceneLab, lab_of_scene
+from sim_bridge.twin.layout import (
+    GroundSpec,
+    LayoutError,
+    LayoutProblem,
+    ground_of,
+    layout_problem,
+)
 from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_names, mover_problem
 from sim_bridge.twin.objects import BoxSpec, Helipad, Vector2, Vector3, box_names
+from sim_bridge.twin.placed import (
+    ObjectSpec,
+    PlacedObject,
+    Shape,
+    object_names,
+    of_its_kind,
+    shape_named,
+)
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.roles import MARK
-from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
+from uav_bt.lab.room import MAX_LAMPS, Lamp, RoomSection
+from uav_bt.lab.shipped import DEFAULT_LAB
 from uav_bt.types import LandingMark, Pose2D
-from uav_bt.types.ground import Footprint, Ground, Standing
+from uav_bt.types.ground import Ground, Standing
 
-CARPET_SIZE_M = (5.0, 4.0)  # size in the paper, along x and y, centred on the origin
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # least size, centred on the origin, the floor at z = 0
 FLOOR_M = -0.004  # height of the floor: the carpet is 4 mm thick, its surface is z = 0
 _BESIDE_M = 2.5  # least distance from the ground's edge to the walls
-_GROUND_SIDES_M = (2.0, 12.0)
 MAX_MOVERS = 8
-MAX_BOXES = 64  # the class masks distinguish fewer than 256 geoms; a box has two
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroundSpec:
-    """The carpet below the flight.
-
-    Raises:
-        ValueRangeError: it is too small or too large.
-    """
-
-    size_m: Vector2 = CARPET_SIZE_M  # along x and y, centred on the origin
-
-    def __post_init__(self) -> None:
-        low, high = _GROUND_SIDES_M
-        if not all(low <= side <= high for side in self.size_m):
-            raise ValueRangeError(
-                f"ground: size_m must be {low:g} to {high:g} m a side, got {list(self.size_m)}"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lighting:
-    """The light: ambient plus one distant lamp.
+    """The light: ambient plus one distant lamp, or lamps in the room.
 
     Raises:
-        ValueRangeError: ambient is not within 0 to 1, or the light does not shine downwards.
+        ValueRangeError: ambient is not within 0 to 1, the light does not shine downwards, or there
+            are too many lamps.
     """
 
     ambient: float = 0.35  # share of the light without a direction, 0 to 1
     direction: Vector3 = (0.5, 0.3, -1.0)  # direction of travel of the light
     shadows: bool = False  # cast shadows take 10 ms and more per frame without a GPU
+    lamps: tuple[Lamp, ...] = ()  # in place of the distant lamp
 
     def __post_init__(self) -> None:
+        if len(self.lamps) > MAX_LAMPS:
+            raise ValueRangeError(f"lighting: at most {MAX_LAMPS} lamps, got {len(self.lamps)}")
         if not 0.0 <= self.ambient <= 1.0:
             raise ValueRangeError(f"lighting: ambient must lie within 0 and 1, got {self.ambient}")
         if not all(math.isfinite(v) for v in self.direction) or self.direction[2] >= 0.0:
@@ -83,54 +83,13 @@ class TakeOffSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LayoutProblem:
-    """A mistake in the arrangement of a scene."""
-
-    place: tuple[str | int, ...]  # keys and indices of the faulty item in a scene file
-    message: str
-
-
-def layout_problem(
-    helipad: Helipad | None, boxes: Sequence[BoxSpec], ground: GroundSpec
-) -> LayoutProblem | None:
-    """Return the first mistake in the arrangement of helipad and boxes; None without one."""
-    outside = None if helipad is None else _outside(ground, helipad.footprint)
-    if outside is not None:
-        return LayoutProblem(place=("helipad",), message=f"the helipad {outside}")
-    if len(boxes) > MAX_BOXES:
-        message = f"at most {MAX_BOXES} boxes, got {len(boxes)}"
-        return LayoutProblem(place=("boxes", MAX_BOXES), message=message)
-    names = box_names(boxes)
-    for index, (box, name) in enumerate(zip(boxes, names, strict=True)):
-        wrong = _outside(ground, box.footprint)
-        for other, other_name in zip(boxes[:index], names, strict=False):
-            if wrong is None and box.footprint.overlaps(other.footprint):
-                wrong = f"overlaps {other_name}"
-        if wrong is None and helipad is not None and box.footprint.overlaps(helipad.footprint):
-            wrong = "overlaps the helipad"
-        if wrong is not None:
-            return LayoutProblem(place=("boxes", index), message=f"{name} {wrong}")
-    return None
-
-
-def _outside(ground: GroundSpec, footprint: Footprint) -> str | None:
-    half_x, half_y = (side / 2 for side in ground.size_m)
-    for x, y in footprint.corners():
-        if abs(x) > half_x + 1e-9 or abs(y) > half_y + 1e-9:
-            return (
-                f"at [{footprint.x_m:g}, {footprint.y_m:g}] stands outside the carpet: a corner is "
-                f"at ({x:.2f}, {y:.2f}), the carpet ends at x = +-{half_x:g}, y = +-{half_y:g}"
-            )
-    return None
-
-
-@dataclass(frozen=True, kw_only=True)
 class Scene:
     """One arrangement of the lab.
 
     Raises:
-        ValueRangeError: objects overlap or extend beyond the carpet, a mover's path is not free,
-            the take-off point is not free, or there is neither a helipad nor a take-off point.
+        ValueRangeError: objects overlap or extend beyond the ground, a mover's path is not free,
+            the take-off point is not free, there is neither a helipad nor a take-off point, or the
+            lab has no such kind, no class of that pattern, or another ground.
     """
 
     name: str
@@ -140,15 +99,45 @@ class Scene:
     movers: tuple[MoverSpec, ...] = ()
     lighting: Lighting = field(default_factory=Lighting)
     take_off: TakeOffSpec = field(default_factory=TakeOffSpec)
-    lab: str = DEFAULT_LAB  # name or path of the lab that the scene belongs to
+    lab: str = DEFAULT_LAB  # name or folder of the lab that the scene belongs to
+    objects: tuple[ObjectSpec, ...] = ()
+
+    @cached_property
+    def place(self) -> SceneLab:
+        """The lab, with the shapes of its kinds."""
+        return lab_of_scene(self.lab)
+
+    @property
+    def room(self) -> RoomSection:
+        """The section `room` of the lab file; an empty one if it has none."""
+        room = self.place.lab.room
+        return RoomSection() if room is None else room.section
 
     @cached_property
     def classes(self) -> LabClasses:
         """The classes of the lab."""
-        return load_lab(self.lab).classes
+        return self.place.lab.classes
+
+    @cached_property
+    def placed(self) -> tuple[PlacedObject, ...]:
+        """The objects with their names and shapes.
+
+        Raises:
+            ValueRangeError: the lab has no such kind.
+        """
+        return tuple(
+            PlacedObject(name=name, spec=spec, shape=self.shape_of(spec.kind))
+            for name, spec in zip(object_names(self.objects), self.objects, strict=True)
+        )
+
+    def shape_of(self, kind: str) -> Shape:
+        """Return the shape of a kind of the lab."""
+        return shape_named(kind, self.place.shapes, self.lab)
 
     def class_of(self, item: BoxSpec | MoverSpec) -> int:
         """Return the class of the sides of a box or mover."""
+        if isinstance(item, MoverSpec) and item.kind is not None:
+            return self.shape_of(item.kind).class_id
         return self.classes.standing[item.pattern - 1]
 
     @property
@@ -184,9 +173,12 @@ class Scene:
         return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(self.take_off.yaw_deg))
 
     def __post_init__(self) -> None:
-        problem = layout_problem(self.helipad, self.boxes, self.ground)
+        problem = lab_problem(self)
+        if problem is None:
+            placed = self.placed if self.objects else ()
+            problem = layout_problem(self.helipad, self.boxes, self.ground, placed)
         if problem is not None:
-            raise ValueRangeError(f"scene '{self.name}': {problem.message}")
+            raise LayoutError(self.name, problem)
         if self.helipad is None and self.take_off.position_m is None and not self.take_off.random:
             raise ValueRangeError(
                 f"scene '{self.name}' has no helipad to take off from: give take_off a place, such "
@@ -196,15 +188,18 @@ class Scene:
             self._check_take_off(*self.take_off.position_m)
         problem = traffic_problem(self, self.movers)
         if problem is not None:
-            raise ValueRangeError(f"scene '{self.name}': {problem.message}")
+            raise LayoutError(self.name, problem)
 
     def _check_take_off(self, x_m: float, y_m: float) -> None:
         if not self.ground_plan.contains(x_m, y_m):
             raise ValueRangeError(
-                f"take_off: ({x_m}, {y_m}) is outside the carpet of {self.ground.size_m} m"
+                f"take_off: ({x_m}, {y_m}) is outside the {self.ground.called} of "
+                f"{self.ground.size_m} m"
             )
-        for box, name in zip(self.boxes, box_names(self.boxes), strict=True):
-            if box.footprint.distance_m(x_m, y_m) < KEPT_FREE_M:
+        names = (*box_names(self.boxes), *(item.name for item in self.placed))
+        items: tuple[BoxSpec | PlacedObject, ...] = (*self.boxes, *self.placed)
+        for item, name in zip(items, names, strict=True):
+            if item.footprint.distance_m(x_m, y_m) < KEPT_FREE_M:
                 raise ValueRangeError(
                     f"take_off: ({x_m}, {y_m}) is within {KEPT_FREE_M} m of {name}"
                 )
@@ -219,6 +214,10 @@ class Scene:
     @property
     def room_size_m(self) -> Vector3:
         """The size of the room: along x and y, centred on the origin, and its height."""
+        walls = self.room.walls if self.lab != DEFAULT_LAB else None
+        if walls is not None:
+            wide_m, deep_m = (side + 2.0 * walls.beside_m for side in self.ground.size_m)
+            return wide_m, deep_m, walls.height_m
         x_m, y_m = (
             max(least, side + 2.0 * _BESIDE_M)
             for least, side in zip(ROOM_SIZE_M, self.ground.size_m, strict=False)
@@ -233,29 +232,91 @@ class Scene:
     @cached_property
     def ground_plan(self) -> Ground:
         """The ground and the objects on it, the helipad included."""
-        return Ground(
-            size_m=self.ground.size_m,
-            standing=tuple(
-                Standing(footprint=footprint, height_m=size_m[2], class_id=class_id)
-                for footprint, size_m, class_id in (
-                    *((box.footprint, box.size_m, self.class_of(box)) for box in self.boxes),
-                    *((pad.footprint, pad.size_m, None) for pad in self.pads),
-                )
+        plan = self.ground.plan
+        return replace(
+            plan,
+            standing=(
+                *(
+                    Standing(
+                        footprint=box.footprint,
+                        height_m=box.size_m[2],
+                        class_id=self.class_of(box),
+                    )
+                    for box in self.boxes
+                ),
+                *(item.standing for item in self.placed),
+                *(Standing(footprint=pad.footprint, height_m=pad.size_m[2]) for pad in self.pads),
             ),
         )
 
-    def surface_m(self, x_m: float, y_m: float) -> float:
-        """Return the height of the surface at a world point: a box, the pad or the ground."""
+    def surface_m(self, x_m: float, y_m: float, below_m: float = math.inf) -> float:
+        """Return the height of the surface at a world point: an object, the pad or the ground.
+
+        Args:
+            x_m: world x.
+            y_m: world y.
+            below_m: height of what looks down: a table's top above it does not count.
+        """
         for box in self.boxes:
             if box.footprint.contains(x_m, y_m):
                 return box.size_m[2]
         tops_m = [pad.size_m[2] for pad in self.pads if pad.footprint.contains(x_m, y_m)]
-        return tops_m[0] if tops_m else 0.0
+        tops_m += [
+            block.top_m
+            for item in self.placed
+            if item.footprint.contains(x_m, y_m)
+            for block in item.standing.blocks
+            if block.base_m < below_m and block.footprint.contains(x_m, y_m)
+        ]
+        return max(tops_m, default=0.0)
+
+
+def lab_problem(scene: Scene) -> LayoutProblem | None:
+    """Return the first thing of a scene that its lab does not have; None without one."""
+    if scene.lab == DEFAULT_LAB and not scene.objects:
+        return _kind_problem(scene) if any(mover.kind for mover in scene.movers) else None
+    section = scene.room.ground
+    if section is not None and scene.ground != ground_of(section):
+        message = f"the lab '{scene.lab}' states its ground: use that of layout.ground_of"
+        return LayoutProblem(place=("ground",), message=message)
+    most = len(scene.classes.standing)
+    patterns = [("boxes", number, box.pattern) for number, box in enumerate(scene.boxes)]
+    patterns += [
+        ("movers", number, mover.pattern)
+        for number, mover in enumerate(scene.movers)
+        if mover.kind is None
+    ]
+    for key, number, pattern in patterns:
+        if pattern > most:
+            message = (
+                f"the lab '{scene.lab}' has no class for pattern {pattern}, only {most} classes: "
+                "use the kinds of its 'room'"
+            )
+            return LayoutProblem(place=(key, number), message=message)
+    return _kind_problem(scene)
+
+
+def _kind_problem(scene: Scene) -> LayoutProblem | None:
+    place: tuple[str | int, ...] = ()
+    try:
+        for index, spec in enumerate(scene.objects):
+            place = ("objects", index)
+            scene.shape_of(spec.kind)
+        for index, mover in enumerate(scene.movers):
+            place = ("movers", index)
+            whole = mover.kind is None or of_its_kind(mover, scene.place.shapes, scene.lab)
+            if whole not in (True, mover):
+                message = f"a mover of the kind '{mover.kind}' has its size and shape"
+                return LayoutProblem(place=place, message=message)
+    except ValueRangeError as error:
+        return LayoutProblem(place=place, message=str(error))
+    return None
 
 
 def obstacle_names(scene: Scene) -> tuple[str, ...]:
-    """Return the names of the boxes and movers of a scene, in its order."""
-    return (*box_names(scene.boxes), *mover_names(scene.movers))
+    """Return the names of the boxes, objects and movers of a scene, in its order."""
+    objects = (item.name for item in scene.placed)
+    return (*box_names(scene.boxes), *objects, *mover_names(scene.movers))
 
 
 def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem | None:
@@ -265,6 +326,7 @@ def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem 
         return LayoutProblem(place=("movers", MAX_MOVERS), message=message)
     names = (
         *box_names(scene.boxes),
+        *(item.name for item in scene.placed),
         *("the helipad" for _ in scene.pads),
     )  # in the order of the ground plan
     for index, mover in enumerate(movers):

@@ -206,17 +206,17 @@ class Simulation:
         elif self._touched_s:
             self._touched_s.clear()
         self._estimate = self._sensors.estimate(motion, airborne=self._autopilot.lifting)
-        self._surface_m = self._surface_at(motion.x_m, motion.y_m)
+        self._surface_m = self._surface_at(motion)
         self._telemetry = self._sensors.telemetry(motion, self._estimate, self._surface_m)
         events = Events(flying=self._autopilot.flying_state, movement=self._autopilot.movement)
         self._downlink.take(self._telemetry, self._gimbal_rad, events, self.now_s)
         if self.now_s >= self._frame_count / self._profile.video_rate_hz - _TIME_SLACK_S:
             self._capture()
 
-    def _surface_at(self, x_m: float, y_m: float) -> float:
-        """Return the height of the surface at a world point, movers included."""
-        standing_m = self._scene.surface_m(x_m, y_m)
-        return max(standing_m, self._traffic.top_m(self.movers, x_m, y_m))
+    def _surface_at(self, body: Pose) -> float:
+        """Return the height of the surface below the body, movers included."""
+        standing_m = self._scene.surface_m(body.x_m, body.y_m, body.z_m)
+        return max(standing_m, self._traffic.top_m(self.movers, body.x_m, body.y_m))
 
     def _capture(self) -> None:
         motion = self.motion

@@ -9,10 +9,12 @@ from typing import Final
 import numpy as np
 
 from sim_bridge.anafi import ANAFI_AIRFRAME
+from sim_bridge.twin.layout import layout_problem
 from sim_bridge.twin.movers import PATTERN_COUNT, MoverSpec
 from sim_bridge.twin.noise import child_seed
+from sim_bridge.twin.object_variation import moved_objects, moving_kinds, of_kind, varied_lamps
 from sim_bridge.twin.objects import BoxSpec
-from sim_bridge.twin.scene import MAX_MOVERS, Lighting, Scene, layout_problem, traffic_problem
+from sim_bridge.twin.scene import MAX_MOVERS, Lighting, Scene, traffic_problem
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose
 
@@ -61,7 +63,13 @@ def varied_scene(scene: Scene, rng: np.random.Generator, *, name: str, layout: b
         ValueRangeError: no arrangement of the boxes was found.
     """
     boxes = _placed(scene, rng) if layout else scene.boxes
-    return replace(scene, name=name, boxes=boxes, lighting=varied_light(rng))
+    light = varied_light(rng)
+    if not scene.objects and not scene.lighting.lamps:
+        return replace(scene, name=name, boxes=boxes, lighting=light)
+    if scene.lighting.lamps:
+        light = varied_lamps(scene.lighting, rng)
+    objects = moved_objects(replace(scene, boxes=boxes), rng) if layout else scene.objects
+    return replace(scene, name=name, boxes=boxes, objects=objects, lighting=light)
 
 
 def _placed(scene: Scene, rng: np.random.Generator) -> tuple[BoxSpec, ...]:
@@ -113,7 +121,7 @@ def varied(scene: Scene, seed: int, *, room: bool, movers: int) -> Scene:
         movers: number of random movers to add.
 
     Raises:
-        ValueRangeError: there is no space for the boxes or the movers.
+        ValueRangeError: there is no space for the objects or the movers.
     """
     if room:
         rng = np.random.default_rng(child_seed(seed, 16))
@@ -143,20 +151,24 @@ def with_movers(scene: Scene, count: int, seed: int) -> Scene:
     rng = np.random.default_rng(child_seed(seed, 10))
     kept_free_m = [scene.start_m, *(pad.position_m for pad in scene.pads)]
     drawn: list[MoverSpec] = []
+    kinds = moving_kinds(scene)
     for _ in range(_TRIES):
         if len(drawn) == count:
             return replace(scene, movers=(*scene.movers, *drawn))
         mover = _drawn_mover(scene, rng)
         if mover is None:
             continue
+        if kinds:
+            mover = of_kind(mover, kinds[int(rng.integers(len(kinds)))])
         across, along, height = mover.size_m
-        wide = replace(mover, size_m=(across + _MOVER_GAP_M, along + _MOVER_GAP_M, height))
+        wide_m = (across + _MOVER_GAP_M, along + _MOVER_GAP_M, height)
+        wide = replace(mover, size_m=wide_m, kind=None)
         near_m = min(mover.distance_m(*place) for place in kept_free_m)
         if near_m >= _MOVER_FROM_PAD_M and traffic_problem(scene, [wide]) is None:
             drawn.append(mover)
     raise ValueRangeError(
-        f"no room for {count} more movers between the boxes of scene '{scene.name}', whose ground "
-        f"is {scene.ground.size_m[0]:g} x {scene.ground.size_m[1]:g} m: ask for fewer"
+        f"no room for {count} more movers between the objects of scene '{scene.name}', whose "
+        f"ground is {scene.ground.size_m[0]:g} x {scene.ground.size_m[1]:g} m: ask for fewer"
     )
 
 
@@ -203,14 +215,18 @@ def _random_pose(scene: Scene, seed: int) -> Pose:
     generator = np.random.default_rng(child_seed(seed, 6))
     away = [
         *(box.footprint.distance_m for box in scene.boxes),
+        *(item.footprint.distance_m for item in scene.placed),
         *(pad.footprint.distance_m for pad in scene.pads),
         *(mover.distance_m for mover in scene.movers),
     ]
     half_x, half_y = (side / 2 - _START_FROM_EDGE_M for side in scene.ground.size_m)
+    plan = scene.ground.plan
     for _ in range(_START_TRIES):
         x, y = float(generator.uniform(-half_x, half_x)), float(generator.uniform(-half_y, half_y))
+        if plan.outline_m and plan.margin_m(x, y) < _START_FROM_EDGE_M:
+            continue
         if all(each(x, y) >= _START_FROM_BOX_M for each in away):
             return _standing(scene, x, y, float(generator.uniform(-math.pi, math.pi)))
     raise ValueRangeError(
-        f"scene '{scene.name}': no free carpet for a random take-off; remove or move a box"
+        f"scene '{scene.name}': no free ground for a random take-off; remove or move an object"
     )

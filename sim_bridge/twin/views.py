@@ -141,7 +141,8 @@ def sample_flight_poses(
 
 
 def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool) -> CameraPose:
-    half_x, half_y = (side / 2 - _MARGIN_M for side in scene.ground.size_m)
+    edge_m = _from_edge_m(scene)
+    half_x, half_y = (side / 2 - edge_m for side in scene.ground.size_m)
     for _ in range(_TRIES):
         if landing:
             x, y = generator.normal(scene.pads[0].position_m, 0.3)
@@ -157,6 +158,8 @@ def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool)
         yaw = generator.uniform(-math.pi, math.pi)
         lens = Pose2D(x_m=x, y_m=y, yaw_rad=yaw).to_world(CAMERA_FORWARD_M, 0.0)
         inside = abs(x) <= half_x and abs(y) <= half_y
+        if scene.ground.plan.outline_m:
+            inside = scene.ground.plan.margin_m(x, y) >= edge_m
         if inside and _is_free(scene, ((x, y), lens), z):
             return CameraPose(
                 x_m=float(lens[0]),
@@ -168,13 +171,31 @@ def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool)
     raise ValueRangeError(f"scene '{scene.name}': the boxes leave no room to fly; remove some")
 
 
+def _from_edge_m(scene: Scene) -> float:
+    """Return the least distance of the body's centre from the edge of the ground.
+
+    The hull may pass over the edge, unless walls stand there.
+    """
+    beside_m = min(
+        (wall - side) / 2
+        for wall, side in zip(scene.room_size_m, scene.ground.size_m, strict=False)
+    )
+    return max(_MARGIN_M, _HULL_RADIUS_M + _MARGIN_M - beside_m)
+
+
 def _is_free(scene: Scene, points: Sequence[tuple[float, float]], z_m: float) -> bool:
     reach = _HULL_RADIUS_M + _MARGIN_M
-    things = [(box.footprint, box.size_m[2]) for box in scene.boxes]
-    things += [(pad.footprint, pad.size_m[2]) for pad in scene.pads]
+    things = [(box.footprint, 0.0, box.size_m[2]) for box in scene.boxes]
+    things += [(pad.footprint, 0.0, pad.size_m[2]) for pad in scene.pads]
+    things += [
+        (block.footprint, block.base_m, block.top_m)
+        for item in scene.placed
+        for block in item.standing.blocks
+    ]
     (centre, lens) = points
     return all(
         z_m > top + reach
+        or z_m < base - reach
         or (footprint.distance_m(*centre) > reach and footprint.distance_m(*lens) > 0.05)
-        for footprint, top in things
+        for footprint, base, top in things
     )

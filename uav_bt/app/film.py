@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from rich.console import Console
 from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
 from perception.depth.corridor import CorridorBuilder, CorridorConfig
+from sim_bridge.twin.placed import PlacedObject
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight, Listeners
 from uav_bt.board import METRIC_DEPTH, SITE_MAP
@@ -47,9 +49,12 @@ def map_of_scene(scene: Scene) -> LabMap:
     x_m, y_m = scene.start_m
     return LabMap(
         carpet_size_m=scene.ground.size_m,
-        boxes=tuple(
-            _item(classes, scene.class_of(box), box.position_m, box.yaw_deg, box.size_m)
-            for box in scene.boxes
+        boxes=(
+            *(
+                _item(classes, scene.class_of(box), box.position_m, box.yaw_deg, box.size_m)
+                for box in scene.boxes
+            ),
+            *(_placed(classes, item) for item in scene.placed),
         ),
         helipad=None
         if pad is None
@@ -67,7 +72,14 @@ def map_of_scene(scene: Scene) -> LabMap:
         take_off=None
         if start.random
         else Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(start.yaw_deg)),
+        ground=scene.ground_plan if scene.placed or scene.ground_plan.outline_m else None,
     )
+
+
+def _placed(classes: LabClasses, item: PlacedObject) -> MapItem:
+    spec, shape = item.spec, item.shape
+    whole = _item(classes, shape.class_id, spec.position_m, spec.yaw_deg, shape.kind.size_m)
+    return replace(whole, round=shape.round, parts=item.standing.parts)
 
 
 def _item(

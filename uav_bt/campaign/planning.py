@@ -7,11 +7,10 @@ import glob
 import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from sim_bridge.twin.scene_file import load_scene, scene_names
+from sim_bridge.twin.scene_file import load_scene, scene_names, shipped_scenes
 from uav_bt.app import provenance
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
@@ -131,9 +130,15 @@ def _lab_sha256(options: FlightOptions, of_scenes: Sequence[Lab]) -> dict[str, s
         f"{lab.name}/{file.name}": hashlib.sha256(file.read_bytes()).hexdigest()
         for path, lab in labs.items()
         if named or path != default
-        for file in (lab.file, lab.flight.camera, (lab.flight.network or {}).get("classes"))
+        for file in _files_of(lab)
         if file is not None
     }
+
+
+def _files_of(lab: Lab) -> tuple[Path | None, ...]:
+    classes = (lab.flight.network or {}).get("classes")
+    built = () if lab.room is None else lab.room.files
+    return (lab.file, lab.flight.camera, classes, *built)
 
 
 def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> list[str]:
@@ -168,8 +173,7 @@ def _planned_scene(name: str, options: FlightOptions) -> tuple[PlannedFile, Lab]
         InputError: The scene cannot be read, or it is of another lab than that of the options.
     """
     scene, shipped = load_scene(name), name in scene_names()
-    folder = resources.files("sim_bridge.twin") / "scenes"
-    content = (folder / f"{name}.yaml" if shipped else Path(name)).read_bytes()
+    content = shipped_scenes().get(name, Path(name)).read_bytes()
     planned = PlannedFile(
         name=scene.name,
         path=name if shipped else str(Path(name).resolve()),

@@ -1,4 +1,4 @@
-"""Reduction of a failed flight to the fewest boxes, movers and faults that still fail.
+"""Reduction of a failed flight to the fewest objects, movers and faults that still fail.
 
 The parts are removed by delta debugging (Zeller and Hildebrandt, 2002): larger groups first, then
 single ones, until no part can be left out.
@@ -24,6 +24,7 @@ Part = TypeVar("Part")
 
 _OF_THE_LINE: Final = ("drone", "profile", "ports", "variables")  # options as they were flown
 _BOX: Final = "box"
+_OBJECT: Final = "object"
 _MOVER: Final = "mover"
 _FAULT: Final = "fault"
 
@@ -79,7 +80,13 @@ class FailedFlight:
 
     def parts(self) -> list[tuple[str, int]]:
         """Return everything that may be left out: its kind and its number."""
-        counted = ((_FAULT, self.faults), (_MOVER, self.scene.movers), (_BOX, self.scene.boxes))
+        scene = self.scene
+        counted = (
+            (_FAULT, self.faults),
+            (_MOVER, scene.movers),
+            (_BOX, scene.boxes),
+            (_OBJECT, scene.objects),
+        )
         return [(kind, number) for kind, some in counted for number in range(len(some))]
 
     def with_parts(self, kept: Sequence[tuple[str, int]]) -> FailedFlight:
@@ -90,6 +97,7 @@ class FailedFlight:
             name=f"{self.scene.name}-shrunk",
             boxes=_kept(self.scene.boxes, _BOX, left),
             movers=_kept(self.scene.movers, _MOVER, left),
+            objects=_kept(self.scene.objects, _OBJECT, left),
         )
         return replace(self, scene=scene, faults=_kept(self.faults, _FAULT, left))
 

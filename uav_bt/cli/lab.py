@@ -45,7 +45,7 @@ def scenes(*, shown: str | None, tree: str | None, out: Path | None) -> None:
         if given is not None:
             raise click.UsageError(f"{given} needs --show SCENE")
         for name in scene_names():
-            click.echo(f"{name:<10}{_line(load_scene(name))}")
+            click.echo(f"{name:<16}{_line(load_scene(name))}")
         return
     scene = load_scene(shown)
     path = Path(f"{scene.name}.png") if out is None else out
@@ -60,7 +60,7 @@ def scenes(*, shown: str | None, tree: str | None, out: Path | None) -> None:
 
 
 def _table(scene: Scene) -> str:
-    """Return the boxes of a scene, a line for each."""
+    """Return the boxes and objects of a scene, a line for each."""
     lines = ["pattern  class   x, m   y, m  yaw, deg  size, m      height, m"]
     for box in scene.boxes:
         (x_m, y_m), (length_m, width_m, height_m) = box.position_m, box.size_m
@@ -68,12 +68,31 @@ def _table(scene: Scene) -> str:
             f"{box.pattern:<7}  {scene.classes.names[scene.class_of(box)]}  {x_m:5.2f}  {y_m:5.2f}"
             f"  {box.yaw_deg:8.1f}  {f'{length_m:.2f} x {width_m:.2f}':<11}  {height_m:9.2f}"
         )
-    return "".join(f"{line}\n" for line in lines) if scene.boxes else ""
+    text = "".join(f"{line}\n" for line in lines) if scene.boxes else ""
+    return text + _objects(scene)
+
+
+def _objects(scene: Scene) -> str:
+    """Return the objects of a scene, a line for each."""
+    if not scene.placed:
+        return ""
+    wide = max(len(item.name) for item in scene.placed) + 2
+    lines = [f"{'object':<{wide}}{'class':<12}  x, m   y, m  yaw, deg  size, m      height, m"]
+    for item in scene.placed:
+        (x_m, y_m), (length_m, width_m, height_m) = item.spec.position_m, item.shape.kind.size_m
+        lines.append(
+            f"{item.name:<{wide}}{scene.classes.names[item.shape.class_id]:<12} {x_m:5.2f}  "
+            f"{y_m:5.2f}  {item.spec.yaw_deg:8.1f}  {f'{length_m:.2f} x {width_m:.2f}':<11}  "
+            f"{height_m:9.2f}"
+        )
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _line(scene: Scene) -> str:
-    tall = sum(box.size_m[2] >= _FLIGHT_HEIGHT_M for box in scene.boxes)
     heights = [box.size_m[2] for box in scene.boxes]
+    heights += [item.standing.height_m for item in scene.placed]
+    tall = sum(height_m >= _FLIGHT_HEIGHT_M for height_m in heights)
+    what = "boxes" if scene.boxes or not scene.placed else "objects"
     span = f", {min(heights):.2f} to {max(heights):.2f} m high" if heights else ""
     pads = [f"helipad at ({x_m:g}, {y_m:g})" for x_m, y_m in (p.position_m for p in scene.pads)]
     wide_m, deep_m = scene.ground.size_m
@@ -86,7 +105,7 @@ def _line(scene: Scene) -> str:
         place = "the helipad"
     yaw = "" if start.random else f", yaw {start.yaw_deg:g} deg"
     return (
-        f"{wide_m:g} x {deep_m:g} m, {len(scene.boxes)} boxes{span} "
+        f"{wide_m:g} x {deep_m:g} m, {len(heights)} {what}{span} "
         f"({tall} reach {_FLIGHT_HEIGHT_M} m), "
         f"{f'{len(scene.movers)} movers, ' if scene.movers else ''}"
         f"{pads[0] if pads else 'no helipad'}, take-off from {place}{yaw}"

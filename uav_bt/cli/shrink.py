@@ -1,4 +1,4 @@
-"""`uav-bt shrink`: the fewest boxes, movers and faults with which a flight still fails."""
+"""`uav-bt shrink`: the fewest objects, movers and faults with which a flight still fails."""
 
 from __future__ import annotations
 
@@ -60,7 +60,9 @@ def shrink_command(
       uav-bt shrink runs/soak --out runs/soak/smallest
     """  # noqa: D301  (click needs the backspace)
     flight = _failed(source, {"tree": tree_name, "scene": scene, "seed": seed})
-    click.echo(f"{flight.outcome}: {flight.reason}; {len(flight.parts())} boxes, movers and faults")
+    click.echo(
+        f"{flight.outcome}: {flight.reason}; {len(flight.parts())} objects, movers and faults"
+    )
     small = shrink(flight, lambda left, fails: click.echo(f"  {left}: {_outcome(fails=fails)}"))
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
@@ -72,6 +74,7 @@ def shrink_command(
             ("faults", small.faults),
             ("movers", small.scene.movers),
             ("boxes", small.scene.boxes),
+            *((("objects", small.scene.objects),) if flight.scene.objects else ()),
         )
     )
     click.echo(f"left: {left}; {out / SCENE_FILE}, {out / FAULTS_FILE}")

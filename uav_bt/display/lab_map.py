@@ -24,6 +24,7 @@ from uav_bt.display.canvas import (
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Image
+from uav_bt.types.ground import Block, Ground
 
 CARPET_COLOUR: Final[Colour] = (52, 66, 54)
 _CARPET_GRID: Final[Colour] = (63, 79, 65)
@@ -45,15 +46,20 @@ _PHASE_COLOURS: Final[tuple[Colour, ...]] = (
 
 @dataclass(frozen=True, kw_only=True)
 class MapItem(Pose2D):
-    """A box or the helipad, seen from above."""
+    """An object or the helipad, seen from above."""
 
     size_m: tuple[float, float, float]  # along the object's x and y, and its height
     yaw_rad: float = 0.0  # counter-clockwise from +x
     colour: Colour = (160, 120, 80)  # RGB colour of the sides in class maps
     name: str = ""  # class of the sides, such as box_3
+    round: bool = False  # whether it is a cylinder
+    base_m: float = 0.0  # height of its underside
+    parts: tuple[Block, ...] = ()  # such as the legs and the top of a table; none: it is solid
 
     def corners(self) -> list[Point]:
-        """Return the four corners in world metres, counter-clockwise."""
+        """Return the corners of the outline in world metres, counter-clockwise."""
+        if self.round:
+            return circle(self.x_m, self.y_m, self.size_m[0] / 2)
         return self.rectangle(self.size_m[0] / 2, self.size_m[1] / 2)
 
     def letter(self) -> list[list[Point]]:
@@ -88,10 +94,16 @@ class LabMap:
     movers: tuple[MapMover, ...] = ()
     take_off: Pose2D | None = None  # None: random or unknown
     places: tuple[tuple[str, Point], ...] = ()  # of a mission: text in the tree, and position
+    ground: Ground | None = None  # with the objects' parts; None: the carpet with solid boxes
 
     def __post_init__(self) -> None:
         if min(self.carpet_size_m) <= 0.0:
             raise ValueRangeError(f"the carpet must have a size, got {self.carpet_size_m} m")
+
+    def outline(self) -> list[Point]:
+        """Return the corners of the ground in world metres."""
+        ground = self.ground or Ground(size_m=self.carpet_size_m)
+        return list(ground.corners_m)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,8 +178,7 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
     reach_m = math.ceil(max(frame.size_px) / frame.scale_px_per_m / 2 + abs(frame.centre_m[1]))
     _grid(image, frame, (2.0 * reach_m, 2.0 * reach_m), _FLOOR_GRID)
     if lab_map is not None:
-        carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab_map.carpet_size_m, 0.0))
-        polygon(image, frame.all_to_px(carpet.corners()), CARPET_COLOUR)
+        polygon(image, frame.all_to_px(lab_map.outline()), CARPET_COLOUR)
         _grid(image, frame, lab_map.carpet_size_m, _CARPET_GRID)
         if lab_map.helipad is not None:
             _draw_helipad(image, frame, lab_map.helipad)

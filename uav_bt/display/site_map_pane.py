@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from uav_bt.display.canvas import BACKDROP, INK, Colour, line, polygon, put, text_width_px
-from uav_bt.display.lab_map import LabMap, MapFrame, MapItem, draw_scale
+from uav_bt.display.lab_map import LabMap, MapFrame, draw_scale
 from uav_bt.lab.classes import LabClasses
 from uav_bt.mission.map_alignment import MapPlacement
 from uav_bt.types.arrays import Image
@@ -60,10 +60,10 @@ def draw_site_map(
     """
     image = _cells_in_world(site_map, placement, frame)
     if lab_map is not None:
-        carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab_map.carpet_size_m, 0.0))
         pad = [] if lab_map.helipad is None else [lab_map.helipad]
-        for item in (carpet, *lab_map.boxes, *pad):
-            polygon(image, frame.all_to_px(item.corners()), None, _TRUE)
+        outlines = (item.corners() for item in (*lab_map.boxes, *pad))
+        for outline in (lab_map.outline(), *outlines):
+            polygon(image, frame.all_to_px(outline), None, _TRUE)
     for points_m, colour in ((site_map.edges_m, EDGES), (site_map.obstacles_m, BASES)):
         for x_m, y_m in placement.to_world(points_m).tolist():
             x, y = (round(each) for each in frame.to_px(x_m, y_m))

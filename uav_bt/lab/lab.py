@@ -14,6 +14,7 @@ from uav_bt.types.pose import Pose2D
 if TYPE_CHECKING:
     # pydantic takes long to import, and `uav-bt check` answers at once.
     from uav_bt.lab.flight_keys import FlightKeys
+    from uav_bt.lab.room import Room
 
 LAB_FILE: Final = "lab.yaml"
 SCENES_FOLDER: Final = "scenes"
@@ -32,6 +33,7 @@ class Lab:
         flight: How the place is flown.
         mark: Landing mark of the place; None without one.
         mark_pose: Pose of the mark in the drawing, yaw counter-clockwise; None if not stated.
+        room: What the twin builds of the place; None: as the paper's.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Lab:
     flight: FlightKeys
     mark: LandingMark | None = None
     mark_pose: Pose2D | None = None
+    room: Room | None = None
 
     __repr__ = brief_repr
 

@@ -16,6 +16,8 @@ from uav_bt.lab.flight_keys import FlightKeys, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.mark_section import WholeMarkSection, mark_of_section, mark_pose
 from uav_bt.lab.roles import RoleName
+from uav_bt.lab.room import RoomSection
+from uav_bt.lab.room_reader import read_room
 from uav_bt.types.landing_mark import LandingMark
 from uav_bt.types.pose import Pose2D
 from uav_bt.yaml_file import YamlFile, read_yaml
@@ -41,12 +43,13 @@ def read_lab(path: Path) -> Lab:
             f"{VERSION}: update uav-bt",
             "version",
         )
-    classes, pose = _classes(file), _mark_pose(file)
+    classes, pose, room = _classes(file), _mark_pose(file), file.value.room
     _check_ground(file, classes)
     _check_area(file, pose)
+    folder = file.path.parent
     return Lab(
-        name=file.path.parent.resolve().name,
-        folder=file.path.parent,
+        name=folder.resolve().name,
+        folder=folder,
         file=file.path,
         classes=classes,
         mark=_mark(file),
@@ -54,6 +57,7 @@ def read_lab(path: Path) -> Lab:
         flight=FlightKeys(
             **{each.name: getattr(file.value, each.name) for each in fields(FlightKeys)}
         ),
+        room=None if room is None else read_room(file, room, folder, classes),
     )
 
 
@@ -149,3 +153,6 @@ class LabFile(FlightKeys):
         Field(min_length=1, description="Classes by name; the order gives their ids."),
     ]
     mark: Annotated[WholeMarkSection | None, Field(description="The landing mark.")] = None
+    room: Annotated[
+        RoomSection | None, Field(description="What the twin builds; a real flight needs none.")
+    ] = None

@@ -2,7 +2,8 @@
 
 A cell of 5 cm is *passed* once the body's centre came within 0.5 m of its middle, seen from above,
 and *seen* once its middle was in the camera's view, within 3 m of the lens and not hidden by an
-object on the ground. Ground without an object on it is free.
+object on the ground. Ground without an object on it is free. A table covers the ground below its
+legs only, and hides what is behind its top.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 from uav_bt.types import CameraModel, Pose, Truth, projection
 from uav_bt.types.arrays import Flags, Floats
-from uav_bt.types.ground import Footprint, Ground, Standing
+from uav_bt.types.ground import Block, Footprint, Ground
 
 CELL_M: Final = 0.05
 PASSED_M: Final = 0.5  # from the flown path to a cell's middle
@@ -23,6 +24,7 @@ SEEN_M: Final = 3.0  # from the lens to a cell's middle
 CURVE_S: Final = 10.0  # between the points of a flight's curve
 _LOOK_S: Final = 0.2  # between two looks at the view
 _SLACK_S: Final = 1e-6
+_LOW_M: Final = 0.3  # a part whose underside is lower leaves no free ground below it; chosen
 
 
 class GroundCells:
@@ -38,10 +40,11 @@ class GroundCells:
         self.x_m, self.y_m = (_middles(side) for side in ground.size_m)
         x, y = np.meshgrid(self.x_m, self.y_m)
         self.free: Flags = np.ones(x.shape, dtype=np.bool_)
-        for item in ground.standing:
-            u, v = _from_box(item.footprint, x, y)
-            on_it = (np.abs(u) <= item.footprint.half_x_m) & (np.abs(v) <= item.footprint.half_y_m)
-            self.free &= ~on_it
+        if ground.outline_m:
+            self.free &= _inside(ground, x, y)
+        for block in (each for item in ground.standing for each in item.blocks):
+            if block.base_m < _LOW_M:
+                self.free &= ~_under(block.footprint, x, y)
 
     def share(self, cells: Flags) -> float:
         """Return the share of the free ground that cells cover, 0 to 1; 0 without free ground."""
@@ -97,7 +100,7 @@ class CoveredGround:
 
     def __init__(self, ground: Ground, camera: CameraModel) -> None:
         self._cells = GroundCells(ground)
-        self._standing = ground.standing
+        self._blocks = [block for item in ground.standing for block in item.blocks]
         self._camera = camera
         self._passed = np.zeros_like(self._cells.free)
         self._unseen = self._cells.free.copy()
@@ -153,9 +156,9 @@ class CoveredGround:
             return
         x_range = min(lens_x, x[seen].min()), max(lens_x, x[seen].max())
         y_range = min(lens_y, y[seen].min()), max(lens_y, y[seen].max())
-        for item in self._standing:
-            if _may_lie_in(item.footprint, x_range, y_range):
-                seen = seen[~_hidden(lens, item, x[seen], y[seen])]
+        for block in self._blocks:
+            if _may_lie_in(block.footprint, x_range, y_range):
+                seen = seen[~_hidden(lens, block, x[seen], y[seen])]
         unseen[rows[seen], columns[seen]] = False
 
     def _in_view(self, lens: Pose, pitch_rad: float, x: Floats, y: Floats, reach_m: float) -> Flags:
@@ -177,17 +180,41 @@ def _may_lie_in(box: Footprint, x_m: tuple[float, float], y_m: tuple[float, floa
     return in_x and y_m[0] - around_m <= box.y_m <= y_m[1] + around_m
 
 
-def _hidden(lens: Pose, item: Standing, x_m: Floats, y_m: Floats) -> Flags:
-    """Return which ground points, (N,) each, a box hides from the lens.
+def _under(box: Footprint, x_m: Floats, y_m: Floats) -> Flags:
+    """Return which world points lie below an outline."""
+    u, v = _from_box(box, x_m, y_m)
+    if box.round:
+        return np.asarray(u**2 + v**2 <= box.half_x_m**2)
+    return np.asarray((np.abs(u) <= box.half_x_m) & (np.abs(v) <= box.half_y_m))
 
-    A line of sight goes from 0 at the lens to 1 on the ground. It meets the box where it is below
-    the box's top and over the box's footprint (slab method).
+
+def _inside(ground: Ground, x_m: Floats, y_m: Floats) -> Flags:
+    """Return which world points lie in the ground's polygon: a ray crosses its sides oddly."""
+    inside = np.zeros(x_m.shape, dtype=np.bool_)
+    for ax, ay, ex, ey in ground.area.edges[0]:
+        if ey != 0.0:
+            inside ^= ((ay > y_m) != (ay + ey > y_m)) & (x_m < ax + (y_m - ay) / ey * ex)
+    return inside
+
+
+def _hidden(lens: Pose, block: Block, x_m: Floats, y_m: Floats) -> Flags:
+    """Return which ground points, (N,) each, a part of an object hides from the lens.
+
+    A line of sight goes from 0 at the lens to 1 on the ground. It meets the part where it is
+    between the part's base and top, and over the part's outline (slab method).
     """
-    box = item.footprint
-    enters = np.full(x_m.shape, max(0.0, 1.0 - item.height_m / lens.z_m))
-    leaves = np.ones(x_m.shape)
+    box = block.footprint
+    enters = np.full(x_m.shape, max(0.0, 1.0 - block.top_m / lens.z_m))
+    leaves = np.full(x_m.shape, 1.0 - block.base_m / lens.z_m)
     points = _from_box(box, x_m, y_m)
     starts = box.to_body(lens.x_m, lens.y_m)
+    if box.round:
+        (u, v), (du, dv) = starts, (end - start for start, end in zip(starts, points, strict=True))
+        square = np.maximum(du**2 + dv**2, 1e-12)
+        along = -(u * du + v * dv) / square
+        root = np.sqrt(np.maximum(along**2 - (u**2 + v**2 - box.half_x_m**2) / square, 0.0))
+        enters, leaves = np.maximum(enters, along - root), np.minimum(leaves, along + root)
+        return np.asarray(enters < leaves)
     for start, end, half in zip(starts, points, (box.half_x_m, box.half_y_m), strict=True):
         along = end - start
         along = np.where(np.abs(along) < 1e-12, 1e-12, along)  # parallel to the faces

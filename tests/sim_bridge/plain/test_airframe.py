@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,10 @@ from sim_bridge.twin.objects import Helipad
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene_file import load_scene
+from tests.sim_bridge.twin.room_world import LAB, alone, scene_of, write_lab
 
+OUTLINE = "outline_m: [[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]]"
 LAG_S = 0.12
 STANDING_M = 0.05
 PAD = Scene(name="pad", helipad=Helipad(position_m=(0.0, 0.0)), boxes=BOXES.boxes)
@@ -151,6 +155,92 @@ def test_a_fast_fall_does_not_pass_through_the_ground() -> None:
     body.place(0.0, 0.0, 4.9, 0.0)
     lowest = min(advance(body, CONTROL_STEP_S, None).z_m for _ in range(150))
     assert lowest == pytest.approx(STANDING_M, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "level_m"),
+    [("drum", 0.6), ("crate", 0.3), ("table", 0.78), ("rack", 1.96), ("cone", 0.3)],
+)
+def test_every_shape_of_a_lab_stops_it(tmp_path: Path, kind: str, level_m: float) -> None:
+    """From above, beside and below: the first contact is where the twin's body has it."""
+    scene = alone(write_lab(tmp_path / "hall"), kind)
+    ways = [
+        ((0.1, -0.1, scene.placed[0].shape.kind.size_m[2] + 0.15), None),
+        ((-1.2, -0.1, level_m), (0.5, 0.0, 0.0)),
+        ((0.1, 1.2, level_m), (0.0, -0.5, 0.0)),
+        ((0.1, -0.1, 0.2), (0.0, 0.0, 0.5)),
+    ]
+    for place, push in ways[: 4 if kind == "table" else 3]:
+        ends = []
+        for body in bodies(scene):
+            body.place(*place, 0.4)
+            while not body.contacts():
+                end = advance(body, CONTROL_STEP_S, push)
+            ends.append(end)
+            assert body.contacts() == (f"{kind}-1",)
+            assert body.clearance_m() < 0.02
+        assert apart_m(*ends) < 0.025
+        if push is not None and kind != "cone":  # it slides over a cone
+            after = advance(body, 1.0, push)
+            way_m = after.x_m - end.x_m, after.y_m - end.y_m, after.z_m - end.z_m
+            assert np.dot(way_m, push) < 0.05
+
+
+def test_the_room_of_a_lab_stops_it() -> None:
+    """Ground, ceiling and a wall of the depot, by the names of the twin's contacts."""
+    scene = load_scene("depot-train-b")
+    rows = solids_of(scene)
+    model = build_model(scene, drawn=False)
+    names = {model.contact_name(geom) for geom in range(model.model.ngeom)} - {"drone"}
+    assert set(rows.names) == names
+    assert len(rows.names) == model.model.ngeom - 1
+    for place, push, contact in (
+        ((0.0, 0.3, 0.6), None, "carpet"),
+        ((0.0, 0.3, 4.0), (0.0, 0.0, 1.0), "ceiling"),
+        ((0.0, 0.3, 3.0), (2.0, 0.0, 0.0), "wall-4"),
+    ):
+        for body in bodies(scene):
+            body.place(*place, 0.0)
+            advance(body, 3.0, push)
+            assert body.contacts() == (contact,)
+
+
+def test_a_ground_with_an_outline_carries_it(tmp_path: Path) -> None:
+    folder = write_lab(tmp_path / "hall", LAB.replace("size_m: [6, 4]", OUTLINE))
+    scene = scene_of(folder, "take_off: {from: [-2.0, -1.0]}\n")
+    for body in bodies(scene):
+        for place_m, below in (((-1.0, 1.0), "carpet"), ((2.0, -1.0), "carpet")):
+            body.place(*place_m, 0.5, 0.3)
+            assert advance(body, 1.5, None).z_m == pytest.approx(STANDING_M, abs=2e-3)
+            assert body.contacts() == (below,)
+
+
+def test_a_moving_mesh_pushes_it_and_its_pieces_move_together(tmp_path: Path) -> None:
+    text = """\
+take_off: {from: [-2.5, -1.5]}
+movers:
+  - {kind: cone, path_m: [[-1.5, 0.0], [2.0, 0.0]], speed_mps: 0.5, yaw_deg: 30}
+  - {kind: table, path_m: [[2.0, 1.0], [0.0, 1.2]], speed_mps: 0.4, yaw_deg: 10}
+"""
+    scene = scene_of(write_lab(tmp_path / "hall"), text)
+    twin, plain = bodies(scene)
+    traffic, draw = Traffic(scene.movers, 0), np.random.default_rng(2)
+    for time_s in (0.0, 1.5, 3.0):
+        for body in (twin, plain):
+            body.place_movers(traffic.at(time_s))
+        for _ in range(20):
+            place = draw.uniform((-2.0, -1.0, 0.2, -3.0), (2.5, 1.8, 1.2, 3.0))
+            for body in (twin, plain):
+                body.place(*place)
+            assert plain.clearance_m() == pytest.approx(twin.clearance_m(), abs=2e-4)
+    plain.place(0.0, 0.0, STANDING_M, 0.0)
+    touched: set[str] = set()
+    for step in range(400):
+        plain.place_movers(traffic.at(CONTROL_STEP_S * step))
+        advance(plain, CONTROL_STEP_S, None)
+        touched |= set(plain.contacts())
+    assert touched == {"carpet", "mover-1"}
+    assert plain.motion().x_m > 0.2
 
 
 def test_without_boxes_the_clearance_is_infinite() -> None:

@@ -41,14 +41,17 @@ def gap_m(a: Footprint, b: Footprint) -> float:
     )
 
 
-def test_eight_scenes_ship() -> None:
-    """Four for training, two for validation, two for testing."""
-    assert set(scene_names()) == {
-        *("train-a", "train-b", "train-c", "train-d", "val-a", "val-b", "test-a", "test-b")
-    }
+PAPER = ("train-a", "train-b", "train-c", "train-d", "val-a", "val-b", "test-a", "test-b")
+DEPOT = tuple(
+    f"depot-{each}" for each in ("train-a", "train-b", "train-c", "val-a", "test-a", "test-b")
+)
 
 
-@pytest.mark.parametrize("name", scene_names())
+def test_eight_scenes_of_the_paper_and_six_of_the_depot_ship() -> None:
+    assert set(scene_names()) == {*PAPER, *DEPOT}
+
+
+@pytest.mark.parametrize("name", PAPER)
 def test_a_shipped_scene_is_a_lab_to_fly_in(name: str) -> None:
     """Eight boxes, four of them tall with gaps to pass, and free space around the pad."""
     scene = load_scene(name)

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sim_bridge.twin.layout import layout_problem
 from sim_bridge.twin.objects import BoxSpec, Helipad
-from sim_bridge.twin.scene import Scene, TakeOffSpec, layout_problem
+from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.variation import start_pose, varied_scene
 from uav_bt.errors import ValueRangeError

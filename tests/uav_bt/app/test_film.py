@@ -14,6 +14,7 @@ from rich.console import Console
 from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene, TakeOffSpec
+from sim_bridge.twin.scene_file import load_scene
 from tests.paper_lab import CLASSES, paper_map
 from uav_bt import app
 from uav_bt.app import film
@@ -79,6 +80,18 @@ def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
     assert mover.path_m == ((0.0, -1.0), (0.0, 1.0), (-1.0, 1.0), (0.0, -1.0))
     assert mover.item.colour == tuple(CLASSES.colours[CLASSES.id_of("box_8")])
     assert (box.name, mover.item.name) == ("box_3", "box_8")
+
+
+def test_the_map_of_a_lab_with_kinds_has_their_outlines_and_parts() -> None:
+    scene = load_scene("depot-train-a")
+    lab = film.map_of_scene(scene)
+    by_name = {box.name: box for box in lab.boxes}
+    assert set(by_name) == {"rack", "table", "drum", "crate", "barrier"}
+    assert len(by_name["drum"].corners()) > 4
+    assert len(by_name["table"].parts) == 5
+    assert by_name["crate"].parts == ()
+    assert lab.ground == scene.ground_plan
+    assert lab.outline()[0] == (4.0, 3.0)
 
 
 @pytest.mark.parametrize(

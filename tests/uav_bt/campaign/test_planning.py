@@ -13,6 +13,7 @@ import pytest
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin import scene_file
+from tests.sim_bridge.twin.room_world import write_lab
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.flight import PathKeeper
@@ -85,7 +86,7 @@ def test_a_folder_gives_back_its_plan_as_it_would_be_today(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("scene", ["val-z", "zzz-*"])
 def test_an_unknown_scene_is_refused_with_those_there_are(scene: str) -> None:
-    with pytest.raises(UnknownNameError, match="known: test-a"):
+    with pytest.raises(UnknownNameError, match="known: depot-test-a, "):
         make_plan(["land_only"], scenes=[scene])
 
 
@@ -138,3 +139,19 @@ def test_ports_leaves_and_time_limit_travel_with_the_plan(tmp_path: Path) -> Non
     assert slower.differences(plan) == ["ports: 'TakeOff.height_m' was 1.1, now 1.2"]
     leaves.write_text(leaves.read_text() + "\n")
     assert "leaves_sha256" in "".join(make_plan([file], options, flights=1).differences(plan))
+
+
+def test_a_change_of_the_lab_is_a_change_of_the_plan(tmp_path: Path) -> None:
+    folder = write_lab(tmp_path / "hall")
+    scene = folder / "scenes" / "one.yaml"
+    scene.write_text("take_off: {from: [0, 0]}", encoding="utf-8")
+    before = make_plan(["land_only"], scenes=[str(scene)], flights=1)
+    lab = folder / "lab.yaml"
+    lab.write_text(lab.read_text("utf-8").replace("height_m: 4,", "height_m: 3,"), "utf-8")
+    (difference,) = make_plan(["land_only"], scenes=[str(scene)], flights=1).differences(before)
+    assert difference.startswith("lab_sha256: 'hall/lab.yaml' has changed")
+    before = make_plan(["land_only"], scenes=[str(scene)], flights=1)
+    mesh = folder / "cone.obj"
+    mesh.write_text(mesh.read_text("utf-8").replace("v 0.5 0.5 1", "v 0.5 0.5 2"), "utf-8")
+    (difference,) = make_plan(["land_only"], scenes=[str(scene)], flights=1).differences(before)
+    assert difference.startswith("lab_sha256: 'hall/cone.obj' has changed")

@@ -75,3 +75,13 @@ def test_a_flight_that_succeeded_or_no_longer_fails_is_refused(tmp_path: Path) -
     assert isinstance(done.exception, InputError)
     assert "does not end with 'aborted' any more" in str(done.exception)
     assert not (tmp_path / "small").exists()
+
+
+def test_objects_of_a_lab_are_left_out_one_by_one() -> None:
+    failed = FailedFlight.of(
+        flight(scene="depot-val-a"), "land_only", "depot-val-a", FlightOptions()
+    )
+    objects = [part for part in failed.parts() if part[0] == "object"]
+    assert len(objects) == 14
+    smaller = failed.with_parts(objects[:2])
+    assert smaller.scene.objects == failed.scene.objects[:2]

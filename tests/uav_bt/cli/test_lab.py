@@ -150,6 +150,15 @@ def test_a_scene_is_drawn(tmp_path: Path) -> None:
     assert picture.std() > 10.0
 
 
+def test_the_objects_of_a_drawn_scene_are_listed(tmp_path: Path) -> None:
+    result = run("lab", "scenes", "--show", "depot-train-a", "--out", tmp_path / "map.png")
+    assert "14 objects, 0.50 to 2.00 m high (5 reach 1.5 m)" in result.stdout
+    header, *rows = [line.split() for line in result.stdout.splitlines()[1:-1]]
+    assert header[:3] == ["object", "class", "x,"]
+    assert rows[3] == ["table-1", "table", "0.40", "-1.70", "15.0", "1.20", "x", "0.70", "0.75"]
+    assert len(rows) == 14
+
+
 def test_the_boxes_of_a_drawn_scene_are_listed(tmp_path: Path) -> None:
     result = run("lab", "scenes", "--show", "train-a", "--out", tmp_path / "map.png")
     header, *rows = [line.split() for line in result.stdout.splitlines()[1:-1]]

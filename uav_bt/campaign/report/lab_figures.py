@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 
 from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, style
 from uav_bt.campaign.report.sources import FlightSet
-from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.display.lab_map import LabMap
 from uav_bt.mission.covered_ground import PASSED_M, GroundCells
 from uav_bt.types.arrays import Flags
 from uav_bt.types.ground import Footprint, Ground, Standing
@@ -133,9 +133,8 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
 
 
 def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
-    carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab.carpet_size_m, 0.0))
     axes.add_patch(
-        Polygon(carpet.corners(), facecolor=_CARPET if filled else "none", edgecolor="#adb5bd")
+        Polygon(lab.outline(), facecolor=_CARPET if filled else "none", edgecolor="#adb5bd")
     )
     if lab.helipad is not None:
         pad = lab.helipad
@@ -205,6 +204,8 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
 
 def ground_of(lab: LabMap) -> Ground:
     """Return the ground of a map."""
+    if lab.ground is not None:
+        return lab.ground
     items = lab.boxes if lab.helipad is None else (*lab.boxes, lab.helipad)
     return Ground(
         size_m=lab.carpet_size_m,

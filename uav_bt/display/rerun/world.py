@@ -6,6 +6,7 @@ The world has z up and yaw counter-clockwise. The body's telemetry has z down an
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -219,7 +220,9 @@ def draw_lab(stream: rr.RecordingStream, lab: LabMap) -> None:
         fill_mode="solid",
     )
     stream.log(f"{LAB}/carpet", carpet, static=True)
-    things = [*lab.boxes] if lab.helipad is None else [*lab.boxes, lab.helipad]
+    things = [part for box in lab.boxes for part in _parts(box)]
+    if lab.helipad is not None:
+        things.append(lab.helipad)
     if things:
         filled = _boxes(things, [thing.colour for thing in things], filled=True)
         stream.log(f"{LAB}/things", filled, static=True)
@@ -228,9 +231,27 @@ def draw_lab(stream: rr.RecordingStream, lab: LabMap) -> None:
         stream.log(f"{LAB}/h", _letter(lab.helipad), static=True)
 
 
+def _parts(item: MapItem) -> list[MapItem]:
+    """Return the boxes that an object consists of; itself if it is solid."""
+    return [
+        replace(
+            item,
+            x_m=part.footprint.x_m,
+            y_m=part.footprint.y_m,
+            size_m=(
+                2.0 * part.footprint.half_x_m,
+                2.0 * part.footprint.half_y_m,
+                part.top_m - part.base_m,
+            ),
+            base_m=part.base_m,
+        )
+        for part in item.parts
+    ] or [item]
+
+
 def _boxes(things: list[MapItem], colours: list[Colour], *, filled: bool) -> rr.Boxes3D:
     return rr.Boxes3D(
-        centers=[[thing.x_m, thing.y_m, thing.size_m[2] / 2.0] for thing in things],
+        centers=[[thing.x_m, thing.y_m, thing.base_m + thing.size_m[2] / 2.0] for thing in things],
         half_sizes=[[side / 2.0 for side in thing.size_m] for thing in things],
         rotations=[
             rr.RotationAxisAngle(axis=[0.0, 0.0, 1.0], radians=thing.yaw_rad) for thing in things

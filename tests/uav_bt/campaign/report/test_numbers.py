@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_bridge.twin.scene_file import load_scene
+from uav_bt.app.film import map_of_scene
 from uav_bt.app.provenance import hardware
 from uav_bt.campaign.report.coverage_figure import curve_of, mean_curve
 from uav_bt.campaign.report.lab_figures import ground_of, visited_cells
@@ -112,6 +114,11 @@ def test_the_ground_of_a_map_is_free_of_boxes_and_helipad() -> None:
     ground = ground_of(LabMap(carpet_size_m=(5.0, 4.0), boxes=(box,), helipad=pad))
     assert (~GroundCells(ground).free).sum() * 0.05**2 == pytest.approx(0.5 + 0.25)
     assert [item.height_m for item in ground.standing] == [1.9, 0.4]
+
+
+def test_the_ground_of_a_map_with_parts_is_that_of_its_scene() -> None:
+    scene = load_scene("depot-train-a")
+    assert ground_of(map_of_scene(scene)) == scene.ground_plan
 
 
 def covered(*passed: float, duration_s: float) -> dict[str, Any]:

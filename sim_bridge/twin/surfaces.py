@@ -1,0 +1,210 @@
+"""Looks of a lab's surfaces as textures: pictures, and generators with fixed seeds."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.twin import textures
+from sim_bridge.twin.movers import Point
+from uav_bt.errors import FileError
+from uav_bt.files import read_bounded
+from uav_bt.lab.picture import MAX_BYTES
+from uav_bt.lab.room import PaintedLine, Surface
+from uav_bt.types.arrays import Image
+
+_PX_PER_M: Final = 192.0  # of generated surfaces
+_MOST_PX: Final = 4096  # of a side
+_TILE_M: Final = (1.0, 1.0)  # of a picture that states none
+_GREY: Final = "#969692"  # of concrete
+_BROWN: Final = "#9a7444"  # of wood
+_LARGE_TILE_M: Final = (4.0, 4.0)  # of concrete and carpet on walls and objects
+_WOOD_TILE_M: Final = (1.2, 0.6)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paint:
+    """A texture that is made when it is needed.
+
+    Attributes:
+        make: Returns (H, W, 3) uint8 RGB, its first row at the top.
+        tile_m: Width and height of one repetition.
+    """
+
+    make: Callable[[], Image]
+    tile_m: Point
+
+
+def paint_of(surface: Surface, folder: Path, whole_m: Point | None = None) -> Paint:
+    """Return the texture of a surface.
+
+    Args:
+        surface: Its look.
+        folder: Folder of the lab, for pictures.
+        whole_m: Width and height of a ground; carpet, concrete, lines, and a picture without a
+            size of its own cover it once.
+    """
+    once = surface.lines or surface.generator in ("carpet", "concrete")
+    if whole_m is None or not (once or (surface.image is not None and surface.tile_m is None)):
+        return _tile_of(surface, folder)
+    return Paint(make=partial(_ground, surface, folder, whole_m), tile_m=whole_m)
+
+
+def _seed(surface: Surface) -> int:
+    return zlib.crc32(repr(surface).encode())
+
+
+def _tile_of(surface: Surface, folder: Path) -> Paint:
+    """Return a texture that repeats."""
+    seed = _seed(surface)
+    if surface.image is not None:
+        path = folder / surface.image
+        return Paint(make=partial(_picture, path), tile_m=surface.tile_m or _TILE_M)
+    if surface.generator == "carpet":
+        return Paint(make=partial(textures.carpet, _LARGE_TILE_M), tile_m=_LARGE_TILE_M)
+    if surface.generator == "concrete":
+        make = partial(_concrete_tile, surface.colour or _GREY, seed)
+        return Paint(make=make, tile_m=_LARGE_TILE_M)
+    if surface.generator == "wood":
+        make = partial(_wood, surface.colour or _BROWN, seed)
+        return Paint(make=make, tile_m=_WOOD_TILE_M)
+    return Paint(make=partial(_plain, surface.colour or _GREY, seed), tile_m=_TILE_M)
+
+
+def _ground(surface: Surface, folder: Path, whole_m: Point) -> Image:
+    """Return the picture of a whole ground."""
+    if surface.generator == "carpet":
+        image = textures.carpet(whole_m)
+    elif surface.generator == "concrete":
+        image = _concrete(whole_m, surface.colour or _GREY, _seed(surface))
+    else:
+        tile = _tile_of(surface, folder)
+        stretched = surface.image is not None and surface.tile_m is None
+        image = _laid(tile.make(), whole_m if stretched else tile.tile_m, whole_m)
+    return _marked(image, surface, whole_m)
+
+
+def _rgb(text: str) -> NDArray[np.float32]:
+    return np.array(list(bytes.fromhex(text.removeprefix("#"))), np.float32)
+
+
+def _bytes(image: NDArray[np.float32]) -> Image:
+    return np.asarray(np.clip(image, 0.0, 255.0), np.uint8)
+
+
+def _pixels(size_m: Point) -> tuple[int, int]:
+    """Return width and height in pixels."""
+    scale = min(_PX_PER_M, _MOST_PX / max(size_m))
+    return round(scale * size_m[0]), round(scale * size_m[1])
+
+
+def _picture(path: Path) -> Image:
+    data = np.frombuffer(read_bounded(path, MAX_BYTES), np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if image is None:
+        raise FileError(path, "is a damaged picture")
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def _laid(tile: Image, tile_m: Point, whole_m: Point) -> Image:
+    """Return a ground of repeated tiles, the middle of one in the middle of the ground."""
+    width, height = _pixels(whole_m)
+    columns = ((np.arange(width) + 0.5) / width - 0.5) * whole_m[0] / tile_m[0] + 0.5
+    rows = ((np.arange(height) + 0.5) / height - 0.5) * whole_m[1] / tile_m[1] + 0.5
+    down, right = (
+        np.floor(share % 1.0 * side).astype(int)
+        for share, side in ((rows, tile.shape[0]), (columns, tile.shape[1]))
+    )
+    return np.asarray(tile[down[:, None], right[None]], np.uint8)
+
+
+def _plain(colour: str, seed: int) -> Image:
+    """Return paint with faint shading, 256 pixels square; its edges fit together."""
+    rng = np.random.default_rng(seed)
+    shade = cv2.resize(rng.normal(0.0, 1.0, (4, 4)), (128, 128), interpolation=cv2.INTER_CUBIC)
+    grain = rng.normal(0.0, 0.012, (256, 256))
+    light = 1.0 + 0.03 * _mirrored(shade) + grain
+    return _bytes((_rgb(colour) * light[..., None]).astype(np.float32))
+
+
+def _concrete_tile(colour: str, seed: int) -> Image:
+    """Return concrete whose edges fit together."""
+    half_m = (_LARGE_TILE_M[0] / 2, _LARGE_TILE_M[1] / 2)
+    return np.asarray(_mirrored(_concrete(half_m, colour, seed)), np.uint8)
+
+
+def _mirrored(image: NDArray[Any]) -> NDArray[Any]:
+    """Return an image with its mirror images beside and below it."""
+    wide = np.concatenate([image, image[:, ::-1]], axis=1)
+    return np.concatenate([wide, wide[::-1]], axis=0)
+
+
+def _concrete(size_m: Point, colour: str, seed: int) -> Image:
+    """Return cast concrete: stains, pores, fine cracks, and grain at every scale."""
+    rng = np.random.default_rng(seed)
+    width, height = _pixels(size_m)
+    light = np.ones((height, width), np.float32)
+    for cells_a_metre, weight in ((0.7, 0.05), (3.0, 0.06), (12.0, 0.05), (48.0, 0.05)):
+        columns, rows = (max(2, round(cells_a_metre * side)) for side in size_m)
+        coarse = rng.normal(0.0, 1.0, (rows, columns)).astype(np.float32)
+        light += weight * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+    for _ in range(round(60 * size_m[0] * size_m[1])):  # pores and specks of gravel
+        centre = int(rng.integers(width)), int(rng.integers(height))
+        shade = float(rng.choice((0.62, 0.75, 1.22)))
+        cv2.circle(light, centre, int(rng.integers(1, 4)), shade, cv2.FILLED, cv2.LINE_AA)
+    for _ in range(max(1, round(0.4 * size_m[0] * size_m[1]))):  # cracks
+        step = rng.normal(0.0, 0.06 * _PX_PER_M, (12, 2)) + rng.normal(0.0, 0.1 * _PX_PER_M, 2)
+        way = np.cumsum(step, axis=0) + rng.uniform((0.0, 0.0), (width, height))
+        cv2.polylines(light, [way.round().astype(np.int32)], False, 0.7, 1, cv2.LINE_AA)
+    light += rng.normal(0.0, 0.02, light.shape).astype(np.float32)
+    return _bytes(light[..., None] * _rgb(colour))
+
+
+def _wood(colour: str, seed: int) -> Image:
+    """Return boards with grain along u, 1.2 m by 0.6 m."""
+    rng = np.random.default_rng(seed)
+    light = np.ones((256, 512), np.float32)
+    for along, across, weight in ((4, 32, 0.10), (16, 128, 0.08)):
+        coarse = rng.normal(0.0, 1.0, (across // 2, along // 2)).astype(np.float32)
+        half = cv2.resize(coarse, (256, 128), interpolation=cv2.INTER_CUBIC)
+        light += weight * _mirrored(half)
+    boards = rng.uniform(0.85, 1.12, 4).astype(np.float32)
+    light *= boards.repeat(64)[:, None]
+    light[::64] *= 0.55  # gaps
+    light += rng.normal(0.0, 0.015, light.shape).astype(np.float32)
+    return _bytes(light[..., None] * _rgb(colour))
+
+
+def _marked(image: Image, surface: Surface, whole_m: Point) -> Image:
+    """Return a ground with its painted lines, a little worn."""
+    if not surface.lines:
+        return image
+    height, width = image.shape[:2]
+    scale = np.array((width / whole_m[0], height / whole_m[1]))
+    rng = np.random.default_rng(len(surface.lines))
+    worn = rng.normal(0.0, 1.0, (height // 24 + 2, width // 24 + 2)).astype(np.float32)
+    cover = 0.88 + 0.06 * cv2.resize(worn, (width, height), interpolation=cv2.INTER_CUBIC)
+    result = image.astype(np.float32)
+    for line in surface.lines:
+        mask = _line_mask(line, (width, height), whole_m, scale)
+        share = (mask.astype(np.float32) / 255.0 * cover)[..., None]
+        result += share * (_rgb(line.colour) - result)
+    return _bytes(result)
+
+
+def _line_mask(
+    line: PaintedLine, size_px: tuple[int, int], whole_m: Point, scale: NDArray[np.float64]
+) -> NDArray[np.uint8]:
+    mask = np.zeros(size_px[::-1], np.uint8)
+    points = np.array(line.points_m) * (1.0, -1.0) + (whole_m[0] / 2, whole_m[1] / 2)
+    thick = max(1, round(line.width_m * float(scale.mean())))
+    pixels = (points * scale).round().astype(np.int32)
+    return np.asarray(cv2.polylines(mask, [pixels], False, 255, thick, cv2.LINE_AA))

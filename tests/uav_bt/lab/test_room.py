@@ -1,0 +1,177 @@
+"""The section `room` of a lab file: what is refused, with file and line."""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.sim_bridge.twin.room_world import CONE, LAB, write_lab
+from uav_bt.errors import FileError
+from uav_bt.lab.lab_file import read_lab
+from uav_bt.lab.obj_file import pieces, read_obj
+from uav_bt.lab.picture import check_picture
+
+
+def line_of(text: str, word: str) -> int:
+    return next(number for number, line in enumerate(text.splitlines(), 1) if word in line)
+
+
+def test_a_room_gives_kinds_ground_walls_and_light(tmp_path: Path) -> None:
+    lab = read_lab(write_lab(tmp_path / "hall"))
+    assert lab.room is not None
+    section = lab.room.section
+    assert list(section.objects) == ["drum", "crate", "table", "rack", "cone"]
+    assert section.ground is not None
+    assert section.ground.extent_m == (6.0, 4.0)
+    assert lab.room.meshes["cone"].shape == (10, 3, 3)
+
+
+def test_the_paper_has_no_room() -> None:
+    assert read_lab(Path("labs/paper")).room is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("shape: cylinder,", "shape: cube,", "expected 'box', 'cylinder', 'table', 'rack' or"),
+        ("size_m: [0.6, 0.6, 0.9], ", "", "lacks the key 'size_m'"),
+        ("size_m: [0.6, 0.6, 0.9]", "size_m: [0.6, 0.5, 0.9]", "as wide as it is long"),
+        ("size_m: [0.6, 0.6, 0.9]", "size_m: [0.6, 0.6, 90]", "0.02 to 10 m each way"),
+        ("{class: drum, shape: cyl", "{class: drumm, shape: cyl", "did you mean 'drum'"),
+        ("{class: drum, shape: cyl", "{class: floor, shape: cyl", "'floor' has the role ground"),
+        ("    drum: {class", "    mover: {class", "'mover' is a name in reports of contacts"),
+        ("    drum: {class", "    drum-1: {class", "small letters, digits and _"),
+        ("    crate: {class", "    drum: {class", "given twice"),
+        ("image: wood.png", "image: ../wood.png", "in the lab's folder, without a path"),
+        ("image: wood.png", "image: lab.yaml", "is no picture: expected a PNG or JPEG"),
+        ("image: wood.png", "image: wod.png", "no such file; did you mean 'wood.png'"),
+        ("image: wood.png", "colour: red", "expected"),
+        ("{image: wood.png}", "{}", "a painted surface needs a colour"),
+        ("file: cone.obj", "file: wood.png", "is no OBJ file"),
+        ("      file: cone.obj\n", "", "a mesh needs 'file'"),
+        ("shelves: 3", "shelves: 0", "shelves must be 1 to 12"),
+        ("ground: {size_m: [6, 4]", "ground: {size_m: [6, 90]", "2 to 40 m a side"),
+        ("size_m: [6, 4],", "outline_m: [[0, 0], [3, 3], [3, 0], [0, 3]],", "must not cross"),
+        ("position_m: [-2, 0, 3.8]", "position_m: [-2, 0, -1]", "hangs above the ground"),
+    ],
+)
+def test_a_mistake_in_a_room_is_reported_with_its_line(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    assert old in LAB
+    text = LAB.replace(old, new)
+    folder = write_lab(tmp_path / "hall", text)
+    with pytest.raises(FileError) as caught:
+        read_lab(folder)
+    assert message in str(caught.value)
+    assert str(caught.value).startswith(f"{folder / 'lab.yaml'}:")
+    assert abs((caught.value.line or 0) - line_of(LAB, old.splitlines()[0].strip()[:12])) <= 7
+
+
+def test_a_link_out_of_the_lab_is_refused(tmp_path: Path) -> None:
+    folder = write_lab(tmp_path / "hall")
+    (folder / "wood.png").rename(tmp_path / "wood.png")
+    (folder / "wood.png").symlink_to(tmp_path / "wood.png")
+    with pytest.raises(FileError, match=r"lab.yaml:17: room.objects.crate.surface.image: exp"):
+        read_lab(folder)
+
+
+# --- meshes ---------------------------------------------------------------------------------------
+
+
+def test_a_mesh_is_fitted_to_its_size_and_falls_into_pieces(tmp_path: Path) -> None:
+    path = tmp_path / "cone.obj"
+    path.write_text(CONE, encoding="utf-8")
+    triangles = read_obj(path, (0.6, 0.5, 0.7))
+    assert triangles.min(axis=(0, 1)) == pytest.approx((-0.3, -0.25, 0.0))
+    assert triangles.max(axis=(0, 1)) == pytest.approx((0.3, 0.25, 0.7))
+    assert [len(piece) for piece in pieces(triangles)] == [6, 4]
+    turned = "\n".join(
+        " ".join(["f", *line.split()[:0:-1]]) if line.startswith("f") else line
+        for line in CONE.splitlines()
+    )
+    path.write_text(turned, encoding="utf-8")
+    outwards = read_obj(path, (0.6, 0.5, 0.7))
+    volumes = [
+        float(np.einsum("ij,ij->i", each[:, 0], np.cross(each[:, 1], each[:, 2])).sum())
+        for each in (triangles, outwards)
+    ]
+    assert volumes[0] == pytest.approx(volumes[1])
+    assert volumes[0] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (CONE.replace("f 1 2 5\n", ""), "not closed: the edge between the vertices 2 and 1"),
+        (CONE.replace("f 1 2 5", "f 2 1 5"), "not closed"),
+        (CONE.replace("f 1 2 5", "f 1 2 50"), ":8: expected 'v X Y Z' or 'f 1 2 3 ...'"),
+        (CONE.replace("v 0 0 0", "v 0 0 nan"), ":2: expected"),
+        (CONE.replace("v 0 0 0", "vp 0 0"), ":2: expected"),
+        ("", "has 0 triangles"),
+        (CONE.replace("0.5 0.5 1", "0.5 0.5 0").replace("0.2 0.6", "0.2 0"), "flat"),
+        (CONE.replace("1.75 0.2 0.6", "1.75 0.2 0"), "a piece of the mesh is flat"),
+        ("v 0 0 0\n" * 3 + "f 1 2 3\n" * 4001, "more than 4000 triangles"),
+        ("#" * 1_000_001, "larger than 1000000 bytes: simplify the mesh"),
+    ],
+)
+def test_a_bad_mesh_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "bad.obj"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(FileError) as caught:
+        read_obj(path, (1.0, 1.0, 1.0))
+    assert message in str(caught.value)
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+def png(width: int, height: int) -> bytes:
+    return (
+        b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + b"IHDR" + struct.pack(">II", width, height)
+    )
+
+
+def jpeg(width: int, height: int) -> bytes:
+    table = b"\xff\xe0" + struct.pack(">H", 4) + b"JF"
+    frame = b"\xff\xc2" + struct.pack(">HBHH", 11, 8, height, width)
+    return b"\xff\xd8" + table + frame + bytes(8)
+
+
+@pytest.mark.parametrize("made", [png, jpeg])
+def test_the_size_of_a_picture_comes_from_its_header(tmp_path: Path, made: object) -> None:
+    """The files have no content: nothing is unpacked."""
+    path = tmp_path / "picture"
+    path.write_bytes(made(4096, 20))  # type: ignore[operator]
+    check_picture(path)
+    path.write_bytes(made(30, 50_000))  # type: ignore[operator]
+    with pytest.raises(FileError, match="30x50000 pixels: at most 4096"):
+        check_picture(path)
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"GIF89a", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff\xd9", png(0, 5)]
+)
+def test_what_is_no_picture_is_refused(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "picture"
+    path.write_bytes(data)
+    with pytest.raises(FileError, match="is no picture"):
+        check_picture(path)
+
+
+# --- the page -------------------------------------------------------------------------------------
+
+
+def test_the_lab_on_the_page_of_scenes_is_good(tmp_path: Path) -> None:
+    page = Path("docs/scenes.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```yaml\n(version: 1\n.*?)```", page, flags=re.DOTALL)
+    folder = write_lab(tmp_path / "hall", text)
+    (folder / "trolley.obj").write_text(CONE, encoding="utf-8")
+    (folder / "crate.jpg").write_bytes(jpeg(60, 50))
+    lab = read_lab(folder)
+    assert lab.room is not None
+    assert set(lab.room.section.objects) == {"drum", "crate", "table", "trolley"}

@@ -1,0 +1,295 @@
+"""The section `room` of a lab file: what the twin builds of the place.
+
+A real flight does not need it. Lengths are metres; the origin is the middle of the ground, z is up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types.area import Area
+
+Vector2 = tuple[float, float]
+Vector3 = tuple[float, float, float]
+ColourText = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
+
+GROUND_SIDES_M: Final = (2.0, 40.0)
+MAX_CORNERS: Final = 64
+MAX_LAMPS: Final = 7  # OpenGL has eight lights
+_WALL_HEIGHTS_M: Final = (2.0, 20.0)
+_SIZES_M: Final = (0.02, 10.0)
+_MAX_SHELVES: Final = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaintedLine:
+    """A painted line on the ground.
+
+    Attributes:
+        points_m: Its corners, world x and y.
+        width_m: Its width.
+        colour: Its colour.
+    """
+
+    points_m: Annotated[tuple[Vector2, ...], Field(min_length=2, max_length=MAX_CORNERS)]
+    width_m: Annotated[float, Field(ge=0.01, le=2.0)] = 0.1
+    colour: ColourText = "#d9b526"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """How a surface looks: a picture, or a generator with a colour.
+
+    Attributes:
+        generator: `paint` has one colour, `concrete` and `wood` vary it; `carpet` is the paper's.
+        colour: Colour of the generator; `paint` needs one.
+        image: Name of a PNG or JPEG file in the lab's folder, in place of a generator.
+        tile_m: Width and height of one repetition of the picture; by default 1 m each way, and
+            the whole ground.
+        lines: Painted lines; only on the ground.
+
+    Raises:
+        ValueRangeError: Keys exclude one another, or none states a look.
+    """
+
+    generator: Literal["paint", "concrete", "wood", "carpet"] | None = None
+    colour: ColourText | None = None
+    image: str | None = None
+    tile_m: tuple[Annotated[float, Field(ge=0.02)], Annotated[float, Field(ge=0.02)]] | None = None
+    lines: Annotated[tuple[PaintedLine, ...], Field(max_length=200)] = ()
+
+    def __post_init__(self) -> None:
+        if self.image is not None and (self.generator is not None or self.colour is not None):
+            raise ValueRangeError("a surface has an image, or a generator with a colour, not both")
+        if self.image is None and self.tile_m is not None:
+            raise ValueRangeError("tile_m is the size of an image, and there is none: add 'image'")
+        if self.image is None and self.generator in (None, "paint") and self.colour is None:
+            raise ValueRangeError(
+                'a painted surface needs a colour, such as "#b0b4b8", or an image'
+            )
+        if self.generator == "carpet" and self.colour is not None:
+            raise ValueRangeError("the carpet has its own colours: remove 'colour'")
+
+
+_Outline = Annotated[tuple[Vector2, ...], Field(min_length=3, max_length=MAX_CORNERS)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundSection:
+    """The ground below the flight: a rectangle around the origin, or a polygon.
+
+    Attributes:
+        size_m: Sides of the rectangle along x and y.
+        outline_m: Corners of the polygon in order, in place of `size_m`.
+        surface: Its look; by default the paper's carpet.
+
+    Raises:
+        ValueRangeError: The size is missing or out of range, or the polygon is none.
+    """
+
+    size_m: Vector2 | None = None
+    outline_m: _Outline | None = None
+    surface: Surface = field(default_factory=lambda: Surface(generator="carpet"))
+
+    def __post_init__(self) -> None:
+        if (self.size_m is None) == (self.outline_m is None):
+            raise ValueRangeError("the ground needs either size_m or outline_m")
+        if self.outline_m is not None:
+            Area((self.outline_m,))  # refuses what is no polygon
+        low, high = GROUND_SIDES_M
+        if not all(low <= side <= high for side in self.extent_m):
+            raise ValueRangeError(
+                f"the ground must measure {low:g} to {high:g} m a side around the origin, "
+                f"got {list(self.extent_m)}"
+            )
+
+    @property
+    def extent_m(self) -> Vector2:
+        """Sides of the least rectangle around the origin that holds the ground."""
+        if self.size_m is not None:
+            return self.size_m
+        corners = self.outline_m or ()
+        return tuple(2.0 * max(abs(corner[axis]) for corner in corners) for axis in (0, 1))  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WallSection:
+    """Walls, floor beside the ground, and ceiling.
+
+    Attributes:
+        height_m: Height of the walls.
+        beside_m: Distance from the ground to the walls. At 0 they follow its outline; otherwise
+            they are a rectangle around it.
+        surface: Look of the walls; by default light grey.
+        floor: Look of the floor beside the ground; by default grey.
+
+    Raises:
+        ValueRangeError: A length is out of range.
+    """
+
+    height_m: float = 5.0
+    beside_m: float = 2.5
+    surface: Surface | None = None
+    floor: Surface | None = None
+
+    def __post_init__(self) -> None:
+        low, high = _WALL_HEIGHTS_M
+        if not low <= self.height_m <= high:
+            raise ValueRangeError(f"height_m must be {low:g} to {high:g} m, got {self.height_m:g}")
+        if not 0.0 <= self.beside_m <= 10.0:
+            raise ValueRangeError(f"beside_m must be 0 to 10 m, got {self.beside_m:g}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lamp:
+    """A lamp that shines downwards from a place, brightest below it.
+
+    Attributes:
+        position_m: World x, y and z.
+        brightness: Light at the lamp; 1 shows a surface straight below it in its own colours.
+        reach_m: Distance at which half of the light is left.
+
+    Raises:
+        ValueRangeError: A number is out of range.
+    """
+
+    position_m: Vector3
+    brightness: float = 1.0
+    reach_m: float = 4.0
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, self.position_m)) or not self.position_m[2] > 0.0:
+            raise ValueRangeError(f"a lamp hangs above the ground, got {list(self.position_m)}")
+        if not 0.0 <= self.brightness <= 5.0:
+            raise ValueRangeError(f"brightness must be 0 to 5, got {self.brightness:g}")
+        if not 0.5 <= self.reach_m <= 50.0:
+            raise ValueRangeError(f"reach_m must be 0.5 to 50 m, got {self.reach_m:g}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightSection:
+    """The light of the place.
+
+    Attributes:
+        ambient: Share of light without a direction, 0 to 1.
+        lamps: Lamps at the ceiling.
+    """
+
+    ambient: Annotated[float, Field(ge=0.0, le=1.0)] = 0.35
+    lamps: Annotated[tuple[Lamp, ...], Field(min_length=1, max_length=MAX_LAMPS)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectKind:
+    """A kind of object that scenes place.
+
+    Attributes:
+        class_name: Class of its surfaces; the key is `class`. The upper face has the class's top.
+        shape: `box`, `cylinder`, `table` (a board on four legs), `rack` (shelves between four
+            posts), or `mesh`.
+        size_m: Length, width and height; a cylinder is as wide as long.
+        surface: Look of the whole, or of boards and shelves.
+        top: Look of the upper face, if it differs.
+        frame: Look of legs and posts, if it differs.
+        board_m: Thickness of boards and shelves.
+        post_m: Width of legs and posts.
+        shelves: Number of shelves of a rack.
+        file: Name of the OBJ file of a mesh, in the lab's folder. It is scaled to `size_m`.
+        moves: Whether `--movers` may draw movers of this kind.
+
+    Raises:
+        ValueRangeError: A number is out of range, or a key does not fit the shape.
+    """
+
+    class_name: Annotated[str, Field(alias="class")]
+    shape: Literal["box", "cylinder", "table", "rack", "mesh"]
+    size_m: Vector3
+    surface: Surface
+    top: Surface | None = None
+    frame: Surface | None = None
+    board_m: float = 0.03
+    post_m: float = 0.05
+    shelves: int = 4
+    file: str | None = None
+    moves: bool = False
+
+    def __post_init__(self) -> None:
+        low, high = _SIZES_M
+        if not all(low <= side <= high for side in self.size_m):
+            raise ValueRangeError(
+                f"size_m must be {low:g} to {high:g} m each way, got {list(self.size_m)}"
+            )
+        if self.shape == "cylinder" and self.size_m[0] != self.size_m[1]:
+            raise ValueRangeError(
+                "a cylinder is as wide as it is long: the first two numbers of size_m must be "
+                f"equal, got {list(self.size_m)}"
+            )
+        if (self.file is None) == (self.shape == "mesh"):
+            raise ValueRangeError("a mesh needs 'file', an OBJ file; other shapes have none")
+        if self.shape == "mesh" and self.top is not None:
+            raise ValueRangeError("a mesh has one surface: remove 'top'")
+        if self.frame is not None and self.shape not in ("table", "rack"):
+            raise ValueRangeError(f"a {self.shape} has no legs or posts: remove 'frame'")
+        if any(each is not None and each.lines for each in (self.surface, self.top, self.frame)):
+            raise ValueRangeError("only the ground has painted lines")
+        self._check_boards()
+
+    def _check_boards(self) -> None:
+        if self.shape not in ("table", "rack"):
+            return
+        length_m, width_m, height_m = self.size_m
+        if not 1 <= self.shelves <= _MAX_SHELVES:
+            raise ValueRangeError(f"shelves must be 1 to {_MAX_SHELVES}, got {self.shelves}")
+        if not 0.01 <= self.post_m <= min(length_m, width_m) / 3:
+            raise ValueRangeError(
+                f"post_m must be 0.01 m to a third of the width, got {self.post_m:g}"
+            )
+        boards = self.shelves if self.shape == "rack" else 1
+        if not 0.005 <= self.board_m <= height_m / (2 * boards):
+            raise ValueRangeError(
+                "board_m must be 0.005 m to half of the height between boards, got "
+                f"{self.board_m:g}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoomSection:
+    """Form of the section `room`; what is missing is as in the paper's lab.
+
+    Attributes:
+        ground: The ground; without it scenes state its size.
+        walls: Walls, floor and ceiling.
+        light: The light of scenes without `lighting`.
+        objects: Kinds of objects by name.
+    """
+
+    ground: GroundSection | None = None
+    walls: WallSection | None = None
+    light: LightSection | None = None
+    objects: Mapping[str, ObjectKind] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Room:
+    """A room that was read and checked.
+
+    Attributes:
+        section: The section of the lab file.
+        folder: The lab's folder, with pictures and meshes.
+        meshes: Triangles of each kind of mesh, (N, 3, 3) metres, from the middle of its base.
+        files: Pictures and meshes that the section names.
+    """
+
+    section: RoomSection
+    folder: Path
+    meshes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    files: tuple[Path, ...] = ()

@@ -1,0 +1,117 @@
+"""Reads the section `room` of a lab file: checks its names, classes, pictures and meshes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import FileError, UnknownNameError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.obj_file import read_obj
+from uav_bt.lab.picture import check_picture
+from uav_bt.lab.roles import OBSTACLE
+from uav_bt.lab.room import Room, RoomSection, Surface
+from uav_bt.yaml_file import YamlFile
+
+CONTACT_NAMES: Final = (
+    *("box", "mover", "helipad", "carpet", "drone"),
+    *("floor", "ceiling", "wall", "ground", "take_off"),
+)
+"""Names in contacts and messages that objects cannot have."""
+
+_NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
+_FILE: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_SECTION: Final = "room"
+
+Steps = tuple[str, ...]
+
+
+def read_room(file: YamlFile[Any], section: RoomSection, folder: Path, classes: LabClasses) -> Room:
+    """Return the room that a section describes.
+
+    Args:
+        file: The lab file, for the lines of messages.
+        section: Its section `room`.
+        folder: The lab's folder.
+        classes: Classes of the lab.
+
+    Raises:
+        FileError: A name, a class, a picture or a mesh is wrong.
+    """
+    meshes: dict[str, NDArray[np.float64]] = {}
+    files: list[Path] = []
+    at: Steps
+    for name, kind in section.objects.items():
+        steps: Steps = (_SECTION, "objects", name)
+        if not _NAME.fullmatch(name):
+            raise file.error(
+                "the name of a kind consists of small letters, digits and _, and begins with a "
+                "letter",
+                *steps,
+            )
+        if name in CONTACT_NAMES:
+            raise file.error(
+                f"'{name}' is a name in reports of contacts: give the kind another name", *steps
+            )
+        _check_class(file, kind.class_name, classes, (*steps, "class"))
+        if kind.file is not None:
+            at = (*steps, "file")
+            path = _inside(file, folder, kind.file, at)
+            try:
+                meshes[name] = read_obj(path, kind.size_m)
+            except FileError as error:
+                raise file.error(str(error), *at) from error
+            files.append(path)
+    for surface, steps in _surfaces(section):
+        if surface.image is not None:
+            at = (*steps, "image")
+            path = _inside(file, folder, surface.image, at)
+            try:
+                check_picture(path)
+            except FileError as error:
+                raise file.error(str(error), *at) from error
+            files.append(path)
+    return Room(section=section, folder=folder, meshes=meshes, files=tuple(files))
+
+
+def _check_class(file: YamlFile[Any], name: str, classes: LabClasses, steps: Steps) -> None:
+    try:
+        class_id = classes.id_of(name)
+    except UnknownNameError as error:
+        raise file.error(str(error), *steps) from error
+    if class_id not in classes.of_role(OBSTACLE):
+        role = next(each.role for each in classes if each.name == name)
+        raise file.error(
+            f"the class of an object must be an obstacle, and '{name}' has the role {role}", *steps
+        )
+
+
+def _inside(file: YamlFile[Any], folder: Path, name: str, steps: Steps) -> Path:
+    """Return the path of a file in the lab's folder; links out of it are refused."""
+    path = folder / name
+    if not _FILE.fullmatch(name) or path.resolve().parent != folder.resolve():
+        raise file.error(
+            f"expected the name of a file in the lab's folder, without a path, got '{name}'", *steps
+        )
+    return path
+
+
+def _surfaces(section: RoomSection) -> Iterator[tuple[Surface, Steps]]:
+    """Yield all surfaces with their places in the file."""
+    if section.ground is not None:
+        yield section.ground.surface, (_SECTION, "ground", "surface")
+    if section.walls is not None:
+        for key in ("surface", "floor"):
+            surface = getattr(section.walls, key)
+            if surface is not None:
+                yield surface, (_SECTION, "walls", key)
+    for name, kind in section.objects.items():
+        for key in ("surface", "top", "frame"):
+            surface = getattr(kind, key)
+            if surface is not None:
+                yield surface, (_SECTION, "objects", name, key)
