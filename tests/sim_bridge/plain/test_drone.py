@@ -127,10 +127,12 @@ def test_its_record_cannot_be_replayed(tmp_path: Path) -> None:
         replay(record)
 
 
-def test_it_needs_neither_mujoco_nor_opengl() -> None:
+@pytest.mark.parametrize("scene", ["val-a", "depot-train-c"])
+def test_it_needs_neither_mujoco_nor_opengl(scene: str) -> None:
+    """Neither for the paper's boxes nor for a lab with meshes."""
     code = (
         "import sys; from uav_bt import app; "
-        "print(app.fly('land_only', drone='plain', scene='val-a', seed=3).outcome); "
+        f"print(app.fly('land_only', drone='plain', scene='{scene}', seed=3).outcome); "
         "print({'mujoco', 'OpenGL', 'glfw'} & {name.split('.')[0] for name in sys.modules})"
     )
     done = subprocess.run(  # noqa: S603  (code of this test)

@@ -201,6 +201,13 @@ def test_a_lab_without_scenes_is_for_real_drones(make_lab: MakeLab) -> None:
         app.assemble("land_only", drone="plain", lab="hall")
 
 
+def test_the_depot_is_flown_in_its_first_scene() -> None:
+    for drone in ("plain", "twin"):
+        flight = app.assemble("land_only", drone=drone, lab="depot")
+        assert flight.drone.scene is not None
+        assert (flight.drone.scene.name, flight.drone.scene.lab) == ("depot-test-a", "depot")
+
+
 def test_a_scene_of_another_lab_is_refused(make_lab: MakeLab, tmp_path: Path) -> None:
     make_lab(scenes=("one",))
     words = r"scene 'val-a' belongs to the lab 'paper'.*lab 'hall': choose a scene .*\(one\)"
