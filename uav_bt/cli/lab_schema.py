@@ -1,4 +1,4 @@
-"""`uav-bt lab schema`: the JSON schema of lab files, for editors."""
+"""`uav-bt lab new` and `lab schema`: a lab file to begin with, and its JSON schema for editors."""
 
 from __future__ import annotations
 
@@ -10,6 +10,26 @@ from uav_bt.cli.command import Command
 from uav_bt.cli.options import output_option
 from uav_bt.files import writing
 from uav_bt.lab.schema import lab_schema
+from uav_bt.lab.starter import write_lab
+
+
+@click.command(cls=Command)
+@click.argument("name")
+@click.option(
+    "--in",
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("labs"),
+    help="Folder of your labs; it is made if it is absent.",
+)
+def new(*, name: str, folder: Path) -> None:
+    """Write a commented lab file for a place of yours.
+
+    NAME is the place, such as hall: its folder is labs/hall, and --lab hall finds it. A folder that
+    exists is not changed.
+    """
+    path = write_lab(name, folder)
+    click.echo(f"written: {path} (edit it, then try: uav-bt check land_only --lab {path.parent})")
 
 
 @click.command(cls=Command)

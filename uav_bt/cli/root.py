@@ -228,8 +228,9 @@ _NET: Final = LazyGroup(
 )
 _LAB: Final = LazyGroup(
     "lab",
-    help="List scenes, calibrate a camera, tune the heading, write a schema.",
+    help="Begin a lab, list scenes, calibrate, tune the heading.",
     lazy={
+        "new": ("uav_bt.cli.lab_schema:new", "Write a commented lab file to begin with."),
         "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),
         "schema": ("uav_bt.cli.lab_schema:schema", "Write a JSON schema of lab files."),
         "calibrate": (

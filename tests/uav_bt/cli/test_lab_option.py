@@ -1,4 +1,4 @@
-"""`--lab` of check and simulate, and `uav-bt lab schema`."""
+"""`--lab` of check and simulate, `uav-bt lab new` and `lab schema`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 
 from tests.uav_bt.app.test_lab_flights import LAB, MARK
 from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.schema import lab_schema
 
 
@@ -46,3 +47,22 @@ def test_the_schema_is_printed_or_written(world: Path) -> None:
     written = run("lab", "schema", "--out", "lab.schema.json")
     assert written.stdout == "written: lab.schema.json\n"
     assert (world / "lab.schema.json").read_text() == lab_schema()
+
+
+def test_a_new_lab_can_be_flown_at_once(world: Path) -> None:
+    result = run("lab", "new", "hall")
+    assert result.stdout.startswith("written: labs/hall/lab.yaml")
+    lab = read_lab(world / "labs" / "hall")
+    assert lab.mark is not None
+    assert lab.mark.kind == "apriltag"
+    assert run("check", "mission.xml", "--lab", "hall").stdout == "mission.xml: good\n"
+
+
+def test_a_new_lab_changes_nothing_that_exists(world: Path) -> None:
+    before = (world / "labs" / "low" / "lab.yaml").read_bytes()
+    assert_refused(run("lab", "new", "low"), "labs/low: exists: choose another name")
+    assert (world / "labs" / "low" / "lab.yaml").read_bytes() == before
+    assert_refused(run("lab", "new", "paper"), "a lab 'paper' ships with uav-bt")
+    assert_refused(run("lab", "new", "../hall"), "consists of small letters")
+    (world / "file").touch()
+    assert_refused(run("lab", "new", "hall", "--in", "file"), "is a file")
