@@ -54,11 +54,11 @@ def photograph(
     )
     builder.room(ROOM_SIZE_M)
     builder.lights(Lighting(ambient=0.9, direction=(0.6, 0.2, -0.6)))
-    builder._texture("board", partial(_texture, squares))
+    builder.texture("board", partial(_texture, squares))
     width_m, height_m = ((count + 2) * square_m for count in squares)
     solid = twin_model.Solid(half_m=(0.002, width_m / 2, height_m / 2), centre_m=_CENTRE_M)
-    builder._show("board/seen", solid, material="board", class_id=0, tile_m=(width_m, height_m))
-    with Renderer(builder.done(), samples=4) as renderer:
+    builder.show("board/seen", solid, material="board", class_id=0, tile_m=(width_m, height_m))
+    with Renderer(builder.done(()), samples=4) as renderer:
         for pose in poses:
             yield renderer.rgb(pose, *size_px)
 

@@ -7,6 +7,7 @@ Reingold and Tilford, for boxes of different widths).
 
 from __future__ import annotations
 
+import math
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -210,7 +211,7 @@ def _size(box: Box) -> Size:
 
 
 def _width(text: str, size_px: float) -> float:
-    return sum(map(_em, text)) * size_px
+    return math.fsum(map(_em, text)) * size_px  # exact: equal in all versions of Python
 
 
 def _em(char: str) -> float:
