@@ -22,7 +22,7 @@ from behaviours.path.ways_out import (
 )
 from uav_bt.types import NearObstacles, Velocity, rotate, rotate_points
 from uav_bt.types.dead_reckoning import MotionEstimate
-from uav_bt.types.site_map import MapMover, SiteMap
+from uav_bt.types.site_map import SiteMap
 
 _MIN_BEARINGS: Final = 2  # fewer are specks of the class map
 
@@ -45,10 +45,6 @@ class GivingWayConfig:
         hidden_m: Assumed range of such an obstacle; nearer bases are below the view of a camera
             that looks 30 degrees down from 1.5 m.
         hidden_rad: Half angle ahead in which such obstacles count.
-        sudden_min: Number of 1-degree bearings from which such an obstacle counts as a mover
-            although no mover was lost: a person at 1.3 m is 17 degrees wide.
-        sudden_mps: Its assumed speed.
-        sudden_radius_m: Its assumed radius.
         above_m: Height above the flight height that the drone climbs to. People and carts may pass
             below; the limit of the ceiling holds.
         climb_per_s: Climb rate per metre of error in that height.
@@ -66,9 +62,6 @@ class GivingWayConfig:
     lost_s: float = 0.5
     hidden_m: float = 0.9
     hidden_rad: float = math.radians(60)
-    sudden_min: int = 10
-    sudden_mps: float = 0.5
-    sudden_radius_m: float = 0.25
     above_m: float = 0.5
     climb_per_s: float = 2.0
     climb_mps: float = 0.5
@@ -107,11 +100,10 @@ class GivingWay:
             motion: The drone's motion over the ground.
             now_s: Time of the mission clock.
         """
-        if site_map is not None:
-            site_map = self._with_hidden(site_map, obstacles)
         if site_map is None or not site_map.movers:
             self._way = None
             return None
+        site_map = self._with_hidden(site_map, obstacles)
         if site_map.captured_s > self._decided_s:
             self._decided_s = site_map.captured_s
             self._way = self._decide(site_map, obstacles, motion)
@@ -128,39 +120,34 @@ class GivingWay:
         )
 
     def _with_hidden(self, site_map: SiteMap, obstacles: NearObstacles | None) -> SiteMap:
-        """Return the map with a mover at an obstacle whose base is below the view.
+        """Return the map with lost movers at an obstacle whose base is below the view.
 
-        It is a mover that was lost from view, or any obstacle as wide as a person that neither
-        the map nor recent views explain. It is assumed to come towards the drone, which a step to
-        the side evades.
+        They are assumed to come towards the drone, which a step to the side evades.
         """
         cfg = self.config
-        if obstacles is None:
+        if obstacles is None or obstacles.unplaced_within(cfg.hidden_rad) < _MIN_BEARINGS:
             return site_map
         ahead_rad = obstacles.unplaced_rad[np.abs(obstacles.unplaced_rad) < cfg.hidden_rad]
-        seen_m = [each for each in site_map.movers if not self._is_lost(each, site_map)]
-        lost = [each for each in site_map.movers if self._is_lost(each, site_map)]
-        if len(ahead_rad) < (_MIN_BEARINGS if lost else cfg.sudden_min):
-            return site_map
-        bearing_rad, pose = float(np.median(ahead_rad)), site_map.pose
+        bearing_rad = float(np.median(ahead_rad))
+        pose = site_map.pose
         ux, uy = rotate(math.cos(bearing_rad), math.sin(bearing_rad), pose.yaw_rad)
-        speed_mps = max((each.std_mps for each in lost), default=cfg.sudden_mps)
-        hidden = MapMover(
-            id=0,
-            x_m=pose.x_m + cfg.hidden_m * ux,
-            y_m=pose.y_m + cfg.hidden_m * uy,
-            x_mps=-speed_mps * ux,
-            y_mps=-speed_mps * uy,
-            std_m=0.0,
-            std_mps=0.0,
-            radius_m=max((each.radius_m for each in lost), default=cfg.sudden_radius_m),
-            first_s=site_map.captured_s,
-            seen_s=site_map.captured_s,
+        return replace(
+            site_map,
+            movers=tuple(
+                replace(
+                    mover,
+                    x_m=pose.x_m + cfg.hidden_m * ux,
+                    y_m=pose.y_m + cfg.hidden_m * uy,
+                    x_mps=-mover.std_mps * ux,
+                    y_mps=-mover.std_mps * uy,
+                    std_m=0.0,
+                    std_mps=0.0,
+                )
+                if site_map.captured_s - mover.seen_s > cfg.lost_s
+                else mover
+                for mover in site_map.movers
+            ),
         )
-        return replace(site_map, movers=(*seen_m, hidden))
-
-    def _is_lost(self, mover: MapMover, site_map: SiteMap) -> bool:
-        return site_map.captured_s - mover.seen_s > self.config.lost_s
 
     def _watching_radps(self, site_map: SiteMap) -> float:
         """Return the yaw rate that keeps the nearest mover in view."""

@@ -110,19 +110,6 @@ def test_it_evades_a_lost_mover_whose_base_is_below_the_view(side: float) -> Non
     assert bench.proposed.right_mps * side < -0.2 or bench.proposed.forward_mps < -0.2
 
 
-@pytest.mark.parametrize(("width_deg", "evades"), [(16, True), (6, False)])
-def test_it_evades_a_near_obstacle_that_nothing_explains(*, width_deg: int, evades: bool) -> None:
-    """A person came into view below the lower edge; a narrow one may be an error of the mask."""
-    bench = steering_bench(Explore, Says(ADVANCE))
-    near = NearObstacles(unplaced_rad=np.radians(np.arange(5.0, 5.0 + width_deg)))
-    for step in range(3):
-        site_map = replace(drawn_map(), near=near if step == 2 else NearObstacles())
-        show(bench, site_map=site_map)
-        move(bench)
-        bench.tick()
-    assert gives_way(bench) == evades
-
-
 def test_without_the_port_nobody_gives_way() -> None:
     """The rules of the paper stay as they are."""
     bench = flown(Explore, COMES, gives_way=False)
