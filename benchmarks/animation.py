@@ -63,7 +63,7 @@ def write_animation(
 
 
 def write_animation_within(
-    images: Sequence[Image], shown_ms: int, out: Path, most_bytes: int
+    images: Sequence[Image], shown_ms: int, out: Path, limit_bytes: int
 ) -> None:
     """Write an animated WebP in the best quality of at most a number of bytes.
 
@@ -71,13 +71,13 @@ def write_animation_within(
         images: the images, each HxWx3, uint8, BGR, all of one size.
         shown_ms: time that each image is shown, milliseconds.
         out: the file.
-        most_bytes: largest size of the file.
+        limit_bytes: largest size of the file.
 
     Raises:
         ValueError: the file is larger in the least quality, too.
     """
     for quality in (60, 50, 40, 30, 20, 10):
         write_animation(images, shown_ms, out, quality=quality)
-        if out.stat().st_size <= most_bytes:
+        if out.stat().st_size <= limit_bytes:
             return
-    raise ValueError(f"{out} is larger than {most_bytes} bytes: use fewer or smaller images")
+    raise ValueError(f"{out} is larger than {limit_bytes} bytes: use fewer or smaller images")

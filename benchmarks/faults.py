@@ -197,7 +197,7 @@ def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespac
         "--drone",
         default="twin",
         help="plain flies without images; anafi:127.x.x.x flies a loopback ANAFI over Olympe, "
-        "served for each flight; no truth is known then: what counts is what it reports [twin]",
+        "served for each flight; no truth is known then, and its reports count [twin]",
     )
     parser.add_argument("--networks", action="store_true", help="instead of exact masks")
     parser.add_argument("--time-limit-s", type=float, default=120.0, help="of a flight [120]")

@@ -44,7 +44,7 @@ SEED: Final = 0
 _SHOWN_IMAGES: Final = 90
 _SHOWN_MS: Final = 150
 _WIDTH_PX: Final = 400
-_MOST_BYTES: Final = 600_000
+_LIMIT_BYTES: Final = 600_000
 _MAP_ROWS: Final = 404  # of the 720 of a film, at the top of its right half
 
 
@@ -118,7 +118,7 @@ def write_flight(name: str) -> None:
     film, out = ROOT / RUNS / f"{name}.mp4", IMAGES / f"{name}.webp"
     film_s = film_seconds(film)
     images = images_of(film, film_s / _SHOWN_IMAGES, _WIDTH_PX, camera_and_map)
-    write_animation_within(images, _SHOWN_MS, out, _MOST_BYTES)
+    write_animation_within(images, _SHOWN_MS, out, _LIMIT_BYTES)
     speed = film_s / (len(images) * _SHOWN_MS / 1000)
     page = PAGES / f"{name}.md"
     write({page: with_part(page, "flight", flight(report, origin, name, speed))})

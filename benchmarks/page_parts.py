@@ -86,7 +86,7 @@ def drawing(tree: MissionTree, name: str) -> str:
 
 
 def _folded(box: Box, own: set[str]) -> Box:
-    """Return a box without what is below the subtrees of other files."""
+    """Return a box without the nodes below the subtrees of other files."""
     word, _, tree_id = box.tag.partition(" ")
     if word == "SubTree" and tree_id not in own:
         return replace(box, children=())

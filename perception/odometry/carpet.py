@@ -212,8 +212,8 @@ class CarpetOdometry:
             step = self._steps.popleft()
             begin, end = self._raw(step.begin_s), self._raw(step.end_s)
             turn_rad, passed_s = self._heading.correction_rad, step.end_s - step.begin_s
-            told_m = np.array(rotate(end.x_m - begin.x_m, end.y_m - begin.y_m, turn_rad))
-            seen_mps, yaw_rad = (step.way_m - told_m) / passed_s, begin.yaw_rad + turn_rad
+            reported_m = np.array(rotate(end.x_m - begin.x_m, end.y_m - begin.y_m, turn_rad))
+            seen_mps, yaw_rad = (step.way_m - reported_m) / passed_s, begin.yaw_rad + turn_rad
             self._error.correct(seen_mps, passed_s, step.spread_m, yaw_rad)
 
     def _shown(

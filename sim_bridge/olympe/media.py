@@ -38,7 +38,7 @@ def fetch_photo(
         now: Monotonic clock, s.
 
     Raises:
-        DroneError: The drone does not send it in time, or what it sends is no JPEG.
+        DroneError: The drone does not send it in time, or sends another file than a JPEG.
     """
     if not _ID.fullmatch(media):
         raise DroneError(f"the drone names its photograph '{media:.70}', which is no identifier")

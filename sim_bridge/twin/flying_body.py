@@ -77,14 +77,7 @@ class FlyingBody:
         yaw_demand_radps2: float,
         wind_mps2: tuple[float, float, float],
     ) -> None:
-        """Set the forces of the next control step.
-
-        Args:
-            motion: the present motion.
-            demand_mps2: demanded acceleration, world axes, without gravity.
-            yaw_demand_radps2: demanded yaw acceleration, counter-clockwise.
-            wind_mps2: acceleration by the wind, world axes.
-        """
+        """Set the forces of the next control step; see `Body`."""
         ax, ay, az = self._thrust.follow(demand_mps2)
         want_roll, want_pitch = tilt_for((ax, ay, az), motion.yaw_rad)
         wx, wy = self._velocity[3:5].tolist()

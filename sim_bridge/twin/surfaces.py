@@ -49,8 +49,8 @@ def paint_of(surface: Surface, folder: Path, whole_m: Point | None = None) -> Pa
     Args:
         surface: Its look.
         folder: Folder of the lab, for pictures.
-        whole_m: Width and height of a ground; carpet, concrete, lines, and a picture without a
-            size of its own cover it once.
+        whole_m: Width and height of a ground; carpet, concrete, lines, and a picture without
+            `tile_m` cover it once.
     """
     once = surface.lines or surface.generator in ("carpet", "concrete")
     if whole_m is None or not (once or (surface.image is not None and surface.tile_m is None)):

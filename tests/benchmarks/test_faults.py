@@ -97,7 +97,7 @@ def test_a_phase_that_does_not_come_is_no_success(tmp_path: Path, run: Callable[
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--kind", "blakc"], "unknown fault 'blakc'; did you mean 'black'?"),
         (["--kind", "late=soon"], "could not convert string to float: 'soon'"),
@@ -107,11 +107,11 @@ def test_a_phase_that_does_not_come_is_no_success(tmp_path: Path, run: Callable[
     ],
 )
 def test_what_cannot_be_flown_is_refused(
-    tmp_path: Path, arguments: list[str], said: str, run: Callable[..., Done]
+    tmp_path: Path, arguments: list[str], message: str, run: Callable[..., Done]
 ) -> None:
     done = run("--out", tmp_path, *arguments)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "flights.jsonl").exists()
 

@@ -14,7 +14,7 @@ _UNTURNED = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 
 def area_problem(text: str, *, take_off: Pose2D | None, mark: Pose2D | None) -> str | None:
-    """Return what is wrong with the area of a lab; None if nothing is.
+    """Return the fault of the area of a lab; None without one.
 
     Args:
         text: Corners of the area, as `area_corners` reads them.

@@ -104,7 +104,7 @@ class GroundSection:
         if (self.size_m is None) == (self.outline_m is None):
             raise ValueRangeError("the ground needs either size_m or outline_m")
         if self.outline_m is not None:
-            Area((self.outline_m,))  # refuses what is no polygon
+            Area((self.outline_m,))  # refuses any other shape than a polygon
         low, high = GROUND_SIDES_M
         if not all(low <= side <= high for side in self.extent_m):
             raise ValueRangeError(
@@ -263,7 +263,7 @@ class ObjectKind:
 
 @dataclass(frozen=True, kw_only=True)
 class RoomSection:
-    """Form of the section `room`; what is missing is as in the paper's lab.
+    """Form of the section `room`. Keys that are absent are as in the paper's lab.
 
     Attributes:
         ground: The ground; without it scenes state its size.

@@ -3,7 +3,7 @@
 A cell of 5 cm is *passed* once the body's centre came within 0.5 m of its middle, seen from above,
 and *seen* once its middle was in the camera's view, within 3 m of the lens and not hidden by an
 object on the ground. Ground without an object on it is free. A table covers the ground below its
-legs only, and hides what is behind its top.
+legs only, and hides the ground behind its top.
 """
 
 from __future__ import annotations

@@ -64,8 +64,8 @@ def test_a_noisy_camera_does_not_show_the_same_image_twice() -> None:
     watch = FrameWatch()
     for index in range(10):
         assert watch(frame(noisy(index), index), STATE) is None
-    said = {watch(frame(noisy(9), index), STATE) for index in range(10, 20)}
-    assert said == {"the video is frozen"}
+    reasons = {watch(frame(noisy(9), index), STATE) for index in range(10, 20)}
+    assert reasons == {"the video is frozen"}
     assert watch(frame(noisy(20), 20), STATE) is None  # it goes on
 
 

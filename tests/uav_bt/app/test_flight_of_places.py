@@ -1,4 +1,4 @@
-"""Flights to the places of a file, and what is kept of them."""
+"""Flights to the places of a file, and the copies that are kept of it."""
 
 from __future__ import annotations
 

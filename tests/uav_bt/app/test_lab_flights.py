@@ -275,7 +275,7 @@ def test_a_place_of_the_drawing_is_reached_by_the_tag_of_the_lab(
     assert math.hypot(x_m + 1.0, y_m + 0.5) < 0.2
 
 
-# --- what is kept ---------------------------------------------------------------------------------
+# --- records, reports and plans -------------------------------------------------------------------
 
 
 def test_report_and_record_keep_the_lab_and_a_replay_flies_in_it(

@@ -220,9 +220,9 @@ for absent, arguments in {[(without(module), words) for module, words, _ in MISS
         main()
     os.close(writer)
     with open(reader) as stderr:
-        said = stderr.read()
+        printed = stderr.read()
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    print(json.dumps([code, said]), flush=True)
+    print(json.dumps([code, printed]), flush=True)
 """
 
 

@@ -1,4 +1,4 @@
-"""The section `room` of a lab file: what is refused, with file and line."""
+"""The section `room` of a lab file: mistakes are refused with file and line."""
 
 from __future__ import annotations
 

@@ -356,5 +356,5 @@ def test_a_fault_in_a_file_of_places_is_shown_in_that_file(folder: Folder) -> No
     loop = '<LoopString queue="file:rounds.txt" value="{p}"><Face at="{p}"/></LoopString>'
     named = tree[: tree.index("<Sequence>")] + loop + "</BehaviorTree></root>"
     assert folder.open("main.xml", named) == []
-    (said,) = folder.said(rounds)
-    assert said.startswith("expected a place such as start:2,0")
+    (finding,) = folder.said(rounds)
+    assert finding.startswith("expected a place such as start:2,0")
