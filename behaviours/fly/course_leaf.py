@@ -23,7 +23,7 @@ from uav_bt.board import (
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port
-from uav_bt.types import DroneState, HeldTurn, NearObstacles, Velocity
+from uav_bt.types import DroneState, HeldTurn, NearObstacles, Velocity, clamp
 
 GIMBAL = Port(
     "gimbal_deg", float, default=-30.0, least=-90, most=90, doc="camera pitch in flight, degrees"
@@ -119,7 +119,7 @@ class CourseLeaf(MovingLeaf):
     def _height_mps(self, state: DroneState) -> float:
         """Return the vertical speed to the flight height, positive down."""
         cfg = self.course
-        return max(-cfg.climb_mps, min(cfg.climb_mps, cfg.climb_per_s * self.too_high_m(state)))
+        return clamp(cfg.climb_per_s * self.too_high_m(state), cfg.climb_mps)
 
     def give_way(self) -> bool:
         """Stop for a mover or get out of its way, and climb; False when none comes too near."""
@@ -141,8 +141,7 @@ class CourseLeaf(MovingLeaf):
         cfg, state = self._giving_way.config, self.state()
         if state is None or self.read(FLIGHT_HEIGHT).value is None:
             return 0.0
-        down_mps = cfg.climb_per_s * (self.too_high_m(state) - cfg.above_m)
-        return max(-cfg.climb_mps, min(cfg.climb_mps, down_mps))
+        return clamp(cfg.climb_per_s * (self.too_high_m(state) - cfg.above_m), cfg.climb_mps)
 
     def drop_course(self) -> None:
         """Drop movement and course."""
