@@ -1,0 +1,158 @@
+"""Files from which a lab's network is trained: frames, picks, and what training keeps.
+
+All lie in the folder of the lab:
+
+    frames/             images of the place, of `uav-bt lab frames`
+    frames/frames.csv   source, time, sharpness and use of each image
+    picks.csv           picks on the images, of `uav-bt lab pick`
+    training/           teacher, masks, checkpoint and reports; it may be deleted
+    segmentation.onnx   the network, of `uav-bt lab train`
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, cast, get_args
+
+from perception.camera.image_files import image_files
+from uav_bt.errors import FileError
+from uav_bt.files import read_bounded, write_whole
+from uav_bt.lab.lab import Lab
+
+Use = Literal["train", "check"]
+"""`train`: the network learns from the image. `check`: the image only scores the network."""
+
+_COLUMNS: Final = ("image", "source", "time_s", "sharpness", "use")
+_MAX_BYTES: Final = 10_000_000  # a line takes about 70
+_PHOTOGRAPHS_A_CHECK: Final = 5  # of images without an entry, every fifth by name is for checks
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabFrame:
+    """An image of a lab's folder `frames/`.
+
+    Attributes:
+        image: File name, without a folder.
+        source: File name of the video or photograph.
+        time_s: Time in the video, seconds; 0 for a photograph.
+        sharpness: Variance of the image's Laplacian at a width of 320 pixels.
+        use: Whether the network learns from the image.
+    """
+
+    image: str
+    source: str
+    time_s: float
+    sharpness: float
+    use: Use
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabMaterial:
+    """Where a lab's training files are.
+
+    Attributes:
+        lab: The lab.
+    """
+
+    lab: Lab
+
+    @property
+    def frames(self) -> Path:
+        """Folder of the images."""
+        return self.lab.folder / "frames"
+
+    @property
+    def list_file(self) -> Path:
+        """The CSV file about the images."""
+        return self.frames / "frames.csv"
+
+    @property
+    def picks(self) -> Path:
+        """The CSV file of the picks."""
+        return self.lab.folder / "picks.csv"
+
+    @property
+    def training(self) -> Path:
+        """Folder of what training keeps."""
+        return self.lab.folder / "training"
+
+    @property
+    def network(self) -> Path:
+        """The network that the lab is flown with."""
+        return self.lab.folder / "segmentation.onnx"
+
+    def uses(self) -> dict[str, Use]:
+        """Return the use of every image in the folder, by file name in the order of names.
+
+        Of images without an entry in the list, such as copied ones, every fifth is for checks.
+
+        Raises:
+            FileError: There is no image, or the list is malformed.
+        """
+        if not self.frames.is_dir():
+            raise FileError(
+                self.frames,
+                f"there are no images of '{self.lab.name}': `uav-bt lab frames` takes them from "
+                "videos",
+            )
+        listed = {frame.image: frame.use for frame in self.read_frames()}
+        names = [path.name for path in image_files(self.frames)[0]]
+        others = [name for name in names if name not in listed]
+        for number, name in enumerate(others, start=1):
+            listed[name] = "check" if number % _PHOTOGRAPHS_A_CHECK == 0 else "train"
+        return {name: listed[name] for name in names}
+
+    def read_frames(self) -> list[LabFrame]:
+        """Return the entries of the list; without a list there are none.
+
+        Raises:
+            FileError: The list is malformed; the message names the line.
+        """
+        if not self.list_file.exists():
+            return []
+        reader = csv.reader(io.StringIO(read_bounded(self.list_file, _MAX_BYTES).decode()))
+        frames = []
+        for row in reader:
+            if reader.line_num == 1 and tuple(row) == _COLUMNS:
+                continue
+            frames.append(_parsed(row, self.list_file, reader.line_num))
+        return frames
+
+    def write_frames(self, frames: Iterable[LabFrame]) -> None:
+        """Write the list; the file is replaced in one step."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(_COLUMNS)
+        for frame in frames:
+            measured = (f"{frame.time_s:.3f}", f"{frame.sharpness:.1f}")
+            writer.writerow([frame.image, frame.source, *measured, frame.use])
+        write_whole(self.list_file, text.getvalue())
+
+
+def _parsed(row: list[str], file: Path, line: int) -> LabFrame:
+    expected = ",".join(_COLUMNS)
+    if len(row) != len(_COLUMNS):
+        raise FileError(file, f"expected the columns {expected}, got {','.join(row)}", line=line)
+    image, source, time_s, sharpness, use = row
+    if not image or Path(image).name != image:
+        raise FileError(file, f"expected a file name without a folder, got '{image}'", line=line)
+    if use not in get_args(Use):
+        raise FileError(file, f"expected the use train or check, got '{use}'", line=line)
+    try:
+        numbers = float(time_s), float(sharpness)
+    except ValueError:
+        numbers = math.nan, math.nan
+    if not all(math.isfinite(number) for number in numbers):
+        raise FileError(
+            file,
+            f"expected numbers for time_s and sharpness, got '{time_s}', '{sharpness}'",
+            line=line,
+        )
+    return LabFrame(
+        image=image, source=source, time_s=numbers[0], sharpness=numbers[1], use=cast("Use", use)
+    )
