@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from sklearn.multiclass import OneVsRestClassifier
 from sklearn.svm import LinearSVC
 
+from benchmarks.lab_views import draw_twin_picks
 from perception.control.ego_state import state_size
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
@@ -48,7 +49,6 @@ from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.teacher import draw_twin_picks
 from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
 from uav_bt.types import Frame
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import pytest
+from uav_bt.learning.teacher import SHIPPED_TEACHER
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import shipped_unet
@@ -20,7 +21,6 @@ from perception.segmentation.teacher import load_teacher
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt import __version__
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.teacher import SHIPPED_TEACHER
 from uav_bt.learning.views import TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
 from uav_bt.tree.loading.loader import check_file
 

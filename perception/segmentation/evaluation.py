@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -92,6 +93,24 @@ class SegmentationScore:
     def accuracy(self) -> float:
         """Pixel accuracy: share of the pixels with the right class."""
         return float(np.diag(self.counts).sum() / self.counts.sum())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the scores as JSON values; None for a class or role that is absent."""
+        return {
+            "images": self.images,
+            "accuracy": round(self.accuracy, 4),
+            "role_miou": round(self.role_miou, 4),
+            "miou": round(self.miou, 4),
+            "role_iou": _by_name(ROLE_NAMES, self.role_iou),
+            "class_iou": _by_name(self.classes.names, self.iou),
+        }
+
+
+def _by_name(names: Sequence[str], values: NDArray[np.float64]) -> dict[str, float | None]:
+    return {
+        name: None if np.isnan(value) else round(float(value), 4)
+        for name, value in zip(names, values, strict=True)
+    }
 
 
 def score_segmentation(

@@ -50,7 +50,7 @@ class OnnxSegmenter:
 
     Raises:
         WeightsError: the file is absent or damaged, the network is not for segmentation, or it
-            states other classes than those of the lab and has no mapping.
+            has other classes than the lab and no mapping.
         FileError: the mapping file is absent or malformed.
         ValueRangeError: the mapping names a class that the network does not have.
     """
@@ -66,7 +66,7 @@ class OnnxSegmenter:
         self._path, self._classes = path, classes
         self._mapping = _mapping_of(mapping, classes)
         self._default = class_id_of(self._mapping.default, classes)
-        model = read_model(path, "`uav-bt net train segmentation`")
+        model = read_model(path, "`uav-bt lab train`")
         if mapping is None:
             _check_classes(model, path, classes)
         wanted = self._mapping.input
@@ -93,6 +93,12 @@ class OnnxSegmenter:
             if self._scores
             else max(self._mapping.classes) + 1
         )
+        if mapping is None and self._scores and count != len(classes):
+            raise WeightsError(
+                path,
+                f"expected scores of the {len(classes)} classes of the lab, and the network gives "
+                f"{count}: give a class mapping",
+            )
         self._table = self._mapping.table(count, classes)
         if self._scores:
             model = class_numbers(model, planar=planar_output)

@@ -256,7 +256,7 @@ def load_teacher(path: Path, classes: LabClasses) -> Teacher:
     Raises:
         WeightsError: the file is absent, damaged, of another kind or of a lab with other classes.
     """
-    tensors, details = read_weights(path, kind=_KIND, remedy="`uav-bt net train teacher` makes one")
+    tensors, details = read_weights(path, kind=_KIND, remedy="`uav-bt lab train` makes one")
     try:
         config = TeacherConfig(**details["config"])
         palette = tensors["palette"].astype(np.float32) if "palette" in tensors else None

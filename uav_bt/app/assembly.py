@@ -14,6 +14,7 @@ from uav_bt import plugins
 from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.exact_masks import ExactSegmenter
 from uav_bt.app.flying_process import collections_postponed
+from uav_bt.app.lab_network import refuse_foreign_network
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place_of_flight import (
@@ -33,6 +34,7 @@ from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError, NodeFailedError
 from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
@@ -152,6 +154,12 @@ class Flight(Generic[DroneT]):
             raise InputError("exact masks need a simulated drone: a real one has no referee")
         return ExactSegmenter(self.drone.referee, self.classes)
 
+    def _check_network(self) -> None:
+        given = self._segmenter is not None or isinstance(self.drone, Imageless)
+        if not given and not self.options.exact_masks:
+            named = isinstance(self.options.lab, Lab)
+            refuse_foreign_network(self.mission, self.lab, named=named)
+
     @property
     def scene_name(self) -> str | None:
         """The name of the scene that a simulated drone flies in; None on a real drone."""
@@ -166,8 +174,9 @@ class Flight(Generic[DroneT]):
 
         Raises:
             DroneError: the drone cannot be reached.
-            InputError: A leaf refused its ports.
+            InputError: A leaf refused its ports, or the lab has no network for its classes.
         """
+        self._check_network()
         try:
             self.drone.connect()
             with collections_postponed():

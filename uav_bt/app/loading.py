@@ -15,6 +15,7 @@ from uav_bt.app.place_of_flight import limits_of, site_of
 from uav_bt.app.site import Site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
 from uav_bt.errors import FileError, InputError, TreeError
+from uav_bt.lab.lab import Lab
 from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
 from uav_bt.tree.leaves_file import with_leaves
@@ -97,6 +98,7 @@ def read_mission(
     overrides = _overrides(options, replaced or {})
     site = site_of(options)
     by_key, source = _site_values(site), "site" if site is None else site.source
+    stated = _stated(by_key, options)
     if isinstance(tree, Node | Behaviour):
         tree = MissionTree(tree, name=tree.name)
     if isinstance(tree, MissionTree):
@@ -116,7 +118,7 @@ def read_mission(
         if options.leaves:
             raise InputError(f"leaves are for tree files; this is '{tree.name}', which has its own")
         _give(tree, options, overrides, by_key)
-        _check_site_reaches(tree, by_key, source)
+        _check_site_reaches(tree, stated, source)
         return tree
     if registry is not None and not isinstance(registry, NodeRegistry):
         raise InputError(
@@ -137,7 +139,7 @@ def read_mission(
             lookup=lookup or options.tree_folders.lookup(),
             parameters=options.parameters,
         )
-        _check_site_reaches(loaded, by_key, source)
+        _check_site_reaches(loaded, stated, source)
         return loaded
     raise InputError(
         "expected a mission: a shipped one's name, a tree file, a MissionTree, the root of a tree "
@@ -212,6 +214,13 @@ def _site_values(site: Site | None) -> _ByKey:
         for key, attributes in wanted.items()
     }
     return {key: attributes for key, attributes in given.items() if attributes}
+
+
+def _stated(by_key: _ByKey, options: FlightOptions) -> _ByKey:
+    """Return the attributes without the network that no lab file states: a tree may ignore it."""
+    if isinstance(options.lab, Lab) and options.lab.flight.network is None:
+        return {key: values for key, values in by_key.items() if key is not CLASS_MAP}
+    return by_key
 
 
 def _check_site_reaches(mission: MissionTree, by_key: _ByKey, source: str) -> None:

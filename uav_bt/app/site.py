@@ -10,7 +10,7 @@ part may be left out:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -111,7 +111,7 @@ def site_of_lab(lab: Lab) -> Site:
         FileError: A limit is out of its range; the message has the line of the lab file.
     """
     return _site(
-        lab.flight,
+        replace(lab.flight, network=lab.network),
         partial(lab_error, lab.file),
         mark=lab.mark,
         mark_pose=lab.mark_pose,

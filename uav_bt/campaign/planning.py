@@ -136,9 +136,11 @@ def _lab_sha256(options: FlightOptions, of_scenes: Sequence[Lab]) -> dict[str, s
 
 
 def _files_of(lab: Lab) -> tuple[Path | None, ...]:
-    classes = (lab.flight.network or {}).get("classes")
+    model = lab.network.get("model", "")
+    network = Path(model) if Path(model).suffix else None  # else the name of a shipped one
+    classes = lab.network.get("classes")
     built = () if lab.room is None else lab.room.files
-    return (lab.file, lab.flight.camera, classes, *built)
+    return (lab.file, lab.flight.camera, network, classes, *built)
 
 
 def _scenes(wanted: Sequence[str] | None, options: FlightOptions) -> list[str]:

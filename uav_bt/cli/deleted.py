@@ -10,6 +10,11 @@ from uav_bt.errors import InputError
 
 # By the words of the call. An option stands behind its command.
 _INSTEAD: Final = {
+    "net train teacher": "'uav-bt lab train LAB' trains teacher and network of a lab",
+    "net train segmentation": "'uav-bt lab train LAB' trains teacher and network of a lab",
+    "net export segmentation": "'uav-bt lab train LAB' writes the network in 8-bit integers",
+    "net evaluate segmentation": "'uav-bt lab check LAB' scores a network on picks, and "
+    "benchmarks/segmentation.py on the twin's exact classes",
     "tree diff": "run 'uav-bt tree format --write' on both files and compare them with 'git diff'",
     "tree migrate": "use convert_v3_to_v4.py, which comes with BehaviorTree.CPP",
     "view --video": "'uav-bt fly --video FILE' makes the film in flight, and in Python "

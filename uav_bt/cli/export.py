@@ -44,13 +44,6 @@ def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.command(cls=Command)
 @_network_options
-def segmentation(**options: Any) -> None:
-    """Export a segmentation U-Net."""
-    _export("segmentation", "unet", **options)
-
-
-@click.command(cls=Command)
-@_network_options
 def depth(**options: Any) -> None:
     """Export a depth network."""
     _export("depth", "depth", **options)

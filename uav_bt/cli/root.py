@@ -180,11 +180,6 @@ _TRAIN: Final = LazyGroup(
     "train",
     help="Train the networks that missions fly on.",
     lazy={
-        "teacher": ("uav_bt.cli.teacher:teacher", "Train the teacher of segmentation on picks."),
-        "segmentation": (
-            "uav_bt.cli.train:segmentation",
-            "Train the U-Net on the teacher's masks.",
-        ),
         "depth": ("uav_bt.cli.train:depth", "Train the depth network on flights."),
         "student": (
             "uav_bt.cli.train_student:student",
@@ -196,7 +191,6 @@ _EVALUATE: Final = LazyGroup(
     "evaluate",
     help="Measure networks against the twin's truth.",
     lazy={
-        "segmentation": ("uav_bt.cli.evaluate:segmentation", "Score a segmentation."),
         "depth": ("uav_bt.cli.evaluate:depth", "Measure metric depth."),
         "student": (
             "uav_bt.cli.evaluate:student",
@@ -211,7 +205,6 @@ _EXPORT: Final = LazyGroup(
     A network in 8-bit integers takes about half the time of one in floats. The ranges of its
     numbers are taken from images of the twin.""",
     lazy={
-        "segmentation": ("uav_bt.cli.export:segmentation", "Export a segmentation U-Net."),
         "depth": ("uav_bt.cli.export:depth", "Export a depth network."),
         "student": ("uav_bt.cli.export:student", "Export a control student."),
     },
@@ -228,9 +221,11 @@ _NET: Final = LazyGroup(
 )
 _LAB: Final = LazyGroup(
     "lab",
-    help="Begin a lab, list scenes, calibrate, tune the heading.",
+    help="Begin a lab, train its network, list scenes, calibrate, tune the heading.",
     lazy={
         "new": ("uav_bt.cli.lab_schema:new", "Write a commented lab file to begin with."),
+        "train": ("uav_bt.cli.lab_train:train", "Train the segmentation network of a lab."),
+        "check": ("uav_bt.cli.lab_check:check", "Score the network of a lab on held-out picks."),
         "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),
         "schema": ("uav_bt.cli.lab_schema:schema", "Write a JSON schema of lab files."),
         "calibrate": (

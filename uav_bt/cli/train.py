@@ -1,10 +1,7 @@
-"""`uav-bt net train segmentation` and `depth`: the networks of perception."""
+"""`uav-bt net train depth`: the depth network."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,98 +9,18 @@ import click
 
 from perception.depth.training.run import DepthTrainingConfig
 from perception.segmentation.runtime import shipped_unet
-from perception.segmentation.teacher import load_teacher
-from perception.segmentation.training.run import TrainingConfig
 from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_option
 from uav_bt.cli.options import INPUT, RUNS, grouped, output_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.training_options import (
-    Drawn,
-    batch_option,
     device_option,
-    drawn_options,
     run_option,
     steps_option,
 )
-from uav_bt.cli.values import WholeNumber
-from uav_bt.lab.shipped import load_lab
 from uav_bt.learning import diary, training
 from uav_bt.learning.dataset import read_flights
-from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights, label_views
-from uav_bt.learning.training import train_segmentation
-from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
-
-
-@click.command(cls=Command)
-@click.argument("flights", nargs=-1, metavar="[FLIGHTS]...", type=click.Path(path_type=Path))
-@output_option("--out", "The weights.", default=RUNS / "unet.safetensors", suffix=".safetensors")
-@click.option(
-    "--teacher",
-    "teacher_path",
-    metavar="FILE",
-    type=INPUT,
-    help="The teacher that makes the masks; the shipped one if not given.",
-)
-@run_option("segmentation", "masks and checkpoint")
-@drawn_options(views=1200, seed=1)
-@grouped(
-    "config",
-    dict,
-    steps=steps_option(4000),
-    batch=batch_option(12, "Images"),
-    device=device_option(),
-    loss=click.option(
-        "--loss",
-        type=click.Choice(["cross_entropy", "bce_dice"]),
-        default="cross_entropy",
-        help="The loss that is minimised.",
-    ),
-)
-@click.option(
-    "--workers",
-    type=WholeNumber(min=1),
-    default=1,
-    help="Processes that make masks of the twin's images.",
-)
-def segmentation(
-    *,
-    flights: tuple[Path, ...],
-    out: Path,
-    teacher_path: Path | None,
-    run: Path,
-    drawn: Drawn,
-    config: dict[str, Any],
-    workers: int,
-) -> None:
-    """Train the U-Net on the teacher's masks.
-
-    FLIGHTS are records of `uav-bt fly --record`: the network learns from their frames, one a
-    second. Without any, images are drawn in the twin (--scene, --views, --seed).
-
-    Writes a safetensors file and, beside it, the ONNX file made from it. A mission flies on the
-    latter when its tree has <Segment model="FILE.onnx"/>.
-    """
-    training = TrainingConfig(**config)  # refuses an absent GPU before masks are made
-    teacher_path = SHIPPED_TEACHER if teacher_path is None else teacher_path
-    classes = load_lab().classes
-    load_teacher(teacher_path, classes)  # refuses a damaged one now, and not in a worker later
-    plan = replace(UNetPlan(), views=drawn.of(replace(UNetPlan().views, scenes=TRAINING_SCENES)))
-    with progress_bars() as advance:
-        masks = run / f"masks-{_fingerprint(plan, teacher_path)}"
-        if flights:
-            images = label_flights(teacher_path, flights, plan, masks, advance=advance)
-        else:
-            images = label_views(teacher_path, plan, masks, workers=workers, advance=advance)
-        train_segmentation(
-            images,
-            classes,
-            out,
-            config=training,
-            checkpoint=run / "checkpoint.safetensors",
-            advance=advance,
-        )
-    click.echo(f"segmentation U-Net: {out} and {out.with_suffix('.onnx')}")
+from uav_bt.learning.views import DepthViewPlan, depth_views
 
 
 @click.command(cls=Command)
@@ -192,9 +109,3 @@ def depth(
             "carpet's scale"
         )
     click.echo(f"depth network: {out} and {out.with_suffix('.onnx')}")
-
-
-def _fingerprint(plan: object, teacher_path: Path) -> str:
-    """Return a name for the masks of a plan, so that no other masks are mistaken for them."""
-    about = json.dumps(asdict(plan), sort_keys=True)  # type: ignore[call-overload]  # a dataclass
-    return hashlib.sha256(about.encode() + teacher_path.read_bytes()).hexdigest()[:12]

@@ -18,6 +18,7 @@ from uav_bt.cli.training_options import batch_option, device_option, run_option,
 from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.learning import diary, training
 from uav_bt.learning.dataset import read_advised_flights, split_records
+from uav_bt.learning.lab_training import UNET_WEIGHTS
 
 
 def _config(*, near_weight: float, **others: Any) -> dict[str, Any]:
@@ -105,7 +106,7 @@ def student(
             out,
             config=loop,
             net_config=net,
-            start=start or training.UNET_WEIGHTS,
+            start=start or UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",
             held_out=read_advised_flights(others, net, kept, advance=advance),
             diary=diary.Diary(run, training.STUDENT_CURVES),

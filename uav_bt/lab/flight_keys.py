@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NotRequired
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema
 from typing_extensions import TypedDict
@@ -46,6 +46,12 @@ def _beside(value: Path, info: ValidationInfo) -> Path:
 
 def _network(value: str, info: ValidationInfo) -> str:
     return str(_beside(Path(value), info)) if value.endswith(".onnx") else value
+
+
+def _onnx(value: Path, info: ValidationInfo) -> Path:
+    if value.suffix != ".onnx":
+        raise ValueError(f"expected an ONNX file, got {value}")
+    return _beside(value, info)
 
 
 def _area(value: str) -> str:
@@ -79,6 +85,13 @@ class NetworkKeys(TypedDict, total=False):
 
     model: Annotated[str, AfterValidator(_network)]
     classes: _FileBeside
+
+
+class TeacherKeys(TypedDict):
+    """A network that labels the images for `uav-bt lab train`, and its class mapping."""
+
+    model: Annotated[Path, AfterValidator(_onnx)]
+    classes: NotRequired[_FileBeside]
 
 
 class LimitKeys(TypedDict, total=False):

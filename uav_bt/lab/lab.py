@@ -13,10 +13,13 @@ from uav_bt.types.pose import Pose2D
 
 if TYPE_CHECKING:
     # pydantic takes long to import, and `uav-bt check` answers at once.
-    from uav_bt.lab.flight_keys import FlightKeys
+    from uav_bt.lab.flight_keys import FlightKeys, NetworkKeys, TeacherKeys
     from uav_bt.lab.room import Room
 
 LAB_FILE: Final = "lab.yaml"
+NETWORK_FILE: Final = "segmentation.onnx"
+"""Segmentation network of a lab, in the folder of the lab file; `uav-bt lab train` writes it."""
+
 SCENES_FOLDER: Final = "scenes"
 """Folder of a lab's scene files, in the folder of the lab file."""
 
@@ -31,6 +34,7 @@ class Lab:
         classes: Classes of the place.
         file: The lab file.
         flight: How the place is flown.
+        teacher: Network that labels the images for training; None: a teacher learns from picks.
         mark: Landing mark of the place; None without one.
         mark_pose: Pose of the mark in the drawing, yaw counter-clockwise; None if not stated.
         room: What the twin builds of the place; None: as the paper's.
@@ -41,11 +45,23 @@ class Lab:
     classes: LabClasses
     file: Path
     flight: FlightKeys
+    teacher: TeacherKeys | None = None
     mark: LandingMark | None = None
     mark_pose: Pose2D | None = None
     room: Room | None = None
 
     __repr__ = brief_repr
+
+    @property
+    def network(self) -> NetworkKeys:
+        """The segmentation network that the lab is flown with; empty without one.
+
+        It is that of the lab file, else the network in the folder of the lab.
+        """
+        if self.flight.network is not None:
+            return self.flight.network
+        trained = self.folder / NETWORK_FILE
+        return {"model": str(trained)} if trained.is_file() else {}
 
     @property
     def scenes(self) -> dict[str, Path]:

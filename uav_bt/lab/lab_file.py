@@ -12,7 +12,7 @@ from pydantic import Field
 from uav_bt.errors import FileError, InputError, UnknownNameError, ValueRangeError
 from uav_bt.lab.classes import Colour, LabClass, LabClasses
 from uav_bt.lab.drawn_area import area_problem
-from uav_bt.lab.flight_keys import FlightKeys, take_off_pose
+from uav_bt.lab.flight_keys import FlightKeys, TeacherKeys, take_off_pose
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.mark_section import WholeMarkSection, mark_of_section, mark_pose
 from uav_bt.lab.roles import RoleName
@@ -57,6 +57,7 @@ def read_lab(path: Path) -> Lab:
         flight=FlightKeys(
             **{each.name: getattr(file.value, each.name) for each in fields(FlightKeys)}
         ),
+        teacher=file.value.teacher,
         room=None if room is None else read_room(file, room, folder, classes),
     )
 
@@ -152,6 +153,10 @@ class LabFile(FlightKeys):
         dict[str, _Class],
         Field(min_length=1, description="Classes by name; the order gives their ids."),
     ]
+    teacher: Annotated[
+        TeacherKeys | None,
+        Field(description="Network that labels images for training, in place of picks."),
+    ] = None
     mark: Annotated[WholeMarkSection | None, Field(description="The landing mark.")] = None
     room: Annotated[
         RoomSection | None, Field(description="What the twin builds; a real flight needs none.")

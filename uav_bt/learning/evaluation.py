@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -12,9 +12,7 @@ import numpy as np
 from perception.control.runtime import ControlEstimate, OnnxControlStudent
 from perception.control.training.samples import Batch, ControlFlight, ControlSamples
 from perception.control.training.scoring import ControlScore, score_control
-from perception.segmentation.evaluation import SegmentationScore, score_segmentation
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.lab.classes import LabClasses
 from uav_bt.learning.depth_tables.corridors import corridor_table
 from uav_bt.learning.depth_tables.images import ImagePlan, Masks, take_images
 from uav_bt.learning.depth_tables.tables import (
@@ -23,35 +21,8 @@ from uav_bt.learning.depth_tables.tables import (
     pair_table,
     sensitivity_table,
 )
-from uav_bt.learning.views import ViewPlan, twin_views
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.types.arrays import Image
-
-
-def evaluate_segmentation(
-    segment: Callable[[Image], Image],
-    plan: ViewPlan,
-    classes: LabClasses,
-    *,
-    advance: Advance = silent,
-) -> SegmentationScore:
-    """Score a segmentation against the twin's exact ids.
-
-    Args:
-        segment: (H, W, 3) RGB to (h, w) class ids, for example `OnnxSegmenter.ids`.
-        plan: the images.
-        classes: classes of the lab.
-        advance: called after each image.
-    """
-    total = plan.views * len(plan.scenes)
-
-    def pairs() -> Iterator[tuple[Image, Image]]:
-        for done, (_, rgb, ids) in enumerate(twin_views(plan), start=1):
-            yield segment(rgb), ids
-            advance("evaluation", done, total)
-
-    return score_segmentation(pairs(), classes)
 
 
 def evaluate_student(

@@ -22,7 +22,7 @@ from typing import Final, Literal, cast, get_args
 from perception.camera.image_files import image_files
 from uav_bt.errors import FileError
 from uav_bt.files import read_bounded, write_whole
-from uav_bt.lab.lab import Lab
+from uav_bt.lab.lab import NETWORK_FILE, Lab
 
 Use = Literal["train", "check"]
 """`train`: the network learns from the image. `check`: the image only scores the network."""
@@ -83,8 +83,8 @@ class LabMaterial:
 
     @property
     def network(self) -> Path:
-        """The network that the lab is flown with."""
-        return self.lab.folder / "segmentation.onnx"
+        """The network that training writes; see also `Lab.network`."""
+        return self.lab.folder / NETWORK_FILE
 
     def uses(self) -> dict[str, Use]:
         """Return the use of every image in the folder, by file name in the order of names.

@@ -21,18 +21,13 @@ from perception.depth.training.network import DEPTH_FILES, DepthNetConfig
 from perception.depth.training.run import DepthTrainingConfig, predict_depth
 from perception.depth.training.run import train_depth as run_depth_training
 from perception.networks.training.network_files import NetworkFiles, parameter_count
-from perception.networks.weights_file import SHIPPED_WEIGHTS
-from perception.segmentation.training.run import LabelledImages, TrainingConfig, train_unet
-from perception.segmentation.training.unet import UNET_FILES, UNetConfig
+from perception.segmentation.training.unet import UNET_FILES
 from uav_bt.errors import WeightsError
-from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.diary import Diary, write_depth_sheet
 from uav_bt.learning.views import DepthViews
 from uav_bt.progress import Advance, silent
 from uav_bt.types.arrays import Image
-
-UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
 
 # Curves in the diary of a run.
 DEPTH_CURVES: Final = ("loss", "abs_rel", "obstacle_error_m", "carpet_error_m")
@@ -50,41 +45,6 @@ def _save(files: NetworkFiles[Any], net: Any, weights: Path, notes: Mapping[str,
     """Write the weights of a network and the ONNX file with the same name."""
     files.save(weights, net, notes=notes)
     files.export(weights, weights.with_suffix(".onnx"))
-
-
-# --- segmentation ---------------------------------------------------------------------------------
-
-
-def train_segmentation(
-    images: tuple[Image, Image],
-    classes: LabClasses,
-    weights: Path,
-    *,
-    config: TrainingConfig | None = None,
-    checkpoint: Path | None = None,
-    advance: Advance = silent,
-) -> None:
-    """Train the U-Net and write its safetensors and ONNX files.
-
-    Args:
-        images: images (N, h, w, 3) and labels (N, h, w), from `label_views`.
-        classes: classes of the lab.
-        weights: the safetensors file; the ONNX file has the same name.
-        config: configuration of the training; None: defaults.
-        checkpoint: file of the training state, to continue from and to update.
-        advance: called after each step, with the loss in the name of the stage.
-    """
-    settings = config or TrainingConfig()
-    rgb, ids = images
-    net = train_unet(
-        LabelledImages(rgb=rgb, ids=ids, classes=classes.names),
-        settings,
-        UNetConfig(width_px=rgb.shape[2], height_px=rgb.shape[1], outputs=len(classes)),
-        checkpoint=checkpoint,
-        progress=lambda now, _net: advance(f"training, loss {now.loss:.3f}", now.step, now.steps),
-    )
-    notes = {"training": asdict(settings), "images": len(rgb)}
-    _save(UNET_FILES, net, weights, notes)
 
 
 # --- depth ----------------------------------------------------------------------------------------

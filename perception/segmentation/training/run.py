@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import cv2
 import numpy as np
@@ -78,16 +78,21 @@ _HUE_LEVEL_DEG: Final = 2.0  # step of OpenCV's 8-bit hue
 
 @dataclass(frozen=True, kw_only=True)
 class AugmentConfig:
-    """Limits of the augmentation; each sample is uniform within plus and minus a limit."""
+    """Limits of the augmentation; each sample is uniform within plus and minus a limit.
+
+    Blur and noise are uniform between 0 and the limit.
+    """
 
     hue_deg: float = 5.0  # the paper's
     saturation: float = 0.02  # relative, the paper's
     value: float = 0.06  # relative, the paper's
     rotation_deg: float = 8.0  # the paper gives none; a stabilised camera rolls little
     shift: float = 0.1  # of the image's sides; the paper gives none
+    blur_px: float = 0.0  # standard deviation of a Gaussian, pixels of the network's image
+    noise: float = 0.0  # standard deviation of a pixel's noise, grey levels
 
     def __post_init__(self) -> None:
-        if min(self.hue_deg, self.saturation, self.value, self.rotation_deg, self.shift) < 0.0:
+        if min(asdict(self).values()) < 0.0:
             raise ValueRangeError(f"augmentation limits must not be negative, got {self}")
 
 
@@ -123,7 +128,7 @@ def augmented(
         ],
         axis=1,
     ).astype(np.uint8)[None]
-    coloured = cv2.cvtColor(cv2.LUT(hsv, table), cv2.COLOR_HSV2RGB)
+    coloured = _degraded(cv2.cvtColor(cv2.LUT(hsv, table), cv2.COLOR_HSV2RGB), rng, config)
     turn = cv2.getRotationMatrix2D(
         ((width - 1) / 2.0, (height - 1) / 2.0), angle * config.rotation_deg, 1.0
     )
@@ -133,6 +138,21 @@ def augmented(
     moved_ids = cv2.warpAffine(ids, turn, size, flags=cv2.INTER_NEAREST, borderMode=border)
     return np.asarray(moved, dtype=np.uint8), np.asarray(moved_ids, dtype=np.uint8)
 
+
+def _degraded(
+    rgb: NDArray[Any], rng: np.random.Generator, config: AugmentConfig
+) -> NDArray[np.uint8]:
+    if config.blur_px > 0.0:
+        sigma_px = rng.uniform(0.1, max(config.blur_px, 0.1))
+        rgb = cv2.GaussianBlur(rgb, (0, 0), sigma_px)
+    if config.noise > 0.0:
+        spread = rng.normal(0.0, rng.uniform(0.0, config.noise), rgb.shape)
+        rgb = np.clip(np.round(rgb + spread), 0, 255)
+    return rgb.astype(np.uint8)
+
+
+FLIGHT_AUGMENT: Final = AugmentConfig(saturation=0.1, value=0.2, blur_px=1.0, noise=6.0)
+"""For images of another camera than the drone's: exposure, focus and noise differ (chosen)."""
 
 IGNORED: Final = 255  # label of an unknown pixel, which the loss leaves out
 
@@ -174,6 +194,7 @@ def train_unet(
     config: TrainingConfig,
     net_config: UNetConfig,
     *,
+    start: UNet | None = None,
     checkpoint: Path | None = None,
     progress: Callable[[Progress, UNet], None] = ignore_progress,
 ) -> UNet:
@@ -183,6 +204,8 @@ def train_unet(
         images: the training set, at the network's size.
         config: how to train.
         net_config: the network's shape.
+        start: network whose weights it begins with: all layers, without the head if its classes
+            are others; None: random ones.
         checkpoint: file of the run's state; read first if it exists.
         progress: called after every step with the averaged network.
 
@@ -195,6 +218,8 @@ def train_unet(
     """
     torch.manual_seed(config.seed)
     net = channels_last(UNet(net_config, images.classes))
+    if start is not None:
+        net.load_state_dict(_taken_over(start, images.classes), strict=False)
     loss = LOSSES[config.loss]
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
@@ -210,6 +235,15 @@ def train_unet(
         checkpoint=checkpoint,
         progress=progress,
     )
+
+
+def _taken_over(start: UNet, classes: tuple[str, ...]) -> dict[str, Tensor]:
+    same = start.classes == classes
+    return {
+        name: tensor
+        for name, tensor in start.state_dict().items()
+        if same or not name.startswith("head.")
+    }
 
 
 def predict(net: UNet, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -115,7 +115,7 @@ def _ports(net: UNet) -> OnnxPorts:
 
 UNET_FILES: Final = NetworkFiles(
     kind="segmentation-unet",
-    remedy="`uav-bt net train segmentation` makes one",
+    remedy="`uav-bt lab train` makes one",
     build=_build,
     ports=_ports,
     details=lambda net: {"classes": net.classes},

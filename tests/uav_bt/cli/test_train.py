@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import torch
 from safetensors.numpy import load_file
+from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan
 
 from perception.segmentation.teacher import load_teacher
 from tests.paper_lab import CLASSES
 from tests.uav_bt.cli.cli_world import assert_refused, run
 from uav_bt.lab.roles import ROLE_NAMES
-from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan
 
 ONE_SCENE = ("--scene", "train-a", "--views", 2)
 

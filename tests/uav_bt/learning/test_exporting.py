@@ -19,7 +19,7 @@ from tests.paper_lab import CLASSES
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import UnknownNameError
 from uav_bt.learning.exporting import CALIBRATION_VIEWS, export_network
-from uav_bt.learning.training import UNET_WEIGHTS
+from uav_bt.learning.lab_training import UNET_WEIGHTS
 from uav_bt.learning.views import TRAINING_SCENES, VALIDATION_SCENES, ViewPlan, twin_views
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights
 
 from perception.segmentation.teacher import Teacher
 from sim_bridge.anafi import anafi_camera
 from tests.uav_bt.record.footage_world import frame, write_record
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights
 
 PLAN = UNetPlan()
 EVERY_S = 3.0

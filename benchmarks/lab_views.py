@@ -1,0 +1,132 @@
+"""Write a copy of a lab with drawn images and simulated picks, for `uav-bt lab train`.
+
+    python -m benchmarks.lab_views paper --views 1200 --out labs/paper_drawn
+    uav-bt lab train labs/paper_drawn --steps 9500 --batch 24
+
+The twin draws the images; points of its exact class ids stand for a person's picks. Images of the
+training scenes are for training, those of the validation scenes for checks. `--out` must not exist.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.segmentation import scenes_of
+from perception.segmentation.teacher import TeacherConfig
+from perception.segmentation.training.picks import Pick, draw_picks, write_picks
+from uav_bt.errors import FileError
+from uav_bt.files import writing
+from uav_bt.lab.lab import NETWORK_FILE, Lab
+from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
+from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
+from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.progress import Advance, silent
+
+PICKS = 6500
+"""Number of picks on the images for training; the paper's was 6,484."""
+
+
+def draw_twin_picks(
+    plan: ViewPlan, config: TeacherConfig, *, total: int = PICKS, advance: Advance = silent
+) -> list[Pick]:
+    """Sample points of the exact ids instead of manual picks, evenly over the plan's scenes.
+
+    Args:
+        plan: Images; the picks are in pixels of the teacher's size.
+        config: Size of the teacher's images and patches.
+        total: Number of picks.
+        advance: Called after each scene.
+    """
+    picks: list[Pick] = []
+    size = (config.width_px, config.height_px)
+    for done, scene in enumerate(plan.scenes, start=1):
+        views = twin_views(replace(plan, scenes=(scene,), size_px=size, truth_size_px=size))
+        samples = ((name, ids) for name, _, ids in views)
+        rng = np.random.default_rng((plan.seed, done))
+        share = total // len(plan.scenes)
+        picks.extend(draw_picks(samples, rng, patch_px=config.patch_px, total=share))
+        advance("picks", done, len(plan.scenes))
+    return picks
+
+
+def copy_lab(lab: Lab, folder: Path) -> LabMaterial:
+    """Copy a lab without its training files.
+
+    Args:
+        lab: The lab.
+        folder: Folder of the copy.
+
+    Raises:
+        FileError: The folder exists, or cannot be written.
+    """
+    if folder.exists():
+        raise FileError(folder, "exists: give --out a new folder")
+    training = shutil.ignore_patterns("frames", "training", "picks.csv", NETWORK_FILE)
+    with writing(folder):
+        shutil.copytree(lab.folder, folder, ignore=training)
+    return LabMaterial(lab=load_lab(folder / lab.file.name))
+
+
+def write_views(
+    material: LabMaterial, plans: dict[Use, ViewPlan], config: TeacherConfig, total: int = PICKS
+) -> None:
+    """Draw the images of a lab and their picks.
+
+    Args:
+        material: The lab.
+        plans: Images by their use.
+        config: Size of the images and of the teacher's patches.
+        total: Number of picks on the images for training; those for checks get a fifth.
+    """
+    material.frames.mkdir()
+    frames, picks = [], []
+    size = (config.width_px, config.height_px)
+    for use, plan in plans.items():
+        for name, rgb, _ in twin_views(replace(plan, size_px=size, truth_size_px=(32, 18))):
+            image = f"{Path(name).stem}.jpg"
+            _, jpeg = cv2.imencode(
+                ".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 95]
+            )
+            (material.frames / image).write_bytes(jpeg.tobytes())
+            frames.append(LabFrame(image=image, source="twin", time_s=0.0, sharpness=0.0, use=use))
+        wanted = total if use == "train" else total // 5
+        drawn = draw_twin_picks(plan, config, total=wanted)
+        picks += [replace(pick, image=f"{Path(pick.image).stem}.jpg") for pick in drawn]
+    material.write_frames(frames)
+    write_picks(material.picks, picks, material.lab.classes)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Write the lab."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("lab", nargs="?", default=DEFAULT_LAB)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the copy")
+    parser.add_argument("--views", type=int, default=1200, help="images of a scene for training")
+    parser.add_argument("--check-views", type=int, default=30, help="images of a scene for checks")
+    parser.add_argument("--picks", type=int, default=PICKS, help="picks on images for training")
+    parser.add_argument("--profile", default="lab", help="ideal, lab or harsh")
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args(arguments)
+    lab = load_lab(given.lab)
+    plan = ViewPlan(
+        scenes=scenes_of(lab, "*train-*"),
+        views=given.views,
+        profile=given.profile,
+        lowered=0.25,
+        seed=given.seed,
+    )
+    check = replace(plan, scenes=scenes_of(lab, "*val-*"), views=given.check_views)
+    material = copy_lab(lab, given.out)
+    write_views(material, {"train": plan, "check": check}, TeacherConfig(), given.picks)
+    print(f"{material.lab.folder}: next uav-bt lab train {material.lab.folder}")
+
+
+if __name__ == "__main__":
+    main()

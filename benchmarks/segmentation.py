@@ -1,0 +1,125 @@
+"""Score a segmentation network against the twin's exact class ids.
+
+    python -m benchmarks.segmentation                                   # the shipped U-Net
+    python -m benchmarks.segmentation --lab depot --views 100
+    python -m benchmarks.segmentation --lab depot --scenes "depot-val-*" --model net.onnx
+
+The score is the intersection over union over all pixels, by class and by role. Without `--model`
+the network is that of the lab, in the paper's lab the shipped U-Net. `--model` is an ONNX file with
+the classes of the lab, `unet`, `unet-fp32`, or the weights of a teacher (safetensors).
+"""
+
+from __future__ import annotations
+
+import argparse
+import fnmatch
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from perception.networks.named import SHIPPED_UNETS
+from perception.segmentation.evaluation import SegmentationScore, score_segmentation
+from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
+from sim_bridge.twin.scene_file import shipped_scenes
+from uav_bt.errors import InputError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
+from uav_bt.learning.masks import MaskSource
+from uav_bt.learning.pick_scores import network_of_lab
+from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.progress import Advance, silent
+from uav_bt.types.arrays import Image
+
+
+def scenes_of(lab: Lab, pattern: str) -> tuple[str, ...]:
+    """Return the scenes of a lab that match a pattern, as names or files.
+
+    Args:
+        lab: The lab; the scenes of the paper's lab are the shipped ones.
+        pattern: Pattern such as `test-*`.
+
+    Raises:
+        InputError: No scene matches.
+    """
+    own = {name: str(file) for name, file in lab.scenes.items()}
+    known = own or ({name: name for name in shipped_scenes()} if lab.name == DEFAULT_LAB else {})
+    found = tuple(known[name] for name in fnmatch.filter(known, pattern))
+    if not found:
+        raise InputError(
+            f"no scene of the lab '{lab.name}' matches '{pattern}': {', '.join(known)}"
+        )
+    return found
+
+
+def evaluate_segmentation(
+    segment: Callable[[Image], Image],
+    plan: ViewPlan,
+    classes: LabClasses,
+    *,
+    advance: Advance = silent,
+) -> SegmentationScore:
+    """Score a segmentation against the twin's exact ids.
+
+    Args:
+        segment: (H, W, 3) RGB to (h, w) class ids, for example `OnnxSegmenter.ids`.
+        plan: Images.
+        classes: Classes of the lab.
+        advance: Called after each image.
+    """
+    total = plan.views * len(plan.scenes)
+
+    def pairs() -> Iterator[tuple[Image, Image]]:
+        for done, (_, rgb, ids) in enumerate(twin_views(plan), start=1):
+            yield segment(rgb), ids
+            advance("evaluation", done, total)
+
+    return score_segmentation(pairs(), classes)
+
+
+def segmenter(model: str | None, lab: Lab) -> Callable[[Image], Image]:
+    """Return the segmentation that `--model` names."""
+    if model is None and not lab.network and lab.classes == load_lab().classes:
+        model = SHIPPED_UNETS[0]
+    if model is None:
+        return network_of_lab(lab)
+    if model in SHIPPED_UNETS:
+        return shipped_unet(model, threads=2).ids
+    if model.endswith(".safetensors"):
+        return MaskSource(file=Path(model), classes=lab.classes).load()
+    return OnnxSegmenter(Path(model), lab.classes, threads=2).ids
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the scores."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--lab", default=DEFAULT_LAB)
+    parser.add_argument("--scenes", default="*test-*", help="pattern of names")
+    parser.add_argument("--views", type=int, default=100, help="images of each scene")
+    parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--model")
+    parser.add_argument("--size", default="640x360", help="of the images, pixels")
+    parser.add_argument("--profile", default="lab", help="ideal, lab or harsh")
+    parser.add_argument("--lowered", type=float, default=0.0, help="share with a lowered camera")
+    parser.add_argument("--out", type=Path, help="JSON file")
+    given = parser.parse_args(arguments)
+    lab = load_lab(given.lab)
+    width, height = map(int, given.size.split("x"))
+    plan = ViewPlan(
+        scenes=scenes_of(lab, given.scenes),
+        views=given.views,
+        size_px=(width, height),
+        profile=given.profile,
+        lowered=given.lowered,
+        seed=given.seed,
+    )
+    scores = evaluate_segmentation(segmenter(given.model, lab), plan, lab.classes).to_json()
+    values = {key: str(value) for key, value in vars(given).items() if key != "out"} | scores
+    text = json.dumps(values, indent=2)
+    print(text)
+    if given.out is not None:
+        given.out.write_text(text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

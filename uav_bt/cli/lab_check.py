@@ -1,0 +1,116 @@
+"""`uav-bt lab check`: score of a lab's segmentation network on picks that it did not learn from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from uav_bt.cli.command import Command
+from uav_bt.cli.options import INPUT, output_option
+from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.values import Number
+from uav_bt.errors import MissionError
+from uav_bt.files import writing
+from uav_bt.lab.roles import ROLE_NAMES
+from uav_bt.lab.shipped import load_lab
+from uav_bt.learning.lab_checks import checked_picks, teacher_of_lab
+from uav_bt.learning.lab_material import LabMaterial
+from uav_bt.learning.masks import MaskSource
+from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
+
+
+@click.command(cls=Command)
+@click.argument("lab", metavar="LAB")
+@click.option(
+    "--model",
+    metavar="FILE",
+    type=INPUT,
+    help="An ONNX network with the lab's classes; the one that the lab is flown with if not given.",
+)
+@output_option("--out", "Write the scores there too, as JSON.")
+@click.option(
+    "--least-role-iou",
+    type=Number(min=0.0, max=1.0),
+    default=0.0,
+    help="Exit with 1 if the intersection over union of a role is lower.",
+)
+@click.pass_context
+def check(
+    ctx: click.Context, *, lab: str, model: Path | None, out: Path | None, least_role_iou: float
+) -> None:
+    """Score the segmentation network of a lab on its held-out picks.
+
+    LAB is a shipped lab, a folder of labs/, or a path. Scored are the picks on images whose use in
+    frames.csv is 'check', from which the network did not learn; each pick is a sample. The teacher
+    is scored beside the network. LAB/training/check.png shows the worst images: image, class map
+    and picks, wrong ones with a red rim.
+    """
+    material = LabMaterial(lab=load_lab(lab))
+    classes, uses = material.lab.classes, material.uses()
+    picks = [pick for pick in checked_picks(material, uses) if uses[pick.image] == "check"]
+    segment, teacher = network_of_lab(material.lab, model), _teacher(material)
+    with progress_bars() as advance:
+        score = score_picks(segment, picks, material.frames, classes, advance=advance)
+        beside = (
+            None
+            if teacher is None
+            else score_picks(teacher.load(), picks, material.frames, classes)
+        )
+    for line in score_lines(score):
+        click.echo(line)
+    if beside is not None:
+        click.echo(
+            f"teacher: {beside.total.accuracy:.3f} of the picks right, IoU of the roles "
+            f"{beside.total.role_miou:.3f}"
+        )
+    sheet = material.training / "check.png"
+    write_sheet(score, segment, material.frames, sheet)
+    click.echo(f"worst images: {sheet}")
+    if out is not None:
+        teacher_json = None if beside is None else beside.to_json()
+        with writing(out):
+            values = {"lab": material.lab.name, **score.to_json(), "teacher": teacher_json}
+            out.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+        click.echo(f"scores: {out}")
+    if score.least_role_iou < least_role_iou:
+        click.echo(
+            f"the IoU of a role is {score.least_role_iou:.3f}, below {least_role_iou:g}", err=True
+        )
+        ctx.exit(MissionError.exit_code)
+
+
+def _teacher(material: LabMaterial) -> MaskSource | None:
+    file = material.training / "teacher.safetensors"
+    trained = MaskSource(file=file, classes=material.lab.classes) if file.is_file() else None
+    return teacher_of_lab(material) or trained
+
+
+def score_lines(score: PickScore) -> Iterator[str]:
+    """Yield the lines that describe a score on picks."""
+    total, counts = score.total, score.picks
+    yield (
+        f"{sum(counts.values())} held-out picks on {total.images} images: "
+        f"{total.accuracy:.3f} right"
+    )
+    yield f"{'role':<18}{'picks':>6}{'IoU':>8}"
+    in_roles = total.role_counts.sum(axis=1).tolist()
+    for name, count, iou in zip(ROLE_NAMES, in_roles, total.role_iou, strict=True):
+        yield _row(name, count, iou)
+    yield f"{'class':<18}{'picks':>6}{'IoU':>8}"
+    for (name, count), iou in zip(counts.items(), total.iou, strict=True):
+        yield _row(name, count, iou)
+    for true, taken, share in score.confusions():
+        yield f"{true} taken for {taken}: {100 * share:.0f} % of its picks"
+    if score.unchecked:
+        yield f"unchecked, because without held-out picks: {', '.join(score.unchecked)}"
+    wrong = [f"{each.image} ({each.wrong} of {len(each.picks)})" for each in score.images]
+    worst = [text for text, each in zip(wrong, score.images, strict=True) if each.wrong][:5]
+    if worst:
+        yield f"most wrong picks: {', '.join(worst)}"
+
+
+def _row(name: str, count: int, iou: float) -> str:
+    return f"  {name:<16}{count:>6}{format(iou, '8.3f') if count else f'{chr(45):>8}'}"

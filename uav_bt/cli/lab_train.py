@@ -1,0 +1,85 @@
+"""`uav-bt lab train`: the segmentation network of a lab, from its images and picks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+from uav_bt.cli.command import Command
+from uav_bt.cli.flight_options import flight_option
+from uav_bt.cli.lab_check import score_lines
+from uav_bt.cli.options import grouped
+from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.training_options import batch_option, device_option, steps_option
+from uav_bt.cli.values import WholeNumber
+from uav_bt.files import check_output
+from uav_bt.lab.shipped import load_lab
+from uav_bt.learning import lab_training
+from uav_bt.learning.lab_checks import LabData, checked_data
+from uav_bt.learning.lab_material import LabMaterial
+from uav_bt.learning.pick_scores import network_of_lab, score_picks
+from uav_bt.plugins import need
+
+
+@click.command(cls=Command)
+@click.argument("lab", metavar="LAB")
+@grouped(
+    "config",
+    dict,
+    steps=steps_option(800),
+    batch=batch_option(12, "Images"),
+    device=device_option(),
+    seed=flight_option("seed"),
+)
+@click.option(
+    "--workers", type=WholeNumber(min=1), default=1, help="Processes that make the masks."
+)
+def train(*, lab: str, config: dict[str, Any], workers: int) -> None:
+    """Train the segmentation network of a lab.
+
+    LAB is a shipped lab, a folder of labs/, or a path, with images in frames/ and picks in
+    picks.csv. A teacher learns from the picks and makes a class map of every image for training;
+    from these learns the network, beginning with the weights of the shipped U-Net. If the lab file
+    names another network as `teacher`, that one makes the class maps.
+
+    Writes LAB/segmentation.onnx, with which the lab is flown unless its file states a network. An
+    existing one is replaced when the training has finished. LAB/training keeps teacher, masks and
+    checkpoint: the same command continues an interrupted training.
+    """
+    need("train", "torch", "onnx", "onnxruntime", "nncf")
+    settings = lab_training.lab_training_config(**config)  # refuses an absent GPU now
+    material = LabMaterial(lab=load_lab(lab))
+    data = checked_data(material)
+    check_output(material.network)
+    for warning in data.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    with progress_bars() as advance:
+        source = lab_training.mask_source(data, seed=settings.seed, advance=advance)
+    click.echo(str(lab_training.estimated(data, source, settings, workers=workers)))
+    if material.network.exists():
+        click.echo(f"{material.network} stays until the new network is finished")
+    with progress_bars() as advance:
+        loss = lab_training.train_lab(data, source, settings, workers=workers, advance=advance)
+    for line in _result(data, loss):
+        click.echo(line)
+
+
+def _result(data: LabData, loss: float) -> list[str]:
+    material, picks = data.material, data.picks_on("check")
+    lines = [] if math.isnan(loss) else [f"loss: {loss:.3f}"]
+    if picks:
+        segment = network_of_lab(material.lab, material.network)
+        score = score_picks(segment, picks, material.frames, material.lab.classes)
+        lines += score_lines(score)
+    else:
+        lines.append("no picks on images for checks: the network is not scored")
+    lines += [f"network: {material.network}", f"teacher, masks, weights: {material.training}"]
+    if material.lab.flight.network is not None:
+        lines.append(
+            f"note: {material.lab.file} states another network, with which the lab is flown; "
+            "delete the key 'network' for this one"
+        )
+    where = material.lab.folder
+    return [*lines, f"next: uav-bt lab check {where}, then uav-bt fly MISSION --lab {where}"]

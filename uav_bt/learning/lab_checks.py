@@ -1,0 +1,147 @@
+"""Checks of a lab's training files, before hours of work on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from perception.camera.image_files import read_image
+from perception.segmentation.mapping import class_id_of, read_mapping
+from perception.segmentation.training.picks import Pick, read_picks
+from uav_bt.errors import FileError, InputError
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.lab_file import lab_error
+from uav_bt.lab.roles import GROUND
+from uav_bt.learning.lab_material import LabMaterial, Use
+from uav_bt.learning.masks import MaskSource
+
+_LEAST_IMAGES: Final = 4
+_FEW_IMAGES: Final = 100  # with fewer the network knows few views; chosen
+_FIRST_PICK_LINE: Final = 2  # of a picks file, after the columns
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabData:
+    """Checked training files of a lab.
+
+    Attributes:
+        material: Where they are.
+        uses: Use of every image, by file name.
+        picks: Picks on all images; may be empty if another network makes the masks.
+        source: Network of the lab file that makes the masks; None: a teacher learns from picks.
+        warnings: What is allowed and may be a mistake.
+    """
+
+    material: LabMaterial
+    uses: Mapping[str, Use]
+    picks: Sequence[Pick]
+    source: MaskSource | None
+    warnings: Sequence[str]
+
+    def images(self, use: Use) -> list[Path]:
+        """Return the images of a use, in the order of names."""
+        return [self.material.frames / name for name, its in self.uses.items() if its == use]
+
+    def picks_on(self, use: Use) -> list[Pick]:
+        """Return the picks on the images of a use."""
+        return [pick for pick in self.picks if self.uses[pick.image] == use]
+
+
+def checked_data(material: LabMaterial) -> LabData:
+    """Check everything that training needs.
+
+    Raises:
+        FileError: A file is absent or malformed, a pick lies outside its image, the picks lack a
+            class that is needed, or the network of `teacher` does not fit the classes.
+        InputError: There are too few images.
+    """
+    lab, uses = material.lab, material.uses()
+    source = teacher_of_lab(material)
+    count = sum(use == "train" for use in uses.values())
+    if count < _LEAST_IMAGES:
+        raise InputError(
+            f"{material.frames}: expected at least {_LEAST_IMAGES} images for training, got "
+            f"{count}; `uav-bt lab frames` takes them from videos"
+        )
+    picks: list[Pick] = []
+    if source is None or material.picks.exists():
+        picks = checked_picks(material, uses)
+    if source is None:
+        _check_classes(material.picks, [p for p in picks if uses[p.image] == "train"], lab.classes)
+    warnings = [] if count >= _FEW_IMAGES else [f"only {count} images for training"]
+    return LabData(material=material, uses=uses, picks=picks, source=source, warnings=warnings)
+
+
+def checked_picks(material: LabMaterial, uses: Mapping[str, Use]) -> list[Pick]:
+    """Return the picks of a lab.
+
+    Args:
+        material: Where the picks are.
+        uses: Use of every image, by file name.
+
+    Raises:
+        FileError: The file is absent or malformed, an image is absent, or a pick lies outside its
+            image; the message names the line.
+    """
+    file = material.picks
+    if not file.exists():
+        raise FileError(file, "there are no picks; `uav-bt lab pick` makes them")
+    picks = read_picks(file, material.lab.classes)
+    sizes: dict[str, tuple[int, int]] = {}
+    for line, pick in enumerate(picks, start=_FIRST_PICK_LINE):
+        if pick.image not in uses:
+            raise FileError(file, f"there is no image {material.frames / pick.image}", line=line)
+        if pick.image not in sizes:
+            height, width = read_image(
+                material.frames / pick.image, colour=False, as_stored=False
+            ).shape
+            sizes[pick.image] = width, height
+        width, height = sizes[pick.image]
+        if pick.x >= width or pick.y >= height:
+            raise FileError(
+                file,
+                f"the pick ({pick.x}, {pick.y}) lies outside {pick.image}, {width}x{height}",
+                line=line,
+            )
+    return picks
+
+
+def _check_classes(file: Path, picks: Iterable[Pick], classes: LabClasses) -> None:
+    picked = {pick.class_id for pick in picks}
+    if len(picked) < 2:
+        names = ", ".join(classes.names[each] for each in sorted(picked)) or "none"
+        raise FileError(
+            file, f"expected picks of two classes at least on images for training, got {names}"
+        )
+    ground = classes.of_role(GROUND)
+    if not picked.intersection(ground):
+        names = " or ".join(classes.names[each] for each in ground)
+        raise FileError(file, f"no pick on images for training is of the ground ({names})")
+
+
+def teacher_of_lab(material: LabMaterial) -> MaskSource | None:
+    """Return the network that the lab file names for masks; None without one.
+
+    Raises:
+        FileError: The network or its class mapping does not fit; the message has the line of the
+            lab file.
+    """
+    lab = material.lab
+    if lab.teacher is None:
+        return None
+    model, mapping = lab.teacher["model"], lab.teacher.get("classes")
+    source = MaskSource(file=model, classes=lab.classes, mapping=mapping)
+    try:
+        source.load()
+    except InputError as error:
+        raise lab_error(lab.file, str(error), "teacher", "model") from error
+    if mapping is not None:
+        meant = read_mapping(mapping, lab.classes)
+        ids = {class_id_of(name, lab.classes) for name in (*meant.classes.values(), meant.default)}
+        if not ids.intersection(lab.classes.of_role(GROUND)):
+            raise lab_error(
+                lab.file, f"{mapping} maps no class to the ground", "teacher", "classes"
+            )
+    return source

@@ -1,0 +1,286 @@
+"""Training of a lab's segmentation network: masks, U-Net, 8-bit integers. Needs extra `train`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+
+from perception.camera.image_files import read_image
+from perception.networks.training.loop import Progress
+from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher, save_teacher
+from perception.segmentation.training.picks import Pick, gather_patches
+from perception.segmentation.training.run import (
+    FLIGHT_AUGMENT,
+    LabelledImages,
+    TrainingConfig,
+    train_unet,
+)
+from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
+from uav_bt.lab.classes import LabClasses
+from uav_bt.learning.lab_checks import LabData
+from uav_bt.learning.masks import SIZE_PX, MaskSource, make_masks, mask_files
+from uav_bt.progress import Advance, silent
+from uav_bt.types.arrays import Image
+
+TEACHER_FILE: Final = "teacher.safetensors"
+UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
+"""Weights that every lab's network begins with."""
+
+_CALIBRATION_IMAGES: Final = 200
+
+
+def lab_training_config(**given: Any) -> TrainingConfig:
+    """Return the settings of a lab's training: a third of the learning rate of a new network.
+
+    Args:
+        given: Fields of `TrainingConfig`.
+    """
+    chosen = {
+        "steps": 800,
+        "learning_rate": 1e-3,
+        "warm_up_steps": 50,
+        "checkpoint_every": 50,
+        "augment": FLIGHT_AUGMENT,
+    }
+    return TrainingConfig(**{**chosen, **given})
+
+
+# --- teacher --------------------------------------------------------------------------------------
+
+
+def fit_lab_teacher(
+    picks: Sequence[Pick],
+    frames: Path,
+    config: TeacherConfig,
+    classes: LabClasses,
+    *,
+    seed: int = 0,
+    advance: Advance = silent,
+) -> Teacher:
+    """Train the teacher on picks.
+
+    Args:
+        picks: In pixels of their images, which may be of any size.
+        frames: Folder of the images.
+        config: Settings of the teacher.
+        classes: Classes of the lab.
+        seed: Seed of the solver.
+        advance: Called after each image.
+
+    Raises:
+        FileError: An image cannot be read.
+        ValueRangeError: The picks are of one class.
+    """
+    scaled: list[Pick] = []
+    images: dict[str, Image] = {}
+    size = (config.width_px, config.height_px)
+    names = list(dict.fromkeys(pick.image for pick in picks))
+    for done, name in enumerate(names, start=1):
+        rgb = read_image(frames / name, colour=True, as_stored=False)
+        small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+        images[name] = np.asarray(small, dtype=np.uint8)
+        height, width = rgb.shape[:2]
+        scaled.extend(
+            replace(pick, x=pick.x * size[0] // width, y=pick.y * size[1] // height)
+            for pick in picks
+            if pick.image == name
+        )
+        advance("patches", done, len(names))
+    patches = gather_patches(scaled, images.items(), config.patch_px, classes)
+    return fit_teacher(patches, config, seed=seed)
+
+
+def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> MaskSource:
+    """Return the maker of masks: the network of the lab file, else a teacher of the picks.
+
+    The teacher is written to the folder `training`.
+
+    Args:
+        data: Training files.
+        seed: Seed of the teacher's solver.
+        advance: Called after each image with picks.
+    """
+    if data.source is not None:
+        return data.source
+    material, classes = data.material, data.material.lab.classes
+    file = material.training / TEACHER_FILE
+    teacher = fit_lab_teacher(
+        data.picks_on("train"),
+        material.frames,
+        TeacherConfig(),
+        classes,
+        seed=seed,
+        advance=advance,
+    )
+    save_teacher(file, teacher)
+    return MaskSource(file=file, classes=classes)
+
+
+# --- time -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Work that is ahead, and the time of its parts.
+
+    Attributes:
+        masks: Number of masks to make.
+        mask_s: Time for one mask, seconds.
+        steps: Number of training steps.
+        step_s: Time for one step, seconds.
+    """
+
+    masks: int
+    mask_s: float
+    steps: int
+    step_s: float
+
+    def __str__(self) -> str:
+        masks_s, steps_s = self.masks * self.mask_s, self.steps * self.step_s
+        return (
+            f"{self.masks} masks of {self.mask_s:.2g} s: {_minutes(masks_s)}; {self.steps} steps "
+            f"of {self.step_s:.2g} s: {_minutes(steps_s)}"
+        )
+
+
+def _minutes(seconds: float) -> str:
+    return f"{seconds / 60.0:.0f} min" if seconds >= 90.0 else f"{seconds:.0f} s"
+
+
+def estimated(
+    data: LabData, source: MaskSource, config: TrainingConfig, *, workers: int = 1
+) -> Estimate:
+    """Measure one mask and one step, and return the time that training will take.
+
+    Args:
+        data: Training files.
+        source: Makes the masks.
+        config: Settings of the training.
+        workers: Number of processes that make masks.
+    """
+    images = data.images("train")
+    todo = [
+        image
+        for image, file in mask_files(images, _mask_folder(data, source)).items()
+        if not file.is_file()
+    ]
+    make = source.load()
+    rgb = read_image(images[0], colour=True, as_stored=False)
+    make(rgb)  # the first one also loads libraries
+    began = time.perf_counter()
+    make(rgb)
+    mask_s = time.perf_counter() - began
+    done_at: list[float] = []
+
+    def note(_now: Progress, _net: UNet) -> None:
+        done_at.append(time.perf_counter())
+
+    width, height = SIZE_PX
+    classes = data.material.lab.classes.names
+    blank = LabelledImages(
+        rgb=np.zeros((1, height, width, 3), dtype=np.uint8),
+        ids=np.zeros((1, height, width), dtype=np.uint8),
+        classes=classes,
+    )
+    train_unet(blank, replace(config, steps=2), UNetConfig(outputs=len(classes)), progress=note)
+    return Estimate(
+        masks=len(todo),
+        mask_s=mask_s / workers,
+        steps=config.steps,
+        step_s=done_at[1] - done_at[0],
+    )
+
+
+# --- network --------------------------------------------------------------------------------------
+
+
+def _mask_folder(data: LabData, source: MaskSource) -> Path:
+    return data.material.training / f"masks-{source.fingerprint}"
+
+
+def train_lab(
+    data: LabData,
+    source: MaskSource,
+    config: TrainingConfig,
+    *,
+    workers: int = 1,
+    advance: Advance = silent,
+) -> float:
+    """Train the network of a lab and write its files.
+
+    `training/` gets weights, checkpoint and the network in floats. `segmentation.onnx` is written
+    last, in one step. An interrupted training continues from its masks and its checkpoint.
+
+    Args:
+        data: Training files.
+        source: Makes the masks.
+        config: Settings of the training.
+        workers: Number of processes that make masks.
+        advance: Called after each mask and each step.
+
+    Returns:
+        The loss, as the mean of the last tenth of the steps that were done now; NaN if a finished
+        training was only exported again.
+
+    Raises:
+        InputError: A file cannot be read or written.
+    """
+    folder, images = data.material.training, data.images("train")
+    masks = _mask_folder(data, source)
+    rgb, ids = make_masks(source, images, masks, workers=workers, advance=advance)
+    classes = data.material.lab.classes.names
+    width, height = SIZE_PX
+    losses: list[float] = []
+
+    def step_done(now: Progress, _net: UNet) -> None:
+        losses.append(now.loss)
+        advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
+
+    checkpoint = folder / f"checkpoint-{_run_name(config, masks, images)}.safetensors"
+    net = train_unet(
+        LabelledImages(rgb=rgb, ids=ids, classes=classes),
+        config,
+        UNetConfig(width_px=width, height_px=height, outputs=len(classes)),
+        start=UNET_FILES.load(UNET_WEIGHTS)[0],
+        checkpoint=checkpoint,
+        progress=step_done,
+    )
+    notes = {"training": asdict(config), "images": len(rgb), "start": UNET_WEIGHTS.name}
+    _export(data, net, notes, rgb, advance)
+    for file in folder.glob("checkpoint-*.safetensors"):
+        if file != checkpoint:  # of trainings with other settings, picks or images
+            file.unlink(missing_ok=True)
+    last = losses[-max(len(losses) // 10, 1) :]
+    return float(np.mean(last)) if last else float("nan")
+
+
+def _export(
+    data: LabData,
+    net: UNet,
+    notes: Mapping[str, Any],
+    rgb: Image,
+    advance: Advance,
+) -> None:
+    weights = data.material.training / "unet.safetensors"
+    UNET_FILES.save(weights, net, notes=notes)
+    UNET_FILES.export(weights, data.material.training / "segmentation-fp32.onnx")
+    advance("8-bit integers", 0, 1)
+    spread = np.linspace(0, len(rgb) - 1, min(len(rgb), _CALIBRATION_IMAGES)).astype(int)
+    UNET_FILES.export(weights, data.material.network, calibration=rgb[spread])
+    advance("8-bit integers", 1, 1)
+
+
+def _run_name(config: TrainingConfig, masks: Path, images: Sequence[Path]) -> str:
+    """Return a name for the training with these settings on these masks."""
+    names = [file.name for file in mask_files(images, masks).values()]
+    text = json.dumps([asdict(config), masks.name, names], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]

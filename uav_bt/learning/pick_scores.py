@@ -1,0 +1,218 @@
+"""Scores of a segmentation on the picks of images that it did not learn from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+
+from perception.camera.image_files import read_image
+from perception.networks.named import segmentation_file
+from perception.segmentation.evaluation import SegmentationScore, confusion
+from perception.segmentation.runtime import OnnxSegmenter
+from perception.segmentation.training.picks import Pick
+from uav_bt.errors import InputError
+from uav_bt.files import write_whole
+from uav_bt.lab.classes import LabClasses
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import lab_address
+from uav_bt.progress import Advance, silent
+from uav_bt.types.arrays import Image
+
+Segment = Callable[[Image], Image]
+"""Returns class ids, (h, w), of an image, (H, W, 3) RGB."""
+
+_PANE_PX: Final = 320  # width of an image of the sheet
+_SHEET_ROWS: Final = 8
+_LEAST_CONFUSION: Final = 0.02  # share of a class's picks that a line is worth; chosen
+_RIGHT: Final = (255, 255, 255)
+_WRONG: Final = (255, 0, 0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImageScore:
+    """Picks of one image and what a segmentation answered there.
+
+    Attributes:
+        image: File name.
+        picks: Its picks.
+        answers: Class ids at the picks, (N,) uint8.
+    """
+
+    image: str
+    picks: Sequence[Pick]
+    answers: Image
+
+    @property
+    def wrong(self) -> int:
+        """Number of picks with another class."""
+        return sum(p.class_id != int(a) for p, a in zip(self.picks, self.answers, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PickScore:
+    """Score of a segmentation on picks; each pick is a sample.
+
+    Attributes:
+        total: Counts by class, and the scores of them.
+        images: Scores of the images, most wrong picks first.
+    """
+
+    total: SegmentationScore
+    images: Sequence[ImageScore]
+
+    @property
+    def picks(self) -> dict[str, int]:
+        """Number of picks of each class, by name."""
+        counts = self.total.counts.sum(axis=1).tolist()
+        return dict(zip(self.total.classes.names, counts, strict=True))
+
+    @property
+    def unchecked(self) -> list[str]:
+        """Names of the classes without a pick."""
+        return [name for name, count in self.picks.items() if not count]
+
+    @property
+    def least_role_iou(self) -> float:
+        """Lowest intersection over union of the roles with picks."""
+        return float(np.nanmin(self.total.role_iou))
+
+    def confusions(self, most: int = 5) -> list[tuple[str, str, float]]:
+        """Return the largest confusions: class, class it is taken for, share of its picks.
+
+        Args:
+            most: Number of confusions.
+        """
+        counts, names = self.total.counts, self.total.classes.names
+        share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        np.fill_diagonal(share, 0.0)
+        order = np.argsort(-share, axis=None, kind="stable")[:most]
+        pairs = [divmod(int(at), len(names)) for at in order]
+        return [
+            (names[true], names[taken], float(share[true, taken]))
+            for true, taken in pairs
+            if share[true, taken] >= _LEAST_CONFUSION
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the scores as JSON values; None for a class or role without picks."""
+        return {
+            **self.total.to_json(),
+            "picks": self.picks,
+            "confusions": [list(each) for each in self.confusions()],
+            "unchecked": self.unchecked,
+            "worst_images": {each.image: each.wrong for each in self.images if each.wrong},
+        }
+
+
+def network_of_lab(lab: Lab, model: Path | None = None) -> Segment:
+    """Return the segmentation network of a lab.
+
+    Args:
+        lab: The lab.
+        model: ONNX file with the classes of the lab; None: the network that the lab is flown with.
+
+    Raises:
+        InputError: The lab has no network, or it cannot be used.
+    """
+    if model is not None:
+        return OnnxSegmenter(model, lab.classes).ids
+    stated = lab.network.get("model")
+    file = None if stated is None else segmentation_file(stated)
+    if file is None:
+        raise InputError(
+            f"the lab '{lab.name}' has no network: `uav-bt lab train {lab_address(lab)}` makes one"
+        )
+    return OnnxSegmenter(file, lab.classes, lab.network.get("classes")).ids
+
+
+def score_picks(
+    segment: Segment,
+    picks: Sequence[Pick],
+    frames: Path,
+    classes: LabClasses,
+    *,
+    advance: Advance = silent,
+) -> PickScore:
+    """Score a segmentation at picks.
+
+    Args:
+        segment: Segmentation.
+        picks: In pixels of their images.
+        frames: Folder of the images.
+        classes: Classes of the lab.
+        advance: Called after each image.
+
+    Raises:
+        InputError: There is no pick, or an image cannot be read.
+    """
+    if not picks:
+        raise InputError(
+            f"there are no picks on images for checks in {frames}: pick on images whose use is "
+            "'check' in frames.csv"
+        )
+    by_image: dict[str, list[Pick]] = {}
+    for pick in picks:
+        by_image.setdefault(pick.image, []).append(pick)
+    counts = np.zeros((len(classes), len(classes)), dtype=np.int64)
+    scores = []
+    for done, (name, mine) in enumerate(by_image.items(), start=1):
+        rgb = read_image(frames / name, colour=True, as_stored=False)
+        answers = _at_picks(segment(rgb), mine, rgb.shape[1::-1])
+        exact = np.array([pick.class_id for pick in mine], dtype=np.uint8)
+        counts += confusion(answers, exact, len(classes))
+        scores.append(ImageScore(image=name, picks=mine, answers=answers))
+        advance("check", done, len(by_image))
+    scores.sort(key=lambda each: (-each.wrong, each.image))
+    total = SegmentationScore(counts=counts, images=len(scores), classes=classes)
+    return PickScore(total=total, images=scores)
+
+
+def _at_picks(ids: Image, picks: Sequence[Pick], size_px: tuple[int, ...]) -> Image:
+    height, width = ids.shape
+    across, down = size_px
+    return np.array(
+        [ids[pick.y * height // down, pick.x * width // across] for pick in picks], dtype=np.uint8
+    )
+
+
+def write_sheet(
+    score: PickScore, segment: Segment, frames: Path, file: Path, *, rows: int = _SHEET_ROWS
+) -> None:
+    """Write the worst images as a PNG file: image, class map, and image with its picks.
+
+    A pick is a disc of the colour of its class, with a white rim, or a red one if the segmentation
+    has another class there.
+
+    Args:
+        score: Of the images.
+        segment: The segmentation that was scored.
+        frames: Folder of the images.
+        file: PNG file to write.
+        rows: Largest number of images.
+    """
+    strips = [_strip(each, segment, frames, score.total.classes) for each in score.images[:rows]]
+    _, png = cv2.imencode(".png", cv2.cvtColor(np.vstack(strips), cv2.COLOR_RGB2BGR))
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(file, png.tobytes())
+
+
+def _strip(each: ImageScore, segment: Segment, frames: Path, classes: LabClasses) -> Image:
+    rgb = read_image(frames / each.image, colour=True, as_stored=False)
+    height, width = rgb.shape[:2]
+    size = (_PANE_PX, max(round(_PANE_PX * height / width), 1))
+    small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+    ids = cv2.resize(segment(rgb), size, interpolation=cv2.INTER_NEAREST_EXACT)
+    marked = small.copy()
+    for pick, answer in zip(each.picks, each.answers, strict=True):
+        at = (pick.x * size[0] // width, pick.y * size[1] // height)
+        right = int(answer) == pick.class_id
+        cv2.circle(marked, at, 5, _RIGHT if right else _WRONG, -1, cv2.LINE_AA)
+        colour = tuple(map(int, classes.colours[pick.class_id]))
+        cv2.circle(marked, at, 3, colour, -1, cv2.LINE_AA)
+    panes = [small, classes.colourise(np.asarray(ids, dtype=np.uint8)), marked]
+    return np.asarray(np.hstack(panes), dtype=np.uint8)
