@@ -23,7 +23,7 @@ from perception.segmentation.teacher import TeacherConfig
 from perception.segmentation.training.picks import Pick, draw_picks, write_picks
 from uav_bt.errors import FileError
 from uav_bt.files import writing
-from uav_bt.lab.lab import NETWORK_FILE, Lab
+from uav_bt.lab.lab import NETWORK_FILE, SCENES_FOLDER, Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
 from uav_bt.learning.views import ViewPlan, twin_views
@@ -71,6 +71,10 @@ def copy_lab(lab: Lab, folder: Path) -> LabMaterial:
     training = shutil.ignore_patterns("frames", "training", "picks.csv", NETWORK_FILE)
     with writing(folder):
         shutil.copytree(lab.folder, folder, ignore=training)
+        for scene in (folder / SCENES_FOLDER).glob("*.yaml"):
+            lines = scene.read_text(encoding="utf-8").splitlines(keepends=True)
+            # Without this key a scene belongs to the lab in whose folder it lies.
+            scene.write_text("".join(line for line in lines if not line.startswith("lab:")))
     return LabMaterial(lab=load_lab(folder / lab.file.name))
 
 

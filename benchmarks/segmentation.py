@@ -46,9 +46,8 @@ def scenes_of(lab: Lab, pattern: str) -> tuple[str, ...]:
     known = own or ({name: name for name in shipped_scenes()} if lab.name == DEFAULT_LAB else {})
     found = tuple(known[name] for name in fnmatch.filter(known, pattern))
     if not found:
-        raise InputError(
-            f"no scene of the lab '{lab.name}' matches '{pattern}': {', '.join(known)}"
-        )
+        names = ", ".join(known)
+        raise InputError(f"no scene of the lab '{lab.name}' matches '{pattern}': {names}")
     return found
 
 

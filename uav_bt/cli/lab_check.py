@@ -97,8 +97,8 @@ def score_lines(score: PickScore) -> Iterator[str]:
     )
     yield f"{'role':<18}{'picks':>6}{'IoU':>8}"
     in_roles = total.role_counts.sum(axis=1).tolist()
-    for name, count, iou in zip(ROLE_NAMES, in_roles, total.role_iou, strict=True):
-        yield _row(name, count, iou)
+    for role, count, iou in zip(ROLE_NAMES, in_roles, total.role_iou, strict=True):
+        yield _row(role, count, iou)
     yield f"{'class':<18}{'picks':>6}{'IoU':>8}"
     for (name, count), iou in zip(counts.items(), total.iou, strict=True):
         yield _row(name, count, iou)
@@ -113,4 +113,4 @@ def score_lines(score: PickScore) -> Iterator[str]:
 
 
 def _row(name: str, count: int, iou: float) -> str:
-    return f"  {name:<16}{count:>6}{format(iou, '8.3f') if count else f'{chr(45):>8}'}"
+    return f"  {name:<16}{count:>6}{f'{iou:.3f}' if count else '-':>8}"
