@@ -79,7 +79,7 @@ def test_the_wheel_holds_trees_scenes_and_weights(wheel: Path) -> None:
     }
     assert {Path(name).name for name in wanted - held} == {
         *("unet-fp32.onnx", "depth-fp32.onnx", "student-fp32.onnx"),
-        *("unet.safetensors", "depth.safetensors", "student.safetensors"),
+        *("depth.safetensors", "student.safetensors"),
     }
     assert not [name for name in held if name.startswith(("tests/", "benchmarks/", "tools/"))]
 

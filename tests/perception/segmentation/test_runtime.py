@@ -152,6 +152,8 @@ def test_a_network_with_another_output_is_refused(tmp_path: Path) -> None:
 def test_a_mapping_for_another_network_is_refused(tmp_path: Path) -> None:
     path = _brightest_channel(tmp_path / "n.onnx")
     with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 2"):
+        runtime.OnnxSegmenter(path, CLASSES, ClassMapping.identity(CLASSES))
+    with pytest.raises(WeightsError, match="scores of the 17 classes of the lab, .* gives 3: give"):
         runtime.OnnxSegmenter(path, CLASSES)
 
 
@@ -315,7 +317,7 @@ def test_scores_in_whole_numbers_are_scores(tmp_path: Path) -> None:
 
 
 def test_absent_and_damaged_networks_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(WeightsError, match="no such network; `uav-bt net train segmentation`"):
+    with pytest.raises(WeightsError, match="no such network; `uav-bt lab train`"):
         runtime.OnnxSegmenter(tmp_path / "none.onnx", CLASSES)
     path = _brightest_channel(tmp_path / "n.onnx")
     path.write_bytes(path.read_bytes()[:60])

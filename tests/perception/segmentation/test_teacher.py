@@ -108,7 +108,7 @@ def test_absent_damaged_and_foreign_weights_are_refused(
     teacher: teachers.Teacher, tmp_path: Path
 ) -> None:
     path = tmp_path / "teacher.safetensors"
-    with pytest.raises(WeightsError, match="no weights here; `uav-bt net train teacher`"):
+    with pytest.raises(WeightsError, match="no weights here; `uav-bt lab train`"):
         teachers.load_teacher(path, CLASSES)
     teachers.save_teacher(path, teacher)
     whole = path.read_bytes()

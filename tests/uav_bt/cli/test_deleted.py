@@ -10,6 +10,10 @@ from tests.uav_bt.cli.cli_world import run
 @pytest.mark.parametrize(
     ("line", "call", "instead"),
     [
+        ("net train teacher --picks a.csv", "net train teacher", "uav-bt lab train LAB"),
+        ("net train segmentation", "net train segmentation", "uav-bt lab train LAB"),
+        ("net export segmentation", "net export segmentation", "uav-bt lab train LAB"),
+        ("net evaluate segmentation", "net evaluate segmentation", "uav-bt lab check LAB"),
         ("tree diff a.xml b.xml", "tree diff", "compare them with 'git diff'"),
         ("tree migrate old.xml --out new.xml", "tree migrate", "use convert_v3_to_v4.py, which"),
         ("check land_only --engine 4.8", "check --engine", "leave it out: files are read as"),

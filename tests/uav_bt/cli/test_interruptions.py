@@ -104,11 +104,10 @@ CASES = {
         kept=("old.rrd", "flight.mcap"),
     ),
     "train, at work": Case(
-        "net train teacher --out old.safetensors",
-        "begun",
+        "lab train hall --steps 100000",
+        "labs/hall/training/checkpoint-*.safetensors",
         "stopped by Ctrl-C",
-        after_s=5.0,
-        kept=("old.safetensors",),
+        kept=("labs/hall/segmentation.onnx",),
     ),
     "pick": Case("net pick photos --picks picks.csv", "open http", "0 picks", code=0),
     "serve-anafi": Case(

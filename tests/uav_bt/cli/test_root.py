@@ -185,7 +185,7 @@ def test_an_unknown_command_gets_a_suggestion() -> None:
         (["render"], "'render' is 'uav-bt tree render'"),
         (["train", "student"], "'train' is 'uav-bt net train'"),
         (["net", "scenes"], "'scenes' is 'uav-bt lab scenes'"),
-        (["teacher"], "'teacher' is 'uav-bt net train teacher'"),
+        (["student"], "'student' is 'uav-bt net train student'"),
         (["net", "export", "dpeth"], "did you mean 'depth'?"),
     ],
 )

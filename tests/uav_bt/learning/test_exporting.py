@@ -132,8 +132,8 @@ def test_the_command_writes_a_network(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["segmentation", "--out", "net.xml"], "must end in .onnx"),
-        (["segmentation", "--precision", "int4"], "'int4' is not one of"),
+        (["depth", "--out", "net.xml"], "must end in .onnx"),
+        (["depth", "--precision", "int4"], "'int4' is not one of"),
         (["depth", "--weights", "absent.safetensors"], "absent.safetensors"),
         (["depth", "--weights", str(UNET_WEIGHTS)], "expected weights of kind 'depth-network'"),
     ],

@@ -1,0 +1,106 @@
+"""`uav-bt lab train` and `lab check`: output, files and refusals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import torch
+
+from tests.uav_bt.cli.cli_world import assert_refused, run
+from tests.uav_bt.learning.lab_world import draw_lab, write_colour_network
+from uav_bt import app
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def test_training_writes_the_network_that_the_lab_is_flown_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    material = draw_lab(Path("labs/hall"), train=4)
+    command = ("lab", "train", "hall", "--steps", 2, "--batch", 2)
+    first = run(*command)
+    assert first.exit_code == 0, first.output
+    assert "warning: only 4 images for training" in first.stderr
+    assert "4 masks of " in first.stdout
+    assert "2 steps of " in first.stdout
+    assert "12 held-out picks on 2 images: " in first.stdout
+    assert "unchecked, because without held-out picks: cart" in first.stdout
+    assert "next: uav-bt lab check labs/hall, then uav-bt fly" in first.stdout
+    options = app.FlightOptions(lab="hall")
+    assert options.place is not None
+    assert options.place.model == str(material.network)
+
+    network = material.network.read_bytes()
+    again = run(*command)
+    assert again.exit_code == 0, again.output
+    assert "0 masks of " in again.stdout
+    assert f"{material.network} stays until the new network is finished" in again.stdout
+    assert "loss:" not in again.stdout
+    assert material.network.read_bytes() == network
+
+
+def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    material = draw_lab(tmp_path / "hall")
+    result = run("lab", "train", material.lab.folder, "--device", "cuda")
+    assert_refused(result, "'cuda' needs a GPU", "train on 'cpu'")
+    assert not material.training.exists()
+
+
+def test_a_check_prints_scores_and_writes_sheet_and_json(tmp_path: Path) -> None:
+    material = draw_lab(tmp_path / "hall")
+    write_colour_network(material.network, order=(2, 1, 3, 0))
+    out, folder = tmp_path / "scores.json", material.lab.folder
+    result = run("lab", "check", folder, "--out", out, "--least-role-iou", 0.9)
+    assert result.exit_code == 0, result.output
+    lines = [line.split() for line in result.stdout.splitlines()]
+    assert ["floor", "4", "1.000"] in lines
+    assert ["cart", "0", "-"] in lines
+    assert "crate taken for cart: 100 % of its picks" in result.stdout
+    assert "most wrong picks: hall-006.png (2 of 6), hall-007.png (2 of 6)" in result.stdout
+    assert (material.training / "check.png").is_file()
+    scores = json.loads(out.read_text())
+    assert scores["role_iou"] == {"outside": 1.0, "ground": 1.0, "mark": None, "obstacle": 1.0}
+    assert scores["confusions"] == [["crate", "cart", 1.0]]
+    assert scores["teacher"] is None
+
+    write_colour_network(tmp_path / "bad.onnx", order=(1, 2, 0, 3))
+    bad = run("lab", "check", folder, "--model", tmp_path / "bad.onnx", "--least-role-iou", 0.9)
+    assert bad.exit_code == 1, bad.output
+    assert "the IoU of a role is 0.000, below 0.9" in bad.stderr
+
+
+def test_the_teacher_is_scored_beside_the_network(tmp_path: Path) -> None:
+    material = draw_lab(tmp_path / "hall")
+    folder = material.lab.folder
+    write_colour_network(material.network)
+    write_colour_network(folder / "teacher.onnx", order=(2, 1, 3, 0))
+    keys = (folder / "lab.yaml").read_text() + "teacher: {model: teacher.onnx}\n"
+    (folder / "lab.yaml").write_text(keys)
+    result = run("lab", "check", folder)
+    assert result.exit_code == 0, result.output
+    assert "12 held-out picks on 2 images: 1.000 right" in result.stdout
+    assert "teacher: 0.667 of the picks right, IoU of the roles 1.000" in result.stdout
+
+
+def test_a_lab_without_images_or_network_is_refused(tmp_path: Path) -> None:
+    material = draw_lab(tmp_path / "hall")
+    folder = material.lab.folder
+    assert_refused(run("lab", "check", folder), "has no network: `uav-bt lab train")
+    for image in material.frames.iterdir():
+        image.unlink()
+    material.frames.rmdir()
+    assert_refused(run("lab", "train", folder), "there are no images of 'hall'", "lab frames")
+    assert not material.network.exists()
