@@ -16,7 +16,10 @@ _NAMING: Final = {".xml", ".yaml", ".yml"}  # files that name further ones
 # How a file names others: quoted in XML, after a colon or a dash in YAML.
 _NAMED: Final = re.compile(r"""["']([^"'\n]+)["']|[:\-][ \t]+([^"'\n#]+)""")
 # Suffixes of the files that are read from a folder.
-_IN_FOLDERS: Final = {".mcap", ".jsonl", ".xml", ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"}
+_IN_FOLDERS: Final = {
+    *(".mcap", ".jsonl", ".xml", ".csv", ".onnx"),
+    *(".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"),
+}
 
 
 def refuse_inputs(output: Path, given: Iterable[object], shipped: Path) -> None:

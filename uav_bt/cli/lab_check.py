@@ -14,12 +14,14 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.values import Number
 from uav_bt.errors import MissionError
 from uav_bt.files import writing
+from uav_bt.inputs import refuse_inputs
 from uav_bt.lab.roles import ROLE_NAMES
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.lab_checks import checked_picks, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.masks import MaskSource
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
+from uav_bt.tree.loading.lookup import shipped_trees
 
 
 @click.command(cls=Command)
@@ -49,6 +51,8 @@ def check(
     and picks, wrong ones with a red rim.
     """
     material = LabMaterial(lab=load_lab(lab))
+    if out is not None:
+        refuse_inputs(out, [material.lab.folder], shipped_trees())
     classes, uses = material.lab.classes, material.uses()
     picks = [pick for pick in checked_picks(material, uses) if uses[pick.image] == "check"]
     segment, teacher = network_of_lab(material.lab, model), _teacher(material)

@@ -65,8 +65,14 @@ class MaskSource:
         """Hash of all that the masks of an image depend on."""
         about = {"size": SIZE_PX, "refine": asdict(_REFINE), "classes": self.classes.names}
         text = json.dumps(about, sort_keys=True).encode()
-        files = [self.file] if self.mapping is None else [self.file, self.mapping]
-        return _digest(text, *(file.read_bytes() for file in files))
+        if self.file.suffix.lower() == ".onnx":
+            files = [self.file] if self.mapping is None else [self.file, self.mapping]
+            return _digest(text, *(file.read_bytes() for file in files))
+        # Of its numbers, because the same weights may be written in another order.
+        teacher = load_teacher(self.file, self.classes)
+        tensors = (teacher.weights, teacher.bias, teacher.palette)
+        config = json.dumps(asdict(teacher.config), sort_keys=True).encode()
+        return _digest(text, config, *(each.tobytes() for each in tensors if each is not None))
 
 
 def _frame(rgb: Image) -> Frame:

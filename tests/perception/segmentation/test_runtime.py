@@ -153,7 +153,7 @@ def test_a_mapping_for_another_network_is_refused(tmp_path: Path) -> None:
     path = _brightest_channel(tmp_path / "n.onnx")
     with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 2"):
         runtime.OnnxSegmenter(path, CLASSES, ClassMapping.identity(CLASSES))
-    with pytest.raises(WeightsError, match="scores of the 17 classes of the lab, .* gives 3: give"):
+    with pytest.raises(WeightsError, match=r"scores of the 17 classes .* gives 3: give"):
         runtime.OnnxSegmenter(path, CLASSES)
 
 

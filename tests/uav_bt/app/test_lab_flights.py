@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.uav_bt.learning.lab_world import write_colour_network
 from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, tree_file
 from uav_bt import app
 from uav_bt.app.calibrated_drone import CalibratedDrone
@@ -336,3 +337,64 @@ def test_a_mission_that_fits_is_returned_with_the_settings_of_the_lab(make_lab: 
     make_lab(f'{MARK}flight_height_m: 1.1\narea: "lab:0,0; lab:2,0; lab:2,2; lab:0,2"\n')
     mission = check_in_lab("land_only", app.FlightOptions(lab="hall"))
     assert mission.find("TakeOff").port_value("height_m") == 1.1
+
+
+# --- the network of a lab -------------------------------------------------------------------------
+
+SEES = FLIGHT.replace("<TakeOff", "<Segment/><TakeOff", 1)
+
+
+# --- the network of a lab -------------------------------------------------------------------------
+
+SEES = FLIGHT.replace("<TakeOff", "<Segment/><TakeOff", 1)
+
+
+def test_a_lab_is_flown_with_the_network_in_its_folder(make_lab: MakeLab, tmp_path: Path) -> None:
+    """The record names it, and a network of the lab file takes precedence."""
+    folder = make_lab()
+    network = write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
+    record = tmp_path / "flight.mcap"
+    tree = tree_file(tmp_path, SEES)
+    app.fly(tree, drone=NoisyDrone(), lab="hall", record=record, judge=ANYWHERE)
+    assert "segmentation.onnx" in RecordReader(record).metadata["weights"]
+    other = write_colour_network(folder / "other.onnx", order=(0, 1, 2, 3, 3, 3))
+    make_lab(f"{MARK}network: {{model: other.onnx}}\n")
+    for lab, file in ((load_lab("hall"), other), (load_lab(folder), other)):
+        assert lab.network["model"] == str(file)
+    assert network.is_file()
+
+
+def test_a_tree_that_does_not_segment_flies_in_a_lab_with_a_network(
+    make_lab: MakeLab, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = make_lab()
+    write_colour_network(folder / "segmentation.onnx")
+    check_in_lab(tree_file(tmp_path), app.FlightOptions(lab="hall"))
+    assert not caplog.messages
+    make_lab(f"{MARK}network: {{model: segmentation.onnx}}\n")
+    check_in_lab(tree_file(tmp_path), app.FlightOptions(lab="hall"))
+    assert "has no effect" in caplog.messages[0]
+
+
+def test_a_lab_of_other_classes_without_a_network_names_the_command(
+    make_lab: MakeLab, tmp_path: Path
+) -> None:
+    make_lab()
+    tree = tree_file(tmp_path, SEES)
+    with pytest.raises(InputError, match=r"'hall' has no segmentation.* lab train .*exact-masks"):
+        app.fly(tree, drone=NoisyDrone(), lab="hall", judge=ANYWHERE)
+
+
+def test_a_scene_without_its_lab_names_the_option(make_lab: MakeLab, tmp_path: Path) -> None:
+    folder = make_lab(scenes=("one",))
+    write_colour_network(folder / "segmentation.onnx", order=(0, 1, 2, 3, 3, 3))
+    tree = tree_file(tmp_path, SEES)
+    with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
+        app.fly(tree, scene=folder / "scenes" / "one.yaml")
+
+
+def test_the_network_of_a_lab_is_not_overwritten(make_lab: MakeLab, tmp_path: Path) -> None:
+    folder = make_lab(scenes=("one",))
+    network = write_colour_network(folder / "segmentation.onnx")
+    with pytest.raises(FileError, match="is an input and would be overwritten"):
+        app.fly("land_only", drone="plain", lab="hall", report=network)

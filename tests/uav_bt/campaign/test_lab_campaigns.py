@@ -59,6 +59,13 @@ def test_the_plan_and_its_flights_keep_the_lab(
     assert make_plan(["land_only"], flights=1, lab="paper").to_json()["lab"] == "paper"
 
 
+def test_the_plan_keeps_the_network_of_the_lab(hall: Path) -> None:
+    before = make_plan(["hop.xml"], flights=1, lab="hall")
+    (hall / "segmentation.onnx").write_bytes(b"\x08a network")
+    (difference,) = make_plan(["hop.xml"], flights=1, lab="hall").differences(before)
+    assert difference == "lab_sha256: 'hall/segmentation.onnx' is new"
+
+
 def test_a_plan_without_a_lab_goes_on_as_before() -> None:
     """Older plans know nothing of labs."""
     plan = make_plan(["land_only"], flights=1)

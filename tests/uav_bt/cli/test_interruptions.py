@@ -16,6 +16,7 @@ import av
 import pytest
 
 from tests.uav_bt.cli.cli_world import run, tree_file
+from tests.uav_bt.learning.lab_world import draw_lab
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.record.info import record_info
 
@@ -105,7 +106,7 @@ CASES = {
     ),
     "train, at work": Case(
         "lab train hall --steps 100000",
-        "labs/hall/training/checkpoint-*.safetensors",
+        "labs/hall/training/masks-*/*.npz",
         "stopped by Ctrl-C",
         kept=("labs/hall/segmentation.onnx",),
     ),
@@ -154,6 +155,7 @@ def world(tmp_path: Path, flown: Path) -> Path:
     (tmp_path / "record.mcap").write_bytes(OLD)
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "a.png").write_bytes(OLD)
+    draw_lab(tmp_path / "labs" / "hall").network.write_bytes(OLD)
     (tmp_path / "slow.py").write_text(SLOW_DRONE)
     (tmp_path / "slow-1.dist-info").mkdir()
     (tmp_path / "slow-1.dist-info" / "METADATA").write_text("Name: slow\nVersion: 1\n")

@@ -216,6 +216,34 @@ def test_without_changes_the_labels_are_the_same_and_the_colours_nearly() -> Non
     assert np.abs(changed.astype(int) - rgb.astype(int)).mean() < 2.0
 
 
+def test_blur_and_noise_change_the_image_and_not_the_labels() -> None:
+    (_, rgb, ids) = next(samples(1, seed=0))
+    plain, _ = augmented(rgb, ids, np.random.default_rng(0), STILL)
+    blurred, same = augmented(rgb, ids, np.random.default_rng(0), replace(STILL, blur_px=3.0))
+    noisy, _ = augmented(rgb, ids, np.random.default_rng(0), replace(STILL, noise=20.0))
+    np.testing.assert_array_equal(same, ids)
+    steps = [np.abs(np.diff(image.astype(int), axis=1)).mean() for image in (blurred, plain, noisy)]
+    assert steps[0] < steps[1] < steps[2]
+    with pytest.raises(ValueRangeError, match="must not be negative"):
+        replace(STILL, noise=-1.0)
+
+
+def test_a_network_begins_with_the_weights_of_another_one(pictures: run.LabelledImages) -> None:
+    """With other classes its head begins anew."""
+    start = unet.UNet(NET, CLASSES.names)
+    config = replace(SHORT, steps=1, learning_rate=1e-12)
+    names = tuple(f"other_{name}" for name in CLASSES.names)
+    same, other = (
+        _state(run.train_unet(replace(pictures, classes=classes), config, NET, start=start))
+        for classes in (CLASSES.names, names)
+    )
+    for name, tensor in _state(start).items():
+        if name.endswith("weight"):
+            np.testing.assert_allclose(same[name], tensor, atol=1e-6, err_msg=name)
+            near = np.allclose(other[name], tensor, atol=1e-6)
+            assert near is not name.startswith("head."), name
+
+
 def test_colours_stay_within_the_papers_limits() -> None:
     """Hue by up to 5 degrees, saturation by 2 %, value by 6 %."""
     config = AugmentConfig(rotation_deg=0.0, shift=0.0)
