@@ -76,7 +76,8 @@ def check_outputs(
     read = [getattr(options, name) for name in _FILES_OF_OPTIONS]
     if isinstance(options.lab, Lab):
         scenes = options.lab.scenes.values() if options.scene is None else ()
-        read += [options.lab.file, *scenes, options.lab.scenes.get(str(options.scene))]
+        scene = options.lab.scenes.get(str(options.scene))
+        read += [options.lab.file, options.lab.network, *scenes, scene]
     files = [(name, file) for name, file in outputs.items() if file is not None]
     for (first, file), (second, other) in combinations(files, 2):
         if same_file(file, other):

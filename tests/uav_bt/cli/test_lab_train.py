@@ -62,7 +62,7 @@ def test_a_check_prints_scores_and_writes_sheet_and_json(tmp_path: Path) -> None
     write_colour_network(material.network, order=(2, 1, 3, 0))
     out, folder = tmp_path / "scores.json", material.lab.folder
     refused = run("lab", "check", folder, "--out", material.picks)
-    assert_refused(refused, "picks.csv is an input and would be overwritten")
+    assert_refused(refused, "is an input and would be overwritten")
     result = run("lab", "check", folder, "--out", out, "--least-role-iou", 0.9)
     assert result.exit_code == 0, result.output
     lines = [line.split() for line in result.stdout.splitlines()]

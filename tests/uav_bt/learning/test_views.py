@@ -1,0 +1,53 @@
+"""Images of the twin by plans."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.lab.shipped import load_lab
+from uav_bt.learning.views import ViewPlan, twin_views
+
+PLAN = ViewPlan(scenes=("train-a", "train-b"), views=2, size_px=(320, 180))
+
+
+def test_a_plan_gives_the_same_pictures_whichever_scenes_stand_beside() -> None:
+    both = list(twin_views(PLAN))
+    alone = list(twin_views(replace(PLAN, scenes=("train-b",))))
+    assert [name for name, _, _ in both] == [
+        "train-a-00000.png",
+        "train-a-00001.png",
+        "train-b-00000.png",
+        "train-b-00001.png",
+    ]
+    for (name, rgb, ids), (other_name, other_rgb, other_ids) in zip(both[2:], alone, strict=True):
+        assert name == other_name
+        np.testing.assert_array_equal(rgb, other_rgb)
+        np.testing.assert_array_equal(ids, other_ids)
+
+
+def test_another_seed_gives_other_pictures() -> None:
+    (_, first, _), (_, second, _) = (next(twin_views(replace(PLAN, seed=seed))) for seed in (0, 1))
+    assert (first != second).mean() > 0.5
+
+
+def test_a_lab_with_a_tag_and_objects_is_drawn_with_its_classes() -> None:
+    lab = load_lab("depot")
+    plan = replace(PLAN, scenes=(str(lab.scenes["depot-val-a"]),), views=6)
+    views = list(twin_views(plan))
+    assert views[0][0] == "depot-val-a-00000.png"
+    seen = set(np.unique(np.stack([ids for _, _, ids in views])))
+    assert {lab.classes.id_of(name) for name in ("hall", "concrete", "drum")} <= seen
+    assert max(seen) < len(lab.classes)
+
+
+def test_bad_plans_are_refused() -> None:
+    with pytest.raises(ValueRangeError, match="a scene and a positive count"):
+        ViewPlan(scenes=())
+    with pytest.raises(ValueRangeError, match="within 0 and 1"):
+        ViewPlan(facing_pad=1.5)
+    with pytest.raises(UnknownNameError, match="unknown scene 'train-z'"):
+        next(twin_views(replace(PLAN, scenes=("train-z",))))
