@@ -93,7 +93,8 @@ def test_a_drawn_lab_can_be_trained(tmp_path: Path) -> None:
     before = sorted(shipped.folder.rglob("*"))
     material = copy_lab(shipped, tmp_path / "depot")
     plan = ViewPlan(scenes=scenes_of(shipped, "depot-train-a"), views=4)
-    write_views(material, {"train": plan, "check": replace(plan, views=1, seed=3)}, SMALL, 100)
+    check = replace(plan, scenes=scenes_of(shipped, "depot-val-a"), views=1)
+    write_views(material, {"train": plan, "check": check}, SMALL, 100)
     assert sorted(shipped.folder.rglob("*")) == before
 
     data = checked_data(material)
@@ -104,10 +105,8 @@ def test_a_drawn_lab_can_be_trained(tmp_path: Path) -> None:
     assert "lab:" not in names["depot-train-a"].read_text()
     rgb = read_image(data.images("train")[0], colour=True, as_stored=False)
     assert rgb.shape == (180, 320, 3)
-    exact = {
-        f"{Path(name).stem}.jpg": ids
-        for name, _, ids in twin_views(replace(plan, size_px=(320, 180)))
-    }
+    views = twin_views(replace(plan, size_px=(320, 180)))
+    exact = {f"{Path(name).stem}.jpg": ids for name, _, ids in views}
     for pick in data.picks_on("train"):
         assert exact[pick.image][pick.y, pick.x] == pick.class_id
     with pytest.raises(FileError, match="exists: give --out a new folder"):

@@ -43,8 +43,9 @@ limits: {speed_mps: 0.6, ceiling_m: 2.0}
 # take_off: {position_m: [-1.5, -1.0], yaw_deg: 45}
 # area: "lab:-3,-2; lab:3,-2; lab:3,2; lab:-3,2"   # that every mission stays in
 
-# Networks and camera, as files in this folder.
-# network: {model: segmentation.onnx, classes: classes.yaml}
+# Networks and camera, as files in this folder. `uav-bt lab train` writes segmentation.onnx, with
+# which the place is flown unless this file states a network.
+# network: {model: other.onnx, classes: other-classes.yaml}
 # camera: camera.yaml      # of `uav-bt lab calibrate`
 """
 

@@ -65,17 +65,16 @@ def checked_data(material: LabMaterial) -> LabData:
             f"{material.frames}: expected at least {_LEAST_IMAGES} images for training, got "
             f"{count}; `uav-bt lab frames` takes them from videos"
         )
-    picks: list[Pick] = []
-    if source is None or material.picks.exists():
-        picks = checked_picks(material, uses)
-    if source is None:
-        _check_classes(material.picks, [p for p in picks if uses[p.image] == "train"], lab.classes)
     warnings = [] if count >= _FEW_IMAGES else [f"only {count} images for training"]
+    if source is None:
+        warnings += _check_picks(material, uses)
+    needed = source is None or material.picks.exists()
+    picks = placed_picks(material, uses) if needed else []
     return LabData(material=material, uses=uses, picks=picks, source=source, warnings=warnings)
 
 
-def checked_picks(material: LabMaterial, uses: Mapping[str, Use]) -> list[Pick]:
-    """Return the picks of a lab.
+def placed_picks(material: LabMaterial, uses: Mapping[str, Use]) -> list[Pick]:
+    """Return the picks of a lab, each of which lies inside its image.
 
     Args:
         material: Where the picks are.
@@ -108,8 +107,11 @@ def checked_picks(material: LabMaterial, uses: Mapping[str, Use]) -> list[Pick]:
     return picks
 
 
-def _check_classes(file: Path, picks: Iterable[Pick], classes: LabClasses) -> None:
-    picked = {pick.class_id for pick in picks}
+def _check_picks(material: LabMaterial, uses: Mapping[str, Use]) -> list[str]:
+    """Refuse picks that no teacher can learn from, and return warnings about others."""
+    file, classes = material.picks, material.lab.classes
+    picks = placed_picks(material, uses)
+    picked = {pick.class_id for pick in picks if uses[pick.image] == "train"}
     if len(picked) < 2:
         names = ", ".join(classes.names[each] for each in sorted(picked)) or "none"
         raise FileError(
@@ -119,6 +121,7 @@ def _check_classes(file: Path, picks: Iterable[Pick], classes: LabClasses) -> No
     if not picked.intersection(ground):
         names = " or ".join(classes.names[each] for each in ground)
         raise FileError(file, f"no pick on images for training is of the ground ({names})")
+    return []
 
 
 def teacher_of_lab(material: LabMaterial) -> MaskSource | None:
