@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import pytest
-from uav_bt.learning.teacher import SHIPPED_TEACHER
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import shipped_unet
@@ -75,7 +74,9 @@ def test_every_shipped_scene_loads_under_its_own_name() -> None:
 
 
 def test_the_shipped_weights_load() -> None:
-    assert load_teacher(SHIPPED_TEACHER, load_lab().classes).known == tuple(range(17))
+    assert load_teacher(SHIPPED_WEIGHTS / "teacher.safetensors", load_lab().classes).known == tuple(
+        range(17)
+    )
     assert shipped_unet().size_px == (224, 112)
 
 

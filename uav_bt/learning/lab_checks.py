@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -11,7 +11,6 @@ from perception.camera.image_files import read_image
 from perception.segmentation.mapping import class_id_of, read_mapping
 from perception.segmentation.training.picks import Pick, read_picks
 from uav_bt.errors import FileError, InputError
-from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab_file import lab_error
 from uav_bt.lab.roles import GROUND
 from uav_bt.learning.lab_material import LabMaterial, Use
@@ -57,7 +56,7 @@ def checked_data(material: LabMaterial) -> LabData:
             class that is needed, or the network of `teacher` does not fit the classes.
         InputError: There are too few images.
     """
-    lab, uses = material.lab, material.uses()
+    _lab, uses = material.lab, material.uses()
     source = teacher_of_lab(material)
     count = sum(use == "train" for use in uses.values())
     if count < _LEAST_IMAGES:
