@@ -19,7 +19,7 @@ from uav_bt.lab.classes import LabClasses
 
 TRAIN: Final = "train"
 CHECK: Final = "check"
-CHECK_SHARE: Final = 5  # one in five images with picks is for checks
+CHECK_SHARE: Final = 5  # at least one in five images with picks is for checks
 
 _MOST_COMPARED: Final = 30  # images that the teacher is asked about: 40 ms each
 _MOST_PICKS: Final = 2000  # that the teacher is fitted on while a person waits
@@ -43,13 +43,16 @@ class NextImage:
 
 
 def wanted_use(picked_uses: Sequence[str]) -> str:
-    """Return the use that the next image should have.
+    """Return the use that the next image should have, so that one in five is for checks.
+
+    The first four are for training, because the teacher learns from them.
 
     Args:
         picked_uses: Use of each image with picks.
     """
-    due = (len(picked_uses) + 1) // CHECK_SHARE
-    return CHECK if picked_uses.count(CHECK) < due else TRAIN
+    total = len(picked_uses) + 1
+    short = total >= CHECK_SHARE and CHECK_SHARE * picked_uses.count(CHECK) < total
+    return CHECK if short else TRAIN
 
 
 def low_margin(teacher: Teacher, rgb: NDArray[np.uint8]) -> float:

@@ -80,7 +80,8 @@ def test_one_image_in_five_is_for_the_check() -> None:
     picked: list[str] = []
     for _ in range(20):
         picked.append(wanted_use(picked))
-        assert picked.count("check") == len(picked) // 5
+        checks, total = picked.count("check"), len(picked)
+        assert checks == 0 if total < 5 else total / 5 <= checks <= total / 5 + 1
 
 
 def test_the_use_that_is_short_comes_next(tmp_path: Path) -> None:
@@ -90,10 +91,10 @@ def test_the_use_that_is_short_comes_next(tmp_path: Path) -> None:
         _pick(session, name)
     assert chooser.choose(session.picks).image in {"5.png", "6.png"}
     _pick(session, "5.png")
+    assert chooser.choose(session.picks).image == "6.png"
+    _pick(session, "6.png")
     assert chooser.choose(session.picks).image == "4.png"
     _pick(session, "4.png")
-    assert chooser.choose(session.picks).image == "6.png"  # only that one is left
-    _pick(session, "6.png")
     assert chooser.choose(session.picks).image is None
 
 

@@ -1,7 +1,9 @@
 """The page for picks, and the requests that programs make."""
 
 import json
+import shutil
 import socket
+import subprocess
 import threading
 from collections.abc import Iterator
 from http.client import HTTPConnection
@@ -228,3 +230,16 @@ def test_an_image_that_cannot_be_read_takes_no_click(page: HTTPConnection, folde
     (folder / "a.png").write_bytes(b"no image")
     status, answer = _ask(page, "/pick", _click())
     assert (status, b"is not a readable image" in answer) == (400, True)
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
+def test_the_script_of_the_page_can_be_parsed(page: HTTPConnection, tmp_path: Path) -> None:
+    script = _ask(page, "/")[1].partition(b"<script>")[2].partition(b"</script>")[0]
+    (tmp_path / "page.js").write_bytes(script)
+    done = subprocess.run(  # noqa: S603  # our own script
+        [str(shutil.which("node")), "--check", str(tmp_path / "page.js")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
