@@ -60,7 +60,7 @@ NOT_HERE: Final = {
     "uav-bt lab calibrate": "needs photographs",
     "uav-bt lab tune-heading": "needs the record of a flight that explores",
     "uav-bt net perceive walk.mp4": "needs a camera's video",
-    "uav-bt net pick": "serves a browser until Ctrl-C",
+    "uav-bt lab pick": "serves a browser until Ctrl-C",
     "uav-bt campaign land_only --backend dask": "needs a cluster",
     "uav-bt campaign survey_and_land --drone plain": "hours",
     "uav-bt report runs/soak": "needs the flights of hours",

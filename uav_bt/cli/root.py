@@ -221,7 +221,6 @@ _NET: Final = LazyGroup(
     help="Train, evaluate and export networks.",
     lazy={
         "perceive": ("uav_bt.cli.perceive:perceive", "Run perception over a video or a camera."),
-        "pick": ("uav_bt.cli.teacher:pick", "Click picks on photographs for the teacher."),
         "collect": ("uav_bt.cli.collect:collect", "Fly and record for the control student."),
     },
     groups=(_TRAIN, _EVALUATE, _EXPORT),
@@ -231,6 +230,7 @@ _LAB: Final = LazyGroup(
     help="Begin a lab, list scenes, calibrate, tune the heading.",
     lazy={
         "new": ("uav_bt.cli.lab_schema:new", "Write a commented lab file to begin with."),
+        "pick": ("uav_bt.cli.lab_pick:pick", "Pick classes on the images of a lab."),
         "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),
         "schema": ("uav_bt.cli.lab_schema:schema", "Write a JSON schema of lab files."),
         "calibrate": (

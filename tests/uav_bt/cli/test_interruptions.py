@@ -17,6 +17,7 @@ import pytest
 
 from tests.uav_bt.cli.cli_world import run, tree_file
 from uav_bt.app.view.recorded import RecordedFlight
+from uav_bt.lab.starter import write_lab
 from uav_bt.record.info import record_info
 
 HOVER = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
@@ -110,7 +111,7 @@ CASES = {
         after_s=5.0,
         kept=("old.safetensors",),
     ),
-    "pick": Case("net pick photos --picks picks.csv", "open http", "0 picks", code=0),
+    "pick": Case("lab pick ./hall", "open http", "next: uav-bt lab train ./hall", code=0),
     "serve-anafi": Case(
         "serve-anafi --no-video --address 127.0.0.9 --discovery-port 0 "
         "--control-port 0 --commands-port 0 --http-port 0 --rtsp-port 0",
@@ -153,8 +154,9 @@ def world(tmp_path: Path, flown: Path) -> Path:
     for name in ("old.json", "old.mp4", "old.rrd", "old.html", "old.safetensors", "flights.jsonl"):
         (tmp_path / name).write_bytes(OLD)
     (tmp_path / "record.mcap").write_bytes(OLD)
-    (tmp_path / "photos").mkdir()
-    (tmp_path / "photos" / "a.png").write_bytes(OLD)
+    write_lab("hall", tmp_path)
+    (tmp_path / "hall" / "frames").mkdir()
+    (tmp_path / "hall" / "frames" / "a.png").write_bytes(OLD)
     (tmp_path / "slow.py").write_text(SLOW_DRONE)
     (tmp_path / "slow-1.dist-info").mkdir()
     (tmp_path / "slow-1.dist-info" / "METADATA").write_text("Name: slow\nVersion: 1\n")

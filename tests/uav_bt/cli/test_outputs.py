@@ -140,7 +140,6 @@ OUTPUTS = [
     "net collect mission.xml --out {}",
     "net perceive flight.mp4 --out {}.mp4",
     "net perceive flight.mp4 --json {}.json",
-    "net pick photos --picks {}.csv",
     "net train teacher --out {}.safetensors",
     "net train segmentation --out {}.safetensors",
     "net train depth old.mcap --out {}.safetensors",

@@ -1,11 +1,10 @@
-"""`uav-bt net pick`, `train` and `evaluate`: inputs, outputs and refusals."""
+"""`uav-bt net train` and `evaluate`: inputs, outputs and refusals."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from http.server import HTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -94,22 +93,6 @@ def test_a_teacher_learns_from_photographs(tmp_path: Path) -> None:
     result = run("net", "train", "teacher", *sources, "--out", out)
     assert result.exit_code == 0, result.output
     assert len(load_teacher(out, CLASSES).known) == 2
-
-
-def test_picking_serves_a_page_until_it_is_stopped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((9, 16, 3), dtype=np.uint8))
-
-    def stopped(_: HTTPServer) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(HTTPServer, "serve_forever", stopped)
-    picks = tmp_path / "picks.csv"
-    result = run("net", "pick", tmp_path, "--picks", picks)
-    assert result.exit_code == 0, result.output
-    assert "open http://127.0.0.1:" in result.stdout
-    assert f"0 picks: {picks}" in result.stdout
 
 
 # --- the segmentation U-Net -----------------------------------------------------------------------
@@ -208,8 +191,6 @@ def test_masks_of_another_plan_are_not_taken_for_these(
         ),
         (["evaluate", "segmentation", "--classes", "x.yaml"], ["--classes"]),
         (["evaluate", "segmentation", "--views", "0"], ["--views"]),
-        (["pick", "absent"], ["absent: is not a folder"]),
-        (["pick", "."], ["holds no photographs"]),
     ],
 )
 def test_a_mistake_is_told_and_nothing_is_written(
