@@ -75,7 +75,7 @@ def test_the_wheel_holds_trees_scenes_and_weights(wheel: Path) -> None:
         if room != "labs"
         for path in (ROOT / room).rglob("*")
         if path.suffix
-        in {".py", ".xml", ".yaml", ".onnx", ".safetensors", ".typed", ".jpg", ".obj"}
+        in {".py", ".xml", ".yaml", ".onnx", ".safetensors", ".typed", ".jpg", ".obj", ".html"}
     }
     assert {Path(name).name for name in wanted - held} == {
         *("unet-fp32.onnx", "depth-fp32.onnx", "student-fp32.onnx"),

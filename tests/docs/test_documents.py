@@ -63,7 +63,6 @@ NOT_HERE: Final = {
     "uav-bt lab train": "needs images and picks; tests/uav_bt/cli/test_lab_train.py runs it",
     "uav-bt lab check": "needs images and picks; tests/uav_bt/cli/test_lab_train.py runs it",
     "uav-bt fly land_only --lab hall": "needs a drone",
-    "uav-bt net pick": "serves a browser until Ctrl-C",
     "uav-bt campaign land_only --backend dask": "needs a cluster",
     "uav-bt campaign survey_and_land --drone plain": "hours",
     "uav-bt report runs/soak": "needs the flights of hours",

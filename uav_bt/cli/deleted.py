@@ -17,6 +17,7 @@ _INSTEAD: Final = {
     "benchmarks/segmentation.py on the twin's exact classes",
     "tree diff": "run 'uav-bt tree format --write' on both files and compare them with 'git diff'",
     "tree migrate": "use convert_v3_to_v4.py, which comes with BehaviorTree.CPP",
+    "net pick": "'uav-bt lab pick LAB' picks on the images in the folder frames/ of a lab",
     "view --video": "'uav-bt fly --video FILE' makes the film in flight, and in Python "
     "RecordedFlight(RECORD).film(FILE) makes it from a record",
     "view --speed": "RecordedFlight(RECORD).film(FILE, speed=2.0) makes a fast film of a record",

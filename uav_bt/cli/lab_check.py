@@ -17,7 +17,7 @@ from uav_bt.files import writing
 from uav_bt.inputs import refuse_inputs
 from uav_bt.lab.roles import ROLE_NAMES
 from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.lab_checks import placed_picks, teacher_of_lab
+from uav_bt.learning.lab_checks import picks_of_lab, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.masks import MaskSource
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
@@ -54,7 +54,7 @@ def check(
     if out is not None:
         refuse_inputs(out, [material.lab.folder], shipped_trees())
     classes, uses = material.lab.classes, material.uses()
-    picks = [pick for pick in placed_picks(material, uses) if uses[pick.image] == "check"]
+    picks = [pick for pick in picks_of_lab(material, uses) if uses[pick.image] == "check"]
     segment, teacher = network_of_lab(material.lab, model), _teacher(material)
     with progress_bars() as advance:
         score = score_picks(segment, picks, material.frames, classes, advance=advance)

@@ -214,7 +214,6 @@ _NET: Final = LazyGroup(
     help="Train, evaluate and export networks.",
     lazy={
         "perceive": ("uav_bt.cli.perceive:perceive", "Run perception over a video or a camera."),
-        "pick": ("uav_bt.cli.teacher:pick", "Click picks on photographs for the teacher."),
         "collect": ("uav_bt.cli.collect:collect", "Fly and record for the control student."),
     },
     groups=(_TRAIN, _EVALUATE, _EXPORT),
@@ -224,6 +223,7 @@ _LAB: Final = LazyGroup(
     help="Begin a lab, train its network, list scenes, calibrate, tune the heading.",
     lazy={
         "new": ("uav_bt.cli.lab_schema:new", "Write a commented lab file to begin with."),
+        "pick": ("uav_bt.cli.lab_pick:pick", "Pick classes on the images of a lab."),
         "train": ("uav_bt.cli.lab_train:train", "Train the segmentation network of a lab."),
         "check": ("uav_bt.cli.lab_check:check", "Score the network of a lab on held-out picks."),
         "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from perception.camera.image_files import read_image
 from perception.segmentation.mapping import class_id_of, read_mapping
-from perception.segmentation.training.picks import Pick, read_picks
+from perception.segmentation.training.pick_checks import check_picks, placed_picks
+from perception.segmentation.training.picks import Pick
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.lab_file import lab_error
 from uav_bt.lab.roles import GROUND
@@ -18,7 +18,6 @@ from uav_bt.learning.masks import MaskSource
 
 _LEAST_IMAGES: Final = 4
 _FEW_IMAGES: Final = 100  # with fewer the network knows few views; chosen
-_FIRST_PICK_LINE: Final = 2  # of a picks file, after the columns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +55,7 @@ def checked_data(material: LabMaterial) -> LabData:
             class that is needed, or the network of `teacher` does not fit the classes.
         InputError: There are too few images.
     """
-    _lab, uses = material.lab, material.uses()
+    uses = material.uses()
     source = teacher_of_lab(material)
     count = sum(use == "train" for use in uses.values())
     if count < _LEAST_IMAGES:
@@ -65,14 +64,14 @@ def checked_data(material: LabMaterial) -> LabData:
             f"{count}; `uav-bt lab frames` takes them from videos"
         )
     warnings = [] if count >= _FEW_IMAGES else [f"only {count} images for training"]
-    if source is None:
-        warnings += _check_picks(material, uses)
     needed = source is None or material.picks.exists()
-    picks = placed_picks(material, uses) if needed else []
+    picks = picks_of_lab(material, uses) if needed else []
+    if source is None:
+        warnings += check_picks(material.picks, material.frames, material.lab.classes, uses)
     return LabData(material=material, uses=uses, picks=picks, source=source, warnings=warnings)
 
 
-def placed_picks(material: LabMaterial, uses: Mapping[str, Use]) -> list[Pick]:
+def picks_of_lab(material: LabMaterial, uses: Mapping[str, Use]) -> list[Pick]:
     """Return the picks of a lab, each of which lies inside its image.
 
     Args:
@@ -83,44 +82,9 @@ def placed_picks(material: LabMaterial, uses: Mapping[str, Use]) -> list[Pick]:
         FileError: The file is absent or malformed, an image is absent, or a pick lies outside its
             image; the message names the line.
     """
-    file = material.picks
-    if not file.exists():
-        raise FileError(file, "there are no picks; `uav-bt lab pick` makes them")
-    picks = read_picks(file, material.lab.classes)
-    sizes: dict[str, tuple[int, int]] = {}
-    for line, pick in enumerate(picks, start=_FIRST_PICK_LINE):
-        if pick.image not in uses:
-            raise FileError(file, f"there is no image {material.frames / pick.image}", line=line)
-        if pick.image not in sizes:
-            height, width = read_image(
-                material.frames / pick.image, colour=False, as_stored=False
-            ).shape
-            sizes[pick.image] = width, height
-        width, height = sizes[pick.image]
-        if pick.x >= width or pick.y >= height:
-            raise FileError(
-                file,
-                f"the pick ({pick.x}, {pick.y}) lies outside {pick.image}, {width}x{height}",
-                line=line,
-            )
-    return picks
-
-
-def _check_picks(material: LabMaterial, uses: Mapping[str, Use]) -> list[str]:
-    """Refuse picks that no teacher can learn from, and return warnings about others."""
-    file, classes = material.picks, material.lab.classes
-    picks = placed_picks(material, uses)
-    picked = {pick.class_id for pick in picks if uses[pick.image] == "train"}
-    if len(picked) < 2:
-        names = ", ".join(classes.names[each] for each in sorted(picked)) or "none"
-        raise FileError(
-            file, f"expected picks of two classes at least on images for training, got {names}"
-        )
-    ground = classes.of_role(GROUND)
-    if not picked.intersection(ground):
-        names = " or ".join(classes.names[each] for each in ground)
-        raise FileError(file, f"no pick on images for training is of the ground ({names})")
-    return []
+    if not material.picks.exists():
+        raise FileError(material.picks, "there are no picks; `uav-bt lab pick` makes them")
+    return placed_picks(material.picks, material.frames, material.lab.classes, uses)
 
 
 def teacher_of_lab(material: LabMaterial) -> MaskSource | None:

@@ -84,19 +84,32 @@ def read_picks(path: Path, classes: LabClasses) -> list[Pick]:
     Raises:
         FileError: the file is absent or malformed; the message names the line.
     """
+    return [pick for _, pick in read_numbered_picks(path, classes)]
+
+
+def read_numbered_picks(path: Path, classes: LabClasses) -> list[tuple[int, Pick]]:
+    """Read a picks file; each pick comes with its line number.
+
+    Args:
+        path: the file.
+        classes: classes of the lab.
+
+    Raises:
+        FileError: the file is absent or malformed; the message names the line.
+    """
     with reading(path):
         if not path.exists():
             raise FileError(path, f"there is no such picks file{did_you_mean_file(path)}")
         text = read_bounded(path, _MAX_BYTES).decode()
     reader = csv.reader(io.StringIO(text))
-    picks: list[Pick] = []
+    picks: list[tuple[int, Pick]] = []
     for row in _rows(reader, path):
         if reader.line_num == 1:
             if tuple(row) != _COLUMNS:
                 raise FileError(path, f"the columns must be {','.join(_COLUMNS)}", line=1)
             continue
         try:
-            picks.append(_parse(row, classes.names))
+            picks.append((reader.line_num, _parse(row, classes.names)))
         except ValueRangeError as error:
             raise FileError(path, str(error), line=reader.line_num) from error
     if not picks:

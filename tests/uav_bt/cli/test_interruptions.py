@@ -110,7 +110,7 @@ CASES = {
         "stopped by Ctrl-C",
         kept=("labs/hall/segmentation.onnx",),
     ),
-    "pick": Case("net pick photos --picks picks.csv", "open http", "0 picks", code=0),
+    "pick": Case("lab pick ./hall", "open http", "next: uav-bt lab train ./hall", code=0),
     "serve-anafi": Case(
         "serve-anafi --no-video --address 127.0.0.9 --discovery-port 0 "
         "--control-port 0 --commands-port 0 --http-port 0 --rtsp-port 0",
@@ -153,8 +153,6 @@ def world(tmp_path: Path, flown: Path) -> Path:
     for name in ("old.json", "old.mp4", "old.rrd", "old.html", "old.safetensors", "flights.jsonl"):
         (tmp_path / name).write_bytes(OLD)
     (tmp_path / "record.mcap").write_bytes(OLD)
-    (tmp_path / "photos").mkdir()
-    (tmp_path / "photos" / "a.png").write_bytes(OLD)
     draw_lab(tmp_path / "labs" / "hall").network.write_bytes(OLD)
     (tmp_path / "slow.py").write_text(SLOW_DRONE)
     (tmp_path / "slow-1.dist-info").mkdir()

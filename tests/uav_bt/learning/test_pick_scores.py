@@ -9,14 +9,14 @@ import pytest
 
 from tests.uav_bt.learning.lab_world import draw_lab, write_colour_network
 from uav_bt.errors import InputError
-from uav_bt.learning.lab_checks import placed_picks
+from uav_bt.learning.lab_checks import picks_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
 
 
 def scored(material: LabMaterial) -> PickScore:
     uses = material.uses()
-    picks = [pick for pick in placed_picks(material, uses) if uses[pick.image] == "check"]
+    picks = [pick for pick in picks_of_lab(material, uses) if uses[pick.image] == "check"]
     segment = network_of_lab(material.lab)
     return score_picks(segment, picks, material.frames, material.lab.classes)
 

@@ -1,0 +1,129 @@
+"""The next image: of the use that is short of picks, and the one of the least sure teacher."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perception.segmentation.training.next_image import ImageChooser, wanted_use
+from perception.segmentation.training.pick_images import PickImages
+from perception.segmentation.training.pick_session import PickSession
+from tests.perception.segmentation.training.pick_places import (
+    CRATE,
+    FLOOR,
+    PAD,
+    PLACE,
+    session_of,
+    write_image,
+)
+from uav_bt.errors import ValueRangeError
+
+BROWN = (125, 105, 50)  # between floor and crate
+
+
+def _images(folder: Path, *shown: Sequence[tuple[int, int, int]], checks: str = "") -> PickSession:
+    uses = {}
+    for number, colours in enumerate(shown):
+        write_image(folder / "frames" / f"{number}.png", *colours, seed=number)
+        uses[f"{number}.png"] = "check" if str(number) in checks else "train"
+    return session_of(folder, uses)
+
+
+def _pick(session: PickSession, image: str) -> None:
+    session.paint(image, [(x, y) for x in range(5, 70, 4) for y in range(5, 90, 4)], "floor")
+    session.paint(image, [(x, y) for x in range(90, 155, 4) for y in range(5, 90, 4)], "crate")
+
+
+def test_the_least_sure_image_comes_next(tmp_path: Path) -> None:
+    clear = (FLOOR, CRATE)
+    session = _images(tmp_path, clear, clear, clear, (FLOOR, BROWN, CRATE), clear)
+    _pick(session, "0.png")
+    chosen = ImageChooser(session.images, PLACE).choose(session.picks, "0.png")
+    assert chosen.image == "3.png"
+    assert "least sure" in chosen.reason
+    assert chosen.margin is not None
+
+
+def test_a_new_teacher_follows_new_picks(tmp_path: Path) -> None:
+    session = _images(tmp_path, (FLOOR, CRATE), (FLOOR, BROWN), (FLOOR, BROWN))
+    chooser = ImageChooser(session.images, PLACE)
+    _pick(session, "0.png")
+    before = chooser.choose(session.picks, "1.png")
+    session.paint("1.png", [(x, y) for x in range(90, 155, 4) for y in range(5, 90, 4)], "pad")
+    after = chooser.choose(session.picks, "1.png")
+    assert before.image == after.image == "2.png"
+    assert before.margin is not None
+    assert after.margin is not None
+    assert after.margin > before.margin  # the brown is known now
+
+
+def test_without_a_teacher_images_far_from_the_others_come(tmp_path: Path) -> None:
+    session = _images(tmp_path, *[(FLOOR,)] * 9)
+    chooser = ImageChooser(session.images, PLACE)
+    found, name = [], "0.png"
+    for _ in range(3):
+        name = str(chooser.choose(session.picks, name).image)
+        found.append(name)
+    assert found == ["8.png", "4.png", "2.png"]
+
+
+def test_each_image_without_picks_is_offered_once_before_any_comes_again(tmp_path: Path) -> None:
+    session = _images(tmp_path, *[(FLOOR, CRATE)] * 4)
+    chooser = ImageChooser(session.images, PLACE)
+    _pick(session, "0.png")
+    found = [str(chooser.choose(session.picks).image) for _ in range(6)]
+    assert set(found[:3]) == set(found[3:]) == {"1.png", "2.png", "3.png"}
+
+
+def test_one_image_in_five_is_for_the_check() -> None:
+    picked: list[str] = []
+    for _ in range(20):
+        picked.append(wanted_use(picked))
+        checks, total = picked.count("check"), len(picked)
+        assert checks == 0 if total < 5 else total / 5 <= checks <= total / 5 + 1
+
+
+def test_the_use_that_is_short_comes_next(tmp_path: Path) -> None:
+    session = _images(tmp_path, *[(FLOOR, CRATE)] * 7, checks="56")
+    chooser = ImageChooser(session.images, PLACE)
+    for name in ("0.png", "1.png", "2.png", "3.png"):
+        _pick(session, name)
+    assert chooser.choose(session.picks).image in {"5.png", "6.png"}
+    _pick(session, "5.png")
+    assert chooser.choose(session.picks).image == "6.png"
+    _pick(session, "6.png")
+    assert chooser.choose(session.picks).image == "4.png"
+    _pick(session, "4.png")
+    assert chooser.choose(session.picks).image is None
+
+
+def test_the_teacher_does_not_learn_from_check_images(tmp_path: Path) -> None:
+    session = _images(tmp_path, (FLOOR, CRATE), (FLOOR, CRATE), checks="0")
+    _pick(session, "0.png")
+    chooser = ImageChooser(session.images, PLACE)
+    assert chooser.choose(session.picks).margin is None
+    with pytest.raises(ValueRangeError, match="needs picks of two classes"):
+        chooser.class_map("1.png", session.picks)
+
+
+def test_the_class_map_is_the_present_teachers(tmp_path: Path) -> None:
+    session = _images(tmp_path, (FLOOR, CRATE), (CRATE, FLOOR))
+    _pick(session, "0.png")
+    ids = ImageChooser(session.images, PLACE).class_map("1.png", session.picks)
+    assert ids.shape == (324, 576)
+    assert set(np.unique(ids[:, 50:200])) == {PLACE.id_of("crate")}
+    assert set(np.unique(ids[:, 380:530])) == {PLACE.id_of("floor")}
+
+
+def test_images_that_were_used_longest_ago_are_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("perception.segmentation.training.pick_images._MOST_SMALL", 1)
+    for name in ("a.png", "b.png"):
+        write_image(tmp_path / "frames" / name, PAD)
+    images = PickImages(tmp_path / "frames", {"a.png": "train", "b.png": "train"})
+    first = images.small("a.png")
+    assert images.small("a.png") is first
+    images.small("b.png")
+    assert images.small("a.png") is not first

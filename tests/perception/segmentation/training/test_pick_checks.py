@@ -1,0 +1,103 @@
+"""What is wrong with a picks file is found before a teacher is trained."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perception.segmentation.training.pick_checks import check_picks
+from perception.segmentation.training.picks import Pick, write_picks
+from tests.perception.segmentation.training.pick_places import (
+    CRATE,
+    FLOOR,
+    PAD,
+    PLACE,
+    write_image,
+)
+from uav_bt.errors import FileError
+
+USES = {"a.png": "train", "b.png": "train", "c.png": "check"}
+THIRDS = {"floor": (5, 45), "crate": (60, 100), "pad": (115, 155)}  # columns
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    for number, name in enumerate(USES):
+        write_image(tmp_path / "frames" / name, FLOOR, CRATE, PAD, seed=number)
+    return tmp_path
+
+
+def _picks(*names: str, images: tuple[str, ...] = tuple(USES), count: int = 12) -> list[Pick]:
+    rng = np.random.default_rng(0)
+    return [
+        Pick(
+            image=image,
+            x=int(rng.integers(*THIRDS[name])),
+            y=int(rng.integers(5, 85)),
+            class_id=PLACE.id_of(name),
+        )
+        for image in images
+        for name in names
+        for _ in range(count)
+    ]
+
+
+def _checked(place: Path, picks: list[Pick]) -> list[str]:
+    write_picks(place / "picks.csv", picks, PLACE)
+    return check_picks(place / "picks.csv", place / "frames", PLACE, USES)
+
+
+def test_good_picks_have_only_the_class_that_is_not_there(place: Path) -> None:
+    assert _checked(place, _picks("floor", "crate", "pad")) == [
+        "class 'wall' has no picks on images for training: it is never predicted"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("pick", "words"),
+    [
+        (Pick(image="a.png", x=160, y=3, class_id=1), r"160x90 pixels of 'a\.png', got \(160, 3\)"),
+        (Pick(image="a.png", x=3, y=90, class_id=1), r"got \(3, 90\)"),
+        (Pick(image="aa.png", x=3, y=3, class_id=1), r"got 'aa\.png'; did you mean 'a\.png'"),
+    ],
+)
+def test_a_pick_at_no_place_names_its_line(place: Path, pick: Pick, words: str) -> None:
+    with pytest.raises(FileError, match=words) as found:
+        _checked(place, [*_picks("floor", "crate", count=1), pick])
+    assert found.value.line == 8
+
+
+def test_picks_of_one_class_are_refused(place: Path) -> None:
+    with pytest.raises(FileError, match="two classes at least on images for training, got 1"):
+        _checked(place, _picks("floor") + _picks("crate", images=("c.png",)))
+
+
+def test_picks_without_the_ground_are_refused(place: Path) -> None:
+    with pytest.raises(FileError, match=r"picks of the ground \('floor'\).*got none"):
+        _checked(place, _picks("crate", "pad") + _picks("floor", images=("c.png",)))
+
+
+def test_few_picks_are_named(place: Path) -> None:
+    found = _checked(place, _picks("floor", "pad") + _picks("crate", count=2))
+    assert "class 'crate' has only 4 picks on images for training: 20 or more are better" in found
+
+
+def test_what_the_check_does_not_see_is_named(place: Path) -> None:
+    learned = _picks("floor", "crate", images=("a.png", "b.png"))
+    assert "no image for the check has picks: the network cannot be scored" in _checked(
+        place, learned
+    )
+    found = _checked(place, learned + _picks("floor", images=("c.png",)))
+    assert "no image for the check has picks of 'crate': they cannot be scored" in found
+
+
+def test_classes_of_one_colour_are_named_together(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(THIRDS, "pad", THIRDS["crate"])
+    (found,) = (
+        line for line in _checked(place, _picks("floor", "crate", "pad")) if "alike" in line
+    )
+    assert found.startswith("classes 'crate' and 'pad' look alike: ")
+    one_image = _checked(place, _picks("floor", "crate", "pad", images=("a.png",), count=30))
+    assert any("'crate' and 'pad' look alike" in line for line in one_image)

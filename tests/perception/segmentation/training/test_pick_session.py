@@ -1,0 +1,144 @@
+"""Strokes over super-pixels: painted, erased, taken back, and written at once."""
+
+from pathlib import Path
+
+import pytest
+
+from perception.segmentation.training.pick_session import PickSession
+from perception.segmentation.training.picks import Pick, read_picks
+from tests.perception.segmentation.training.pick_places import (
+    CRATE,
+    FLOOR,
+    PLACE,
+    session_of,
+    write_image,
+)
+from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
+
+LEFT = [(10, y) for y in range(0, 90, 2)]  # a stroke down the floor
+MIDDLE = [(x, 45) for x in range(0, 160, 2)]  # a stroke across floor and crate
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> PickSession:
+    write_image(tmp_path / "frames" / "a.png", FLOOR, CRATE)
+    write_image(tmp_path / "frames" / "b.png", CRATE, FLOOR)
+    return session_of(tmp_path, {"a.png": "train", "b.png": "check"})
+
+
+def _regions(session: PickSession, image: str = "a.png") -> list[int]:
+    found = session.images.super_pixels(image)
+    return [found.at(pick.x, pick.y) for pick in session.picks if pick.image == image]
+
+
+def test_a_stroke_gives_each_super_pixel_one_pick(session: PickSession) -> None:
+    session.paint("a.png", LEFT, "floor")
+    found = session.images.super_pixels("a.png")
+    assert _regions(session) == list(dict.fromkeys(found.at(x, y) for x, y in LEFT))
+    assert len(session.picks) > 5
+    for pick, region in zip(session.picks, _regions(session), strict=True):
+        assert (pick.x, pick.y) == found.innermost_of(region)
+    assert read_picks(session.path, PLACE) == session.picks
+    assert session.counts() == {"wall": 0, "floor": len(session.picks), "crate": 0, "pad": 0}
+    assert session.picked_images() == {"train": 1, "check": 0}
+
+
+def test_painting_again_changes_nothing(session: PickSession) -> None:
+    session.paint("a.png", LEFT, "floor")
+    before = list(session.picks)
+    session.paint("a.png", LEFT[:5], "floor")
+    assert session.picks == before
+    session.undo()  # the second stroke was none
+    assert session.picks == []
+
+
+def test_another_class_replaces_the_pick(session: PickSession) -> None:
+    session.paint("a.png", LEFT, "floor")
+    session.add("b.png", 1, 1, "pad")
+    session.paint("a.png", MIDDLE, "crate")
+    crossed = session.images.super_pixels("a.png").at(10, 45)
+    classes = {PLACE.names[pick.class_id]: 0 for pick in session.picks}
+    assert set(classes) == {"floor", "crate", "pad"}
+    assert len(_regions(session)) == len(set(_regions(session)))
+    (pick,) = (
+        pick
+        for pick, region in zip(
+            [pick for pick in session.picks if pick.image == "a.png"],
+            _regions(session),
+            strict=True,
+        )
+        if region == crossed
+    )
+    assert pick.class_id == PLACE.id_of("crate")
+
+
+def test_a_class_that_a_super_pixel_has_twice_stays(session: PickSession) -> None:
+    x, y = session.images.super_pixels("a.png").innermost_of(0)
+    session.add("a.png", x, y, "floor")
+    session.add("a.png", x, y, "crate")
+    session.paint("a.png", [(x, y)], "floor")
+    assert [pick.class_id for pick in session.picks] == [PLACE.id_of("floor")]
+
+
+def test_the_eraser_removes_the_picks_of_its_super_pixels(session: PickSession) -> None:
+    session.paint("a.png", MIDDLE, "crate")
+    session.paint("b.png", MIDDLE, "crate")
+    found = session.images.super_pixels("a.png")
+    gone = {found.at(x, y) for x, y in MIDDLE[:20]}
+    before = len(_regions(session, "b.png"))
+    session.erase("a.png", MIDDLE[:20])
+    assert gone.isdisjoint(_regions(session))
+    assert _regions(session)
+    assert len(_regions(session, "b.png")) == before
+    assert read_picks(session.path, PLACE) == session.picks
+
+
+def test_undo_brings_back_what_a_stroke_replaced(session: PickSession) -> None:
+    session.paint("a.png", LEFT, "floor")
+    painted = list(session.picks)
+    session.erase("a.png", LEFT[:3])
+    session.paint("a.png", MIDDLE, "crate")
+    assert (session.undo(), session.undo()) == ("a.png", "a.png")
+    assert session.picks == painted
+    assert read_picks(session.path, PLACE) == painted
+    assert (session.undo(), session.undo()) == ("a.png", None)
+    assert session.picks == []
+    assert not session.path.exists()
+
+
+def test_earlier_picks_are_gone_on_with(session: PickSession, tmp_path: Path) -> None:
+    session.paint("a.png", LEFT, "floor")
+    again = session_of(tmp_path, {"a.png": "train", "b.png": "check"})
+    assert again.undo() is None  # the strokes of another session stay
+    again.add("b.png", 2, 2, "crate")
+    assert read_picks(session.path, PLACE) == [
+        *session.picks,
+        Pick(image="b.png", x=2, y=2, class_id=2),
+    ]
+
+
+def test_a_pick_outside_its_image_does_not_stop_a_stroke(session: PickSession) -> None:
+    session.path.write_text("image,x,y,class,origin\na.png,500,5,floor,hand\n", encoding="utf-8")
+    again = session_of(session.path.parent, {"a.png": "train"})
+    again.paint("a.png", LEFT, "crate")
+    again.erase("a.png", LEFT)
+    assert [pick.x for pick in again.picks] == [500]
+
+
+def test_bad_strokes_are_refused(session: PickSession) -> None:
+    with pytest.raises(ValueRangeError, match=r"\(160, 3\) lies outside of 160x90 pixels"):
+        session.paint("a.png", [(1, 1), (160, 3)], "floor")
+    with pytest.raises(ValueRangeError, match=r"\(0, -1\) lies outside"):
+        session.erase("a.png", [(0, -1)])
+    with pytest.raises(ValueRangeError, match=r"there is no image 'c\.png'"):
+        session.paint("c.png", LEFT, "floor")
+    with pytest.raises(UnknownNameError, match="did you mean 'floor'"):
+        session.paint("a.png", LEFT, "flor")
+    assert session.picks == []
+    assert not session.path.exists()
+
+
+def test_a_malformed_picks_file_is_refused(tmp_path: Path, session: PickSession) -> None:
+    session.path.write_text("image,x,y,class,origin\na.png,1,1,flor,hand\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"picks\.csv:2: unknown class 'flor'"):
+        session_of(tmp_path, {"a.png": "train"})

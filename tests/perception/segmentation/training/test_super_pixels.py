@@ -1,0 +1,74 @@
+"""Super-pixels follow edges, cover the image, and have an innermost pixel."""
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from perception.segmentation.training.super_pixels import MAX_WIDTH_PX, find_super_pixels
+from uav_bt.errors import ShapeError
+
+
+def _scene(width: int, height: int) -> NDArray[np.uint8]:
+    """A noisy image of two colours with a slanted edge."""
+    rgb = np.full((height, width, 3), 60, dtype=np.uint8)
+    corners = np.array([(0, 0), (width * 2 // 5, 0), (width * 3 // 5, height), (0, height)])
+    cv2.fillPoly(rgb, [corners], (180, 150, 120))
+    noise = np.random.default_rng(0).integers(0, 12, rgb.shape, dtype=np.uint8)
+    return rgb + noise
+
+
+@pytest.mark.parametrize("size", [(320, 180), (333, 77), (90, 160), (5, 3), (1, 1)])
+def test_they_cover_the_image_without_gaps(size: tuple[int, int]) -> None:
+    found = find_super_pixels(_scene(*size))
+    assert found.ids.shape == size[::-1]
+    assert np.array_equal(np.unique(found.ids), np.arange(len(found.innermost)))
+
+
+def test_each_is_one_piece_of_about_the_same_size() -> None:
+    found = find_super_pixels(_scene(576, 324))
+    sizes = np.bincount(found.ids.ravel())
+    assert 400 < 576 * 324 / len(sizes) < 500  # the grid has cells of 20 pixels and more
+    assert (sizes < 1600).mean() > 0.95
+    for region in range(len(sizes)):
+        pieces, _ = cv2.connectedComponents((found.ids == region).astype(np.uint8), connectivity=8)
+        assert pieces == 2  # the region and the rest
+
+
+def test_the_innermost_pixel_lies_in_its_region() -> None:
+    found = find_super_pixels(_scene(320, 180))
+    x, y = found.innermost.T
+    assert np.array_equal(found.ids[y, x], np.arange(len(x)))
+
+
+def test_the_innermost_pixel_is_far_from_the_border() -> None:
+    found = find_super_pixels(_scene(576, 324))
+    for region in range(0, len(found.innermost), 20):
+        padded = np.pad((found.ids == region).astype(np.uint8), 1)
+        distance = cv2.distanceTransform(padded, cv2.DIST_L2, 5)[1:-1, 1:-1]
+        x, y = found.innermost[region]
+        assert distance[y, x] > distance.max() - 1.5
+
+
+def test_no_region_lies_on_both_sides_of_an_edge() -> None:
+    rgb = _scene(576, 324)
+    left = rgb[..., 0] > 120
+    found = find_super_pixels(rgb)
+    share = np.bincount(found.ids.ravel(), weights=left.ravel()) / np.bincount(found.ids.ravel())
+    assert (np.minimum(share, 1.0 - share) < 0.1).mean() > 0.99
+
+
+@pytest.mark.parametrize("width", [1152, 1280, 1999, 3840])
+def test_a_large_image_is_shrunk_and_its_pixels_are_found_again(width: int) -> None:
+    found = find_super_pixels(_scene(width, width // 2))
+    assert found.ids.shape[1] == MAX_WIDTH_PX
+    for region in range(0, len(found.innermost), 7):
+        x, y = found.innermost_of(region)
+        assert 0 <= x < width
+        assert found.at(x, y) == region
+    assert found.at(width - 1, width // 2 - 1) == found.ids[-1, -1]
+
+
+def test_an_image_of_one_channel_is_refused() -> None:
+    with pytest.raises(ShapeError, match="HxWx3"):
+        find_super_pixels(np.zeros((4, 4), dtype=np.uint8))

@@ -1,0 +1,89 @@
+"""`uav-bt lab pick`: what it prints, and what it refuses."""
+
+from __future__ import annotations
+
+import os
+import socket
+from http.server import HTTPServer
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.uav_bt.cli.cli_world import assert_refused, run
+from uav_bt.lab.starter import write_lab
+
+PICKS = """\
+image,x,y,class,origin
+0.png,1,1,floor,hand
+0.png,2,2,floor,hand
+1.png,3,3,pad,hand
+"""
+
+
+@pytest.fixture
+def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A lab with five images, of which the last is for the check; serving ends at once."""
+    monkeypatch.chdir(tmp_path)
+    folder = write_lab("hall", Path("labs")).parent
+    (folder / "frames").mkdir()
+    for number in range(5):
+        cv2.imwrite(str(folder / "frames" / f"{number}.png"), np.zeros((9, 16, 3), dtype=np.uint8))
+
+    def stopped(_: HTTPServer) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(HTTPServer, "serve_forever", stopped)
+    return folder
+
+
+def test_without_picks_it_names_all_classes_and_the_next_command(hall: Path) -> None:
+    result = run("lab", "pick", "hall")
+    assert result.exit_code == 0, result.output
+    assert "open http://127.0.0.1:" in result.stdout
+    assert f"0 picks: {hall / 'picks.csv'}\n" in result.stdout
+    assert "images with picks: 0 for training, 0 for the check" in result.stdout
+    assert result.stdout.endswith("next: uav-bt lab train hall\n")
+    assert "warning: no picks of outside, floor, pad, obstacle:" in result.stderr
+    assert not (hall / "picks.csv").exists()
+
+
+def test_it_sums_up_the_picks(hall: Path) -> None:
+    (hall / "picks.csv").write_text(PICKS, encoding="utf-8")
+    result = run("lab", "pick", hall)
+    assert f"3 picks: {hall / 'picks.csv'} (floor 2, pad 1)\n" in result.stdout
+    assert "images with picks: 2 for training, 0 for the check" in result.stdout
+    assert "warning: no picks of outside, obstacle:" in result.stderr
+    assert "no picks on images for the check" in result.stderr
+    (hall / "picks.csv").write_text(PICKS.replace("1.png", "4.png"), encoding="utf-8")
+    result = run("lab", "pick", hall)
+    assert "images with picks: 1 for training, 1 for the check" in result.stdout
+    assert "for the check: the network" not in result.stderr
+
+
+def test_a_malformed_picks_file_is_refused_and_kept(hall: Path) -> None:
+    (hall / "picks.csv").write_text("image,x,y\n", encoding="utf-8")
+    assert_refused(run("lab", "pick", "hall"), "picks.csv:1: the columns must be image,x,y,class")
+    assert (hall / "picks.csv").read_text(encoding="utf-8") == "image,x,y\n"
+
+
+def test_a_port_that_is_taken_is_refused(hall: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        refused = run("lab", "pick", "hall", "--port", port)
+    assert_refused(refused, f"port {port} cannot be served", "give another --port")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the administrator may write anywhere")
+def test_a_folder_that_cannot_be_written_to_is_refused(hall: Path) -> None:
+    hall.chmod(0o500)
+    try:
+        assert_refused(run("lab", "pick", "hall"), "cannot be written")
+    finally:
+        hall.chmod(0o700)
+
+
+def test_picks_that_are_a_folder_are_refused(hall: Path) -> None:
+    (hall / "picks.csv").mkdir()
+    assert_refused(run("lab", "pick", "hall"), "picks.csv: is a folder")
