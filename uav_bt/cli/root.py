@@ -220,7 +220,7 @@ _NET: Final = LazyGroup(
 )
 _LAB: Final = LazyGroup(
     "lab",
-    help="Begin a lab, train its network, list scenes, calibrate, tune the heading.",
+    help="Begin and train labs, calibrate, tune the heading.",
     lazy={
         "new": ("uav_bt.cli.lab_schema:new", "Write a commented lab file to begin with."),
         "pick": ("uav_bt.cli.lab_pick:pick", "Pick classes on the images of a lab."),
