@@ -110,7 +110,7 @@ CASES = {
         "stopped by Ctrl-C",
         kept=("labs/hall/segmentation.onnx",),
     ),
-    "pick": Case("lab pick ./hall", "open http", "next: uav-bt lab train ./hall", code=0),
+    "pick": Case("lab pick hall", "open http", "next: uav-bt lab train hall", code=0),
     "serve-anafi": Case(
         "serve-anafi --no-video --address 127.0.0.9 --discovery-port 0 "
         "--control-port 0 --commands-port 0 --http-port 0 --rtsp-port 0",
