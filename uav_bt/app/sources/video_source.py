@@ -57,7 +57,7 @@ class DecodedImage:
             format="rgb24" if colour else "gray",
             width=width_px,
             height=height_px,
-            interpolation=Interpolation.AREA,
+            interpolation=Interpolation.BILINEAR,
         )
         return self.orientation.image(small)
 
@@ -99,7 +99,11 @@ class VideoSource:
             # An absolute path: FFmpeg takes the part before a colon for a protocol.
             container = av.open(str(self._path.absolute()))
         except (av.FFmpegError, OSError) as error:
-            raise FileError(self._path, f"is not a readable video ({_reason(error)})") from error
+            raise FileError(
+                self._path,
+                f"is not a readable video ({_reason(error)}); copy it again from the camera, or "
+                "convert it to MP4 with a video editor",
+            ) from error
         if not container.streams.video:
             container.close()
             raise FileError(self._path, "holds no video")
