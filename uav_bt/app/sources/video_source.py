@@ -150,9 +150,13 @@ class VideoSource:
         Raises:
             FileError: the orientation in the file is between the multiples of 90 degrees.
         """
+        orientation, read_from = UPRIGHT, None
         with self._opened() as container:
             for index, time_s, decoded in self._timed(container):
-                orientation = self._orientation(decoded)
+                # Not of each image: PyAV's side data hold their image in a reference cycle, and
+                # hundreds of images would wait for the garbage collector.
+                if read_from != (read_from := (decoded.rotation, decoded.width, decoded.height)):
+                    orientation = self._orientation(decoded)
                 yield DecodedImage(
                     decoded=decoded, index=index, time_s=time_s, orientation=orientation
                 )
