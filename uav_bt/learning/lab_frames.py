@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +17,11 @@ from uav_bt.lab.lab import Lab
 from uav_bt.learning.frame_candidates import Candidate, look_at_photograph, watch
 from uav_bt.learning.frame_names import free_stem, image_name, moved
 from uav_bt.learning.frame_sources import Filmed, FrameSources, Photograph, find_sources
+from uav_bt.learning.frames_summary import (
+    FramesSummary,
+    SourceSummary,
+    summary_of_earlier,
+)
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
 from uav_bt.progress import Advance, silent
 
@@ -29,52 +34,6 @@ _PARTS: Final = 10  # of a video's time
 _PARTS_A_CHECK: Final = 5  # every fifth part, and every fifth photograph
 _MISSED: Final = 0.9  # a video that ends before this share of its duration was cut short
 _PHOTOGRAPHS: Final = "photographs"
-
-
-@dataclass(frozen=True, kw_only=True)
-class SourceSummary:
-    """Images of one source.
-
-    Attributes:
-        source: Name of the video, or "photographs" for all of them.
-        read: Images that were read.
-        blurred: Images of the best in each half second that were blurred or blank.
-        alike: Those that were nearly the same as a kept one.
-        surplus: Those beyond the number that was asked for.
-        kept: Those that were kept.
-        for_check: Those of the kept ones that only score the network.
-        notes: What was noticed.
-        earlier: Whether the images were taken in an earlier run.
-    """
-
-    source: str
-    read: int = 0
-    blurred: int = 0
-    alike: int = 0
-    surplus: int = 0
-    kept: int = 0
-    for_check: int = 0
-    notes: tuple[str, ...] = ()
-    earlier: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class FramesSummary:
-    """Result of a run.
-
-    Attributes:
-        folder: Where the images are.
-        sources: One entry for each source.
-        total: Images of the lab, also from earlier runs.
-        notes: Lines about files that are not read.
-        refused: Errors of sources that gave no images.
-    """
-
-    folder: Path
-    sources: tuple[SourceSummary, ...]
-    total: int
-    notes: tuple[str, ...]
-    refused: tuple[str, ...]
 
 
 def take_frames(
@@ -104,8 +63,11 @@ def take_frames(
         material.frames.mkdir(exist_ok=True)
         for left in material.frames.glob(f"{_CANDIDATES}*"):  # by a run that was killed
             shutil.rmtree(left)
-    run = _Run(material, sources, count, advance)
-    return run.result()
+    try:
+        return _Run(material, sources, count, advance).result()
+    finally:
+        with suppress(OSError):  # it stays unless it is empty
+            material.frames.rmdir()
 
 
 class _Run:
@@ -130,7 +92,7 @@ class _Run:
             share = one.duration_s / max(1e-9, sum(each.duration_s for each in filmed[place:]))
             there = self._there(one.name)
             if there:
-                summaries.append(_earlier(one.name, there))
+                summaries.append(summary_of_earlier(one.name, there))
             else:
                 quota = max(1, round(left * min(1.0, share)))
                 try:
@@ -168,6 +130,7 @@ class _Run:
 
         with self._candidates() as folder:
             watched = watch(filmed, Path(folder), on_time)
+            on_time(filmed.duration_s)
             clear = _clear(watched.candidates, filmed.path)
             order = different_ones([one.look for one in clear])
             if len(order) == 1 and len(clear) > 1:
@@ -201,7 +164,7 @@ class _Run:
         photographs = self._sources.photographs
         there = [frame for one in photographs for frame in self._there(one.name)]
         unread = [one for one in photographs if not self._there(one.name)]
-        summaries = [_earlier(_PHOTOGRAPHS, there)] if there else []
+        summaries = [summary_of_earlier(_PHOTOGRAPHS, there)] if there else []
         if not unread:
             return summaries
         with self._candidates() as folder:
@@ -310,15 +273,6 @@ def _clear(candidates: Sequence[Candidate], path: Path) -> list[Candidate]:
             f"{len(looks) - blank} are blurred; film slowly, in good light, with a clean lens",
         )
     return clear
-
-
-def _earlier(name: str, there: Sequence[LabFrame]) -> SourceSummary:
-    return SourceSummary(
-        source=name,
-        kept=len(there),
-        for_check=sum(frame.use == "check" for frame in there),
-        earlier=True,
-    )
 
 
 def _is_photograph(source: str) -> bool:
