@@ -58,7 +58,7 @@ NOT_HERE: Final = {
     "uav-bt fly land_only --scene train-a --view": "needs a display",
     "uav-bt view flight.mcap --web": "serves a browser until Ctrl-C",
     "uav-bt lab calibrate": "needs photographs",
-    "uav-bt lab frames": "needs videos of a place; tests/uav_bt/learning/test_lab_frames.py runs it",
+    "uav-bt lab frames": "needs videos of a place",
     "uav-bt lab tune-heading": "needs the record of a flight that explores",
     "uav-bt net perceive walk.mp4": "needs a camera's video",
     "uav-bt net pick": "serves a browser until Ctrl-C",
