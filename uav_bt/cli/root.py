@@ -227,9 +227,10 @@ _NET: Final = LazyGroup(
 )
 _LAB: Final = LazyGroup(
     "lab",
-    help="Begin a lab, list scenes, calibrate, tune the heading.",
+    help="Begin a lab, take images, list scenes, calibrate, tune the heading.",
     lazy={
         "new": ("uav_bt.cli.lab_schema:new", "Write a commented lab file to begin with."),
+        "frames": ("uav_bt.cli.lab_frames:frames", "Take images of a lab from videos."),
         "pick": ("uav_bt.cli.lab_pick:pick", "Pick classes on the images of a lab."),
         "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),
         "schema": ("uav_bt.cli.lab_schema:schema", "Write a JSON schema of lab files."),
