@@ -56,6 +56,7 @@ NOT_HERE: Final = {
     "uav-bt fly land_only --scene train-a --view": "needs a display",
     "uav-bt view flight.mcap --web": "serves a browser until Ctrl-C",
     "uav-bt lab calibrate": "needs photographs",
+    "uav-bt lab frames": "needs videos of a place",
     "uav-bt lab tune-heading": "needs the record of a flight that explores",
     "uav-bt net perceive walk.mp4": "needs a camera's video",
     "uav-bt lab frames": "needs videos",
@@ -84,6 +85,7 @@ LONG_PYTHON: Final = ("app.fly(", "campaign.run(", "BtlogReader(", "RecordedFlig
 BROUGHT: Final = {
     "docs/camera.md": ("boards/1.jpg", "walk.mp4"),
     "docs/anafi.md": ("boards/1.jpg",),
+    "docs/labs.md": ("walk.mp4",),
 }
 
 

@@ -223,6 +223,7 @@ _LAB: Final = LazyGroup(
     help="Begin and train labs, calibrate, tune the heading.",
     lazy={
         "new": ("uav_bt.cli.lab_schema:new", "Write a commented lab file to begin with."),
+        "frames": ("uav_bt.cli.lab_frames:frames", "Take images of a lab from videos."),
         "pick": ("uav_bt.cli.lab_pick:pick", "Pick classes on the images of a lab."),
         "train": ("uav_bt.cli.lab_train:train", "Train the segmentation network of a lab."),
         "check": ("uav_bt.cli.lab_check:check", "Score the network of a lab on held-out picks."),

@@ -111,7 +111,7 @@ def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], he
         ("uav-bt che", "check"),
         ("uav-bt net ", "perceive collect train evaluate export"),
         ("uav-bt net tr", "train"),
-        ("uav-bt lab ", "new pick train check scenes schema calibrate tune-heading"),
+        ("uav-bt lab ", "new frames pick train check scenes schema calibrate tune-heading"),
     ],
 )
 def test_completing_a_command_imports_no_command(words: str, found: str) -> None:

@@ -19,8 +19,8 @@ from perception.segmentation.mapping import read_mapping
 from sim_bridge.anafi import anafi_camera
 from uav_bt.app.perceive.frame_telemetry import FixedTelemetry, FlightTelemetry, Telemetry
 from uav_bt.app.perceive.pipeline import Pipeline
-from uav_bt.app.perceive.sources import RecordSource, open_source
-from uav_bt.app.perceive.streams import ImageSource, TimedImage, TimedImages
+from uav_bt.app.sources.by_name import RecordSource, open_source
+from uav_bt.app.sources.streams import ImageSource, TimedImage, TimedImages
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import DepthEstimator, Segmenter

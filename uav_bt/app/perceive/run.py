@@ -18,7 +18,7 @@ from perception.depth.scale import Scale
 from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
-from uav_bt.app.perceive.streams import TimedImage
+from uav_bt.app.sources.streams import TimedImage
 from uav_bt.display.video.perception_video import PerceptionPanes
 from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import InputError

@@ -16,15 +16,15 @@ from perception.camera.image_files import (
     image_files,
     read_image,
 )
-from uav_bt.app.perceive.streams import (
+from uav_bt.app.sources.streams import (
     CAMERA,
     FOLDER_RATE,
     CameraSource,
     ImageSource,
     TimedImage,
     TimedImages,
-    VideoSource,
 )
+from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.clock import WallClock
 from uav_bt.errors import FileError, InputError, ShapeError
 from uav_bt.files import did_you_mean_file

@@ -16,8 +16,9 @@ from av.stream import Disposition
 from numpy.typing import NDArray
 
 from tests.uav_bt.record.footage_world import frame, write_record
-from uav_bt.app.perceive.sources import FolderSource, RecordSource, open_source
-from uav_bt.app.perceive.streams import CameraSource, VideoSource
+from uav_bt.app.sources.by_name import FolderSource, RecordSource, open_source
+from uav_bt.app.sources.streams import CameraSource
+from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.clock import ManualClock
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import FileError, InputError, ShapeError

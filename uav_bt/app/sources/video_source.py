@@ -1,72 +1,69 @@
-"""Protocol of frame sources, and the streams among them: video files and live cameras."""
+"""Video files, decoded by FFmpeg and turned as players turn them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import av
-import cv2
 import numpy as np
+from av.video.reformatter import Interpolation
+from numpy.typing import NDArray
 
 from perception.camera.orientation import UPRIGHT, Orientation
+from uav_bt.app.sources.streams import TimedImage, TimedImages
 from uav_bt.display.video.video_file import FILM
-from uav_bt.errors import FileError, InputError, ValueRangeError
-from uav_bt.protocols import Clock
+from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.types.arrays import Image
 
-FOLDER_RATE: Final = 10.0  # images a second where it is unknown: a mission's tick
+_UNKNOWN_RATE: Final = 25.0  # of a video file that does not say
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TimedImage:
-    """One image of a source."""
+class DecodedImage:
+    """One image of a video, converted to an array on demand."""
 
-    image: Image  # (H, W, 3) RGB
-    index: int  # counts all images of the source, also those that are left out
-    time_s: float  # since the source began
-    name: str  # for messages
-    orientation: Orientation = UPRIGHT  # from the stored image to this one
-
-
-TimedImages = Generator[TimedImage, None, None]
-"""TimedImages in order of time; closing lets go of the file or the camera."""
-
-
-class ImageSource(Protocol):
-    """Gives images of one size in order of time."""
+    decoded: Any  # av.VideoFrame
+    index: int  # counts all whole and damaged images of the video
+    time_s: float  # since the video began
+    orientation: Orientation = UPRIGHT  # from the stored image to the shown one
 
     @property
-    def name(self) -> str:
-        """Name of the source in messages."""
-        ...
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the shown image."""
+        width_px, height_px = self.decoded.width, self.decoded.height
+        return (height_px, width_px) if self.orientation.transpose else (width_px, height_px)
 
-    @property
-    def total(self) -> int | None:
-        """How many images it has; None where it is unknown."""
-        ...
+    def image(self) -> Image:
+        """Return the image as it is shown, (H, W, 3) uint8 RGB."""
+        return self.orientation.image(self.decoded.to_ndarray(format="rgb24"))
 
-    @property
-    def rate_per_s(self) -> float:
-        """How many images a second, about."""
-        ...
+    def shrunk(self, size_px: tuple[int, int], *, colour: bool) -> NDArray[np.uint8]:
+        """Return the image as it is shown at another size.
 
-    @property
-    def skipped(self) -> Sequence[str]:
-        """Images that were skipped so far, with the reasons."""
-        ...
+        Args:
+            size_px: Width and height.
+            colour: Whether to return three colours; otherwise grey.
 
-    def images(self, every: int = 1) -> TimedImages:
-        """Iterate over every n-th image. Unreadable images are skipped and reported."""
-        ...
+        Returns:
+            (H, W, 3) uint8 RGB or (H, W) uint8.
+        """
+        width_px, height_px = size_px[::-1] if self.orientation.transpose else size_px
+        small = self.decoded.to_ndarray(
+            format="rgb24" if colour else "gray",
+            width=width_px,
+            height=height_px,
+            interpolation=Interpolation.BILINEAR,
+        )
+        return self.orientation.image(small)
 
 
-# --- video files ----------------------------------------------------------------------------------
-
-_UNKNOWN_RATE: Final = 25.0  # of a video file that does not say
+DecodedImages = Generator[DecodedImage, None, None]
+"""Images in order of time; closing lets go of the file."""
 
 
 class VideoSource:
@@ -102,7 +99,11 @@ class VideoSource:
             # An absolute path: FFmpeg takes the part before a colon for a protocol.
             container = av.open(str(self._path.absolute()))
         except (av.FFmpegError, OSError) as error:
-            raise FileError(self._path, f"is not a readable video ({_reason(error)})") from error
+            raise FileError(
+                self._path,
+                f"is not a readable video ({_reason(error)}); copy it again from the camera, or "
+                "convert it to MP4 with a video editor",
+            ) from error
         if not container.streams.video:
             container.close()
             raise FileError(self._path, "holds no video")
@@ -126,22 +127,38 @@ class VideoSource:
             FileError: the orientation in the file is between the multiples of 90 degrees.
         """
         shape: tuple[int, ...] | None = None
-        with self._opened() as container:
-            for index, time_s, decoded in self._timed(container):
-                if index % every:
+        with closing(self.decoded()) as decoded:
+            for one in decoded:
+                if one.index % every:
                     continue
-                orientation = self._orientation(decoded)
-                image = orientation.image(decoded.to_ndarray(format="rgb24"))
+                image = one.image()
                 shape = shape or image.shape
                 if image.shape != shape:
-                    self.skipped.append(f"image {index}: has another size than the first")
+                    self.skipped.append(f"image {one.index}: has another size than the first")
                     continue
                 yield TimedImage(
                     image=image,
-                    index=index,
-                    time_s=time_s,
-                    name=f"image {index}",
-                    orientation=orientation,
+                    index=one.index,
+                    time_s=one.time_s,
+                    name=f"image {one.index}",
+                    orientation=one.orientation,
+                )
+
+    def decoded(self) -> DecodedImages:
+        """Iterate over all images without a conversion; damaged images are left out and counted.
+
+        Raises:
+            FileError: the orientation in the file is between the multiples of 90 degrees.
+        """
+        orientation, read_from = UPRIGHT, None
+        with self._opened() as container:
+            for index, time_s, decoded in self._timed(container):
+                # Not of each image: PyAV's side data hold their image in a reference cycle, and
+                # hundreds of images would wait for the garbage collector.
+                if read_from != (read_from := (decoded.rotation, decoded.width, decoded.height)):
+                    orientation = self._orientation(decoded)
+                yield DecodedImage(
+                    decoded=decoded, index=index, time_s=time_s, orientation=orientation
                 )
 
     def _orientation(self, decoded: Any) -> Orientation:
@@ -205,70 +222,3 @@ class VideoSource:
 
 def _reason(error: Exception) -> str:
     return str(getattr(error, "strerror", None) or error)
-
-
-# --- live cameras ---------------------------------------------------------------------------------
-
-CAMERA: Final = "camera:"  # before a device's number
-
-
-class CameraSource:
-    """A live camera, read by OpenCV. It never ends.
-
-    Args:
-        number: of the device.
-        clock: tells when an image came.
-        capture: opens a device.
-    """
-
-    def __init__(
-        self, number: int, clock: Clock, *, capture: Callable[[int], Any] = cv2.VideoCapture
-    ) -> None:
-        self._number, self._clock, self._capture = number, clock, capture
-        self.name = f"{CAMERA}{number}"
-        self.total: int | None = None
-        self.rate_per_s = FOLDER_RATE
-        self.skipped: list[str] = []
-
-    def images(self, every: int = 1) -> TimedImages:
-        """Iterate over every n-th image until the camera stops.
-
-        Raises:
-            InputError: the camera does not open or sends nothing.
-        """
-        device = self._opened()
-        try:
-            index, begin_s = -1, self._clock.now()
-            while device.grab():
-                index += 1
-                if index % every:
-                    continue
-                time_s = self._clock.now() - begin_s
-                whole, bgr = device.retrieve()
-                if not whole:
-                    self.skipped.append(f"image {index}: did not arrive whole")
-                    continue
-                rgb = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
-                yield TimedImage(image=rgb, index=index, time_s=time_s, name=f"image {index}")
-        finally:
-            device.release()
-        if index < 0:
-            raise InputError(f"camera {self._number} opens, but sends no images")
-        self.skipped.append(f"the camera stopped after {index + 1} images")
-
-    def _opened(self) -> Any:
-        # Each back end of OpenCV would write about the number to the error stream.
-        level = cv2.utils.logging.getLogLevel()
-        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-        try:
-            device = self._capture(self._number)
-        finally:
-            cv2.utils.logging.setLogLevel(level)
-        if not device.isOpened():
-            device.release()
-            raise InputError(
-                f"camera {self._number} does not open; is it plugged in, and free? "
-                "(`ls /dev/video*` shows what there is)"
-            )
-        device.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the newest image, not the oldest waiting one
-        return device

@@ -1,0 +1,1 @@
+"""Sources of images: videos, folders, flight records and live cameras."""
