@@ -59,7 +59,6 @@ NOT_HERE: Final = {
     "uav-bt lab frames": "needs videos of a place",
     "uav-bt lab tune-heading": "needs the record of a flight that explores",
     "uav-bt net perceive walk.mp4": "needs a camera's video",
-    "uav-bt lab frames": "needs videos",
     "uav-bt lab pick": "serves a browser until Ctrl-C",
     "uav-bt lab train": "needs images and picks; tests/uav_bt/cli/test_lab_train.py runs it",
     "uav-bt lab check": "needs images and picks; tests/uav_bt/cli/test_lab_train.py runs it",
@@ -86,6 +85,7 @@ BROUGHT: Final = {
     "docs/camera.md": ("boards/1.jpg", "walk.mp4"),
     "docs/anafi.md": ("boards/1.jpg",),
     "docs/labs.md": ("walk.mp4",),
+    "docs/your-room.md": ("runs/depot-video/train-a.mp4",),
 }
 
 
@@ -122,7 +122,7 @@ def test_a_page_can_be_followed(
     page: str, *, slow: bool, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in BROUGHT.get(page, ()):
-        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).touch()
     Reader(
         page,
