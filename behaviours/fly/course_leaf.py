@@ -68,6 +68,7 @@ class CourseLeaf(MovingLeaf):
 
         super().on_setup(mission)
         self._course = Course()
+        self._raised_m = 0.0  # among movers; set where the leaf gives way
         giving_way = GivingWayConfig()
         margins = giving_way.margins.within(mission.clearances)
         self._giving_way = GivingWay(replace(giving_way, margins=margins))
@@ -108,7 +109,7 @@ class CourseLeaf(MovingLeaf):
         """
         forward_mps, right_mps = self._push_mps()
         state = self.state()
-        evaded = state is not None and abs(self.too_high_m(state)) > self.course.evaded_m
+        evaded = state is not None and abs(self.off_height_m(state)) > self.course.evaded_m
         return Velocity(
             forward_mps=forward_mps,
             right_mps=right_mps,
@@ -117,14 +118,16 @@ class CourseLeaf(MovingLeaf):
         )
 
     def _height_mps(self, state: DroneState) -> float:
-        """Return the vertical speed to the flight height, positive down."""
+        """Return the vertical speed to the height that the drone keeps, positive down."""
         cfg = self.course
-        return clamp(cfg.climb_per_s * self.too_high_m(state), cfg.climb_mps)
+        return clamp(cfg.climb_per_s * self.off_height_m(state), cfg.climb_mps)
 
     def give_way(self) -> bool:
         """Stop for a mover or get out of its way, and climb; False when none comes too near."""
+        site_map = self.read(SITE_MAP).value
+        self._raised_m = self._giving_way.raised_m(site_map)
         velocity = self._giving_way.velocity(
-            self.read(SITE_MAP).value,
+            site_map,
             self.obstacles(),
             self.read(ODOMETRY).value,
             now_s=self.clock.now(),
@@ -139,9 +142,11 @@ class CourseLeaf(MovingLeaf):
     def _evading_down_mps(self) -> float:
         """Return the vertical speed to the height at which the drone gives way."""
         cfg, state = self._giving_way.config, self.state()
-        if state is None or self.read(FLIGHT_HEIGHT).value is None:
-            return 0.0
-        return clamp(cfg.climb_per_s * (self.too_high_m(state) - cfg.above_m), cfg.climb_mps)
+        return (
+            0.0
+            if state is None
+            else clamp(cfg.climb_per_s * self.off_height_m(state), cfg.climb_mps)
+        )
 
     def drop_course(self) -> None:
         """Drop movement and course."""
@@ -162,6 +167,14 @@ class CourseLeaf(MovingLeaf):
         """Return the height above the flight height, metres; 0 if no flight height is set."""
         flight_height_m = self.read(FLIGHT_HEIGHT).value
         return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
+
+    def off_height_m(self, state: DroneState) -> float:
+        """Return the height above the height that the drone keeps, metres.
+
+        That is the flight height, and a higher one among movers. 0 if no flight height is set.
+        """
+        raised_m = 0.0 if self.read(FLIGHT_HEIGHT).value is None else self._raised_m
+        return self.too_high_m(state) - raised_m
 
     def ground_pitch_rad(self, flight_rad: float) -> float:
         """Return the camera's pitch: the flight pitch, or lower to show ground, or a mover's base.

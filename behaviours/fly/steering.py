@@ -130,7 +130,7 @@ class SteeringLeaf(CourseLeaf):
             flown_m: Distance flown since the frame was captured.
         """
         self.write(HELD_TURN, HeldTurn())
-        error_m = self.too_high_m(state)
+        error_m = self.off_height_m(state)
         self._advancing = True
         self._step_ends_m = answer.forward_m - flown_m
         self._stepped_s = self.clock.now()

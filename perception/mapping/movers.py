@@ -45,6 +45,11 @@ class MoverTracker:
         self._count = 0
         self._moved_s = -math.inf  # time of the last seen movement
 
+    @property
+    def moved_s(self) -> float:
+        """Time of the last seen movement, s; -inf before the first one."""
+        return self._moved_s
+
     def predict(self, time_s: float) -> None:
         """Predict all tracks up to a time."""
         for track in self._tracks:
@@ -106,7 +111,26 @@ class MoverTracker:
                 track = MoverTrack(self._count, cluster.place_m, cluster.noise, time_s, cfg)
                 track.is_whole = cluster.whole
                 self._tracks.append(track)
+        self._drop_found_again(time_s)
         return stands
+
+    def _drop_found_again(self, time_s: float) -> None:
+        """Drop movers out of view that may be the one that is seen to move elsewhere."""
+        seen = [track for track in self._tracks if track.moves and track.seen_s == time_s]
+
+        def is_found(lost: MoverTrack) -> bool:
+            unseen_s = time_s - lost.seen_s
+            reach_m = self._turned_mps(lost) * unseen_s + self._config.same_m
+            return unseen_s > self._config.carry_s and any(
+                math.dist(track.place_m, lost.seen_m) <= reach_m for track in seen
+            )
+
+        self._tracks = [track for track in self._tracks if not is_found(track)]
+
+    def _turned_mps(self, track: MoverTrack) -> float:
+        """Return the speed at which a mover out of view may go anywhere."""
+        cfg = self._config
+        return max(cfg.turned_ratio * float(np.hypot(*track.velocity_mps)), cfg.turned_mps)
 
     def places_m(self) -> Floats:
         """Return the positions of all tracks, (K, 2) in the map's frame: predicted, or the last."""
@@ -200,8 +224,7 @@ class MoverTracker:
         place_m = place_m + (time_s - track.time_s) * velocity_mps
         std_m, std_mps, unseen_s = track.std(0), track.std(1), time_s - track.seen_s
         if unseen_s > self._config.carry_s:
-            cfg, speed_mps = self._config, float(np.hypot(*velocity_mps))
-            std_mps = max(cfg.turned_ratio * speed_mps, cfg.turned_mps)
+            std_mps = self._turned_mps(track)
             place_m, velocity_mps, std_m = track.seen_m, np.zeros(2), std_mps * unseen_s
         return MapMover(
             id=track.number,

@@ -180,6 +180,7 @@ class SiteMapper:
             edges_m=self._edges.xy_m,
             captured_s=self._captured_s,
             movers=self._movers.movers(max(motion.pose.time_s, self._captured_s)),
+            moved_s=self._movers.moved_s,
             lanes_m=grid.lanes_m(self._captured_s),
             objects=self._objects,
             mark=self._mark.mark,

@@ -117,6 +117,7 @@ class SiteMapBase:
         edges_m: (K, 2) points of the edge of the ground.
         captured_s: capture of the newest view.
         movers: the movers; they are not among the obstacles.
+        moved_s: time of the last seen movement; -inf before the first one.
         lanes_m: (L, 2) places where something moved and that no view has shown since.
         objects: obstacles with class, place and size.
         mark: the landing mark; None before it was seen.
@@ -136,6 +137,7 @@ class SiteMapBase:
     edges_m: Floats
     captured_s: float
     movers: tuple[MapMover, ...] = ()
+    moved_s: float = -math.inf
     lanes_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
     objects: tuple[MapObject, ...] = ()
     mark: MapMark | None = None

@@ -10,11 +10,12 @@ import pytest
 
 from behaviours.fly.avoid import Avoid
 from behaviours.fly.explore import Explore
+from behaviours.fly.giving_way import GivingWay, GivingWayConfig
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.steering import SteeringLeaf
 from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT, steering_bench
 from tests.behaviours.path.test_ways_out import mover
-from uav_bt.board import ODOMETRY, SITE_MAP
+from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, show
@@ -108,6 +109,29 @@ def test_it_evades_a_lost_mover_whose_base_is_below_the_view(side: float) -> Non
         assert gives_way(bench) == (step == 29)
     assert isinstance(bench.proposed, Velocity)
     assert bench.proposed.right_mps * side < -0.2 or bench.proposed.forward_mps < -0.2
+
+
+@pytest.mark.parametrize(("moved_s", "down_mps"), [(-math.inf, 0.0), (0.0, -0.25)])
+@pytest.mark.parametrize("allowed", [True, False])
+def test_it_stays_above_for_a_while_after_something_moved(
+    moved_s: float, down_mps: float, *, allowed: bool
+) -> None:
+    bench = steering_bench(Avoid, Says(TURN_RIGHT), gives_way=allowed)
+    bench.board[FLIGHT_HEIGHT] = 1.5
+    for _ in range(5):
+        show(bench, site_map=replace(drawn_map(), moved_s=moved_s))
+        move(bench)
+        bench.tick()
+    assert isinstance(bench.proposed, Velocity)
+    assert bench.proposed.down_mps == pytest.approx(down_mps if allowed else 0.0)
+
+
+def test_it_returns_to_the_flight_height_when_nothing_moved_for_long() -> None:
+    shown = drawn_map()
+    config = GivingWayConfig()
+    for unmoved_s, raised_m in ((config.stays_above_s - 1, config.above_m), (21.0, 0.0)):
+        site_map = replace(shown, moved_s=shown.captured_s - unmoved_s)
+        assert GivingWay(config).raised_m(site_map) == raised_m
 
 
 def test_without_the_port_nobody_gives_way() -> None:

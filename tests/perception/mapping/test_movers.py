@@ -118,6 +118,23 @@ def test_a_mover_that_has_left_the_view_may_have_turned() -> None:
     assert tracker.places_m() == pytest.approx(np.array([[lost.x_m, lost.y_m]]))
 
 
+def test_a_mover_that_is_found_again_elsewhere_is_one_mover() -> None:
+    """It turned out of view: the place where it was lost is dropped once it is seen to move."""
+    tracker = MoverTracker()
+    *_, (time_s, _, _) = follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=3.0)
+    lost_s = time_s + 2.0
+    for step in range(1, 21):
+        tracker.follow(np.empty((0, 2)), HERE_M, time_s + step * STEP_S)
+    for step in range(1, 16):
+        now_s = lost_s + step * STEP_S
+        y_m = 1.2 + 0.5 * (now_s - lost_s)
+        points_m = np.array([(2.0, y_m + offset) for offset in (-0.1, 0.0, 0.1, 0.2)])
+        tracker.follow(points_m, HERE_M, now_s)
+    (mover,) = tracker.movers(now_s)
+    assert tracker.moved_s == now_s
+    assert mover.y_m == pytest.approx(y_m, abs=0.2)
+
+
 def stop_and_go(time_s: float) -> tuple[float, float]:
     """Return a place on a path: 2 s at 0.6 m/s, 7 s of standing, and on."""
     return 2.0, -1.2 + 0.6 * (min(time_s, 2.0) + max(time_s - 9.0, 0.0))
