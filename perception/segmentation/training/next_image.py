@@ -22,7 +22,7 @@ CHECK: Final = "check"
 CHECK_SHARE: Final = 5  # at least one in five images with picks is for checks
 
 _MOST_COMPARED: Final = 30  # images that the teacher is asked about: 40 ms each
-_MOST_PICKS: Final = 2000  # that the teacher is fitted on while a person waits
+_MOST_PICKS: Final = 500  # of a class, that the teacher is fitted on while a person waits
 _STEP_PX: Final = 4  # distance of the compared pixels
 _LOW_SHARE: Final = 0.2  # quantile of an image's margins
 
@@ -157,9 +157,14 @@ class ImageChooser:
         if len({pick.class_id for pick in mine}) < 2:
             return None
         if self._teacher is None or self._teacher[0] != mine:
-            few = mine[:: -(-len(mine) // _MOST_PICKS)]
-            if len({pick.class_id for pick in few}) < 2:
-                few = mine
-            patches = self._images.patches(few, self._classes)
+            patches = self._images.patches(_thinned(mine), self._classes)
             self._teacher = (mine, fit_teacher(patches, HALF_SIZE))
         return self._teacher[1]
+
+
+def _thinned(picks: Sequence[Pick]) -> list[Pick]:
+    """Return at most `_MOST_PICKS` picks of each class, spread evenly over them."""
+    by_class: dict[int, list[Pick]] = {}
+    for pick in picks:
+        by_class.setdefault(pick.class_id, []).append(pick)
+    return [pick for mine in by_class.values() for pick in mine[:: -(-len(mine) // _MOST_PICKS)]]

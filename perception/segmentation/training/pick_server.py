@@ -10,7 +10,8 @@ requests, for example with `urllib`:
     GET  /next?after=NAME the image to pick on next: {image, reason, margin}; image may be null
     POST /pick            {image, x, y, class}: a pick at a pixel
     POST /paint           {image, class, points: [[x, y], ...]}: a pick in each super-pixel
-    POST /erase           {image, points: [[x, y], ...]}: no picks in these super-pixels
+    POST /erase           {image, points: [[x, y], ...]}: no picks in these super-pixels; a single
+                          point removes the nearest pick only
     POST /undo            takes back the last of these; without a body
 
 x and y are whole pixels of the image, from its upper left corner. A POST is written to disk before

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -57,10 +59,11 @@ class PickSession:
             self._replace(image, [*self.picks, Pick(image=image, x=x, y=y, class_id=class_id)])
 
     def paint(self, image: str, points: Sequence[Point], class_name: str) -> None:
-        """Give every super-pixel under the points one pick of a class, at its innermost pixel.
+        """Give every super-pixel under the points one pick of a class.
 
-        Picks of other classes in these super-pixels are removed. One that has a pick of the class
-        keeps it.
+        It lies at the point of the stroke that is nearest to the innermost pixel, so that a stroke
+        along a thin leg stays on it. Picks of other classes in these super-pixels are removed. One
+        that has a pick of the class keeps it.
 
         Raises:
             ValueRangeError: The image is not on the list, or a point lies outside it.
@@ -79,12 +82,14 @@ class PickSession:
                     done.add(region)
             for region in regions:
                 if region not in done:
-                    x, y = found.innermost_of(region)
+                    x, y = min(regions[region], key=partial(math.dist, found.innermost_of(region)))
                     kept.append(Pick(image=image, x=x, y=y, class_id=class_id))
             self._replace(image, kept)
 
     def erase(self, image: str, points: Sequence[Point]) -> None:
-        """Remove the picks in every super-pixel under the points.
+        """Remove the picks in every super-pixel under the points; a single point removes one pick.
+
+        That is the pick nearest to the point in its super-pixel.
 
         Raises:
             ValueRangeError: The image is not on the list, or a point lies outside it.
@@ -93,12 +98,14 @@ class PickSession:
         regions = self._regions(image, points)
         found = self.images.super_pixels(image)
         with self._lock:
-            kept = [
+            hit = [
                 pick
                 for pick in self.picks
-                if not self._lies_on(pick, image) or found.at(pick.x, pick.y) not in regions
+                if self._lies_on(pick, image) and found.at(pick.x, pick.y) in regions
             ]
-            self._replace(image, kept)
+            if len(points) == 1:
+                hit = sorted(hit, key=lambda pick: math.dist(points[0], (pick.x, pick.y)))[:1]
+            self._replace(image, [pick for pick in self.picks if pick not in hit])
 
     def undo(self) -> str | None:
         """Take back the last stroke of this session.
@@ -125,11 +132,14 @@ class PickSession:
         counted = Counter(uses.get(image) for image in {pick.image for pick in self.picks})
         return {TRAIN: counted[TRAIN], CHECK: counted[CHECK]}
 
-    def _regions(self, image: str, points: Sequence[Point]) -> dict[int, None]:
-        """Return the super-pixels under points, each once, in the order of the points."""
+    def _regions(self, image: str, points: Sequence[Point]) -> dict[int, list[Point]]:
+        """Return the super-pixels under points with their points, in the order of the points."""
         self._check(image, points)
         found = self.images.super_pixels(image)
-        return dict.fromkeys(found.at(x, y) for x, y in points)
+        regions: dict[int, list[Point]] = {}
+        for x, y in points:
+            regions.setdefault(found.at(x, y), []).append((x, y))
+        return regions
 
     def _lies_on(self, pick: Pick, image: str) -> bool:
         """Return whether a pick lies within an image; a file may hold picks that lie outside."""

@@ -39,7 +39,7 @@ def page(folder: Path, tmp_path: Path) -> Iterator[HTTPConnection]:
     server = make_pick_server(PickSession(folder, tmp_path / "picks.csv", CLASSES, USES))
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
     thread.start()
-    connection = HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+    connection = HTTPConnection("127.0.0.1", server.server_port, timeout=120)
     yield connection
     connection.close()
     server.shutdown()

@@ -1,5 +1,6 @@
 """Strokes over super-pixels: painted, erased, taken back, and written at once."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -37,7 +38,10 @@ def test_a_stroke_gives_each_super_pixel_one_pick(session: PickSession) -> None:
     assert _regions(session) == list(dict.fromkeys(found.at(x, y) for x, y in LEFT))
     assert len(session.picks) > 5
     for pick, region in zip(session.picks, _regions(session), strict=True):
-        assert (pick.x, pick.y) == found.innermost_of(region)
+        touched = [point for point in LEFT if found.at(*point) == region]
+        middle = found.innermost_of(region)
+        assert (pick.x, pick.y) in touched
+        assert math.dist((pick.x, pick.y), middle) == min(math.dist(p, middle) for p in touched)
     assert read_picks(session.path, PLACE) == session.picks
     assert session.counts() == {"wall": 0, "floor": len(session.picks), "crate": 0, "pad": 0}
     assert session.picked_images() == {"train": 1, "check": 0}
@@ -91,6 +95,14 @@ def test_the_eraser_removes_the_picks_of_its_super_pixels(session: PickSession) 
     assert _regions(session)
     assert len(_regions(session, "b.png")) == before
     assert read_picks(session.path, PLACE) == session.picks
+
+
+def test_a_click_with_the_eraser_removes_the_nearest_pick_only(session: PickSession) -> None:
+    x, y = session.images.super_pixels("a.png").innermost_of(0)
+    session.add("a.png", x, y, "floor")
+    session.add("a.png", x + 1, y, "crate")
+    session.erase("a.png", [(x + 1, y)])
+    assert [pick.class_id for pick in session.picks] == [PLACE.id_of("floor")]
 
 
 def test_undo_brings_back_what_a_stroke_replaced(session: PickSession) -> None:
