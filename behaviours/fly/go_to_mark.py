@@ -65,7 +65,7 @@ class MarkLeaf(CourseLeaf):
             looks_rad = self._looking.pitch_rad(self.obstacles(), self.clock.now())
             if looks_rad is not None:
                 return looks_rad
-        return mark_pitch_rad(fix.range_m, state.height_above_carpet_m - fix.height_m, flight_rad)
+        return mark_pitch_rad(fix.range_m, state.height_above_ground_m - fix.height_m, flight_rad)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ class CenterConfig:
 
     pitch_slack_rad: float = math.radians(5)  # largest deviation from straight down
     wait_s: float = 1.0  # time without a detection after which the drone climbs to see more
-    max_height_m: float = 2.2  # above the carpet: higher, only more box roofs come into view
+    max_height_m: float = 2.2  # above the ground: higher, only more box roofs come into view
     confirmations: int = 2  # detections in a row within the tolerance that count as centred
     gain_per_s: float = 0.8  # speed per offset; stable with images up to 0.6 s late
     max_mps: float = 0.25
@@ -78,7 +78,7 @@ class HelipadCenter(MovingLeaf):
             default=1.1,
             least=0.3,
             most=20,
-            doc="height above the carpet of the second centring, m; at least 0.7 m above the mark",
+            doc="height above the ground of the second centring, m; at least 0.7 m above the mark",
         ),
         Port(
             "tolerance_m",
@@ -188,7 +188,7 @@ class HelipadCenter(MovingLeaf):
             return Status.SUCCESS
         self._low, self._confirmed, self._steered_s = True, 0, -math.inf
         low_m = max(self.port_value("low_m"), self._low_m)
-        self.start_move(down_m=state.height_above_carpet_m - low_m)
+        self.start_move(down_m=state.height_above_ground_m - low_m)
         return Status.RUNNING
 
     def _turn_to(self, fix: HelipadFix) -> float:
@@ -210,7 +210,7 @@ class HelipadCenter(MovingLeaf):
             return Status.RUNNING
         since_s = max(self._step.ended_s, self._started_s, self._judged_s)
         waited_s = self.clock.now() - max(since_s, self.leaf_clock.resumed_s)
-        if waited_s > self.config.wait_s and state.height_above_carpet_m < self.config.max_height_m:
+        if waited_s > self.config.wait_s and state.height_above_ground_m < self.config.max_height_m:
             self._low, self._confirmed = False, 0
             self.start_move(down_m=-self.port_value("climb_m"))
         return Status.RUNNING

@@ -122,9 +122,9 @@ class _Rows:
 def _add_ground(rows: _Rows, scene: Scene) -> None:
     slabs = ground_slabs(scene)
     for corners in slabs:
-        rows.add_hull("carpet", corners)
+        rows.add_hull("ground", corners)
     if not slabs:
-        rows.add("carpet", _row((0.0, 0.0), (*scene.ground.size_m, -FLOOR_M), base_m=FLOOR_M))
+        rows.add("ground", _row((0.0, 0.0), (*scene.ground.size_m, -FLOOR_M), base_m=FLOOR_M))
 
 
 def _add_room(rows: _Rows, scene: Scene) -> None:

@@ -28,7 +28,6 @@ class GroundSpec:
 
     size_m: Vector2 = CARPET_SIZE_M  # along x and y, centred on the origin
     sides_m: ClassVar[Vector2] = (2.0, 12.0)
-    called: ClassVar[str] = "carpet"  # in messages
 
     def __post_init__(self) -> None:
         low, high = self.sides_m
@@ -49,7 +48,6 @@ class LabGround(GroundSpec):
 
     outline_m: tuple[Vector2, ...] = ()
     sides_m: ClassVar[Vector2] = GROUND_SIDES_M
-    called: ClassVar[str] = "ground"
 
     @cached_property
     def plan(self) -> Ground:
@@ -139,14 +137,14 @@ def _object_problem(
 
 
 def _outside(ground: GroundSpec, footprint: Footprint) -> str | None:
-    stands = f"at [{footprint.x_m:g}, {footprint.y_m:g}] stands outside the {ground.called}"
+    stands = f"at [{footprint.x_m:g}, {footprint.y_m:g}] stands outside the ground"
     if ground.plan.outline_m:
         return None if _lies_in(ground.plan, footprint) else stands
     half_x, half_y = (side / 2 for side in ground.size_m)
     for x, y in _extremes(footprint):
         if abs(x) > half_x + _ROUNDING_M or abs(y) > half_y + _ROUNDING_M:
             return (
-                f"{stands}: a corner is at ({x:.2f}, {y:.2f}), the {ground.called} ends at "
+                f"{stands}: a corner is at ({x:.2f}, {y:.2f}), the ground ends at "
                 f"x = +-{half_x:g}, y = +-{half_y:g}"
             )
     return None

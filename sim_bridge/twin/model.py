@@ -84,13 +84,13 @@ class _Builder(Builder):
 
     def carpet(self, size_m: Vector2) -> None:
         self.texture("carpet", partial(textures.carpet, size_m))
-        carpet = Solid(
+        ground = Solid(
             half_m=(size_m[0] / 2, size_m[1] / 2, -FLOOR_M / 2),
             centre_m=(0.0, 0.0, FLOOR_M / 2),
         )
         class_id = self._scene.classes.ground
-        self.show("carpet/seen", carpet, material="carpet", class_id=class_id, tile_m=size_m)
-        self.hit("carpet", carpet)
+        self.show("ground/seen", ground, material="carpet", class_id=class_id, tile_m=size_m)
+        self.hit("ground", ground)
 
     def lights(self, lighting: Lighting) -> None:
         """Add the lamp, and a weak opposite lamp that shades the sides facing away from it."""

@@ -151,7 +151,7 @@ def mover_problem(
     """
     for x, y in mover.path_m:
         if not ground.contains(x, y):
-            return f"its path leaves the carpet at {_text((x, y))}"
+            return f"its path leaves the ground at {_text((x, y))}"
     for item, name in zip(ground.standing, names, strict=True):
         corners = np.array(item.footprint.corners(), dtype=np.float32)
         for (start, end), polygon in zip(mover.legs(), mover.swept(), strict=True):

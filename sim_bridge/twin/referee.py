@@ -45,7 +45,7 @@ class TwinReferee:
             pose=Pose(x_m=x, y_m=y, z_m=motion.z_m, yaw_rad=motion.yaw_rad),
             contacts=simulation.contacts(),
             clearance_m=simulation.body.clearance_m(),
-            inside_carpet=self._scene.ground_plan.contains(x, y),
+            inside_ground=self._scene.ground_plan.contains(x, y),
             on_helipad=any(pad.footprint.contains(x, y) for pad in pads),
             landing_error_m=math.dist((x, y), pads[0].position_m) if pads else None,
             motors_on=simulation.motors_on,

@@ -34,7 +34,7 @@ from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.ground import Ground, Standing
 
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # least size, centred on the origin, the floor at z = 0
-FLOOR_M = -0.004  # height of the floor: the carpet is 4 mm thick, its surface is z = 0
+FLOOR_M = -0.004  # height of the floor: the ground is 4 mm thick, its surface is z = 0
 _BESIDE_M = 2.5  # least distance from the ground's edge to the walls
 MAX_MOVERS = 8
 
@@ -75,7 +75,7 @@ class TakeOffSpec:
 
     position_m: Vector2 | None = None  # None: the helipad, or a random point if `random`
     yaw_deg: float = 0.0  # counter-clockwise from +x; random too if `random`
-    random: bool = False  # True: a random free point of the carpet, from the seed of the flight
+    random: bool = False  # True: a random free point of the ground, from the seed of the flight
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.yaw_deg):
@@ -193,8 +193,7 @@ class Scene:
     def _check_take_off(self, x_m: float, y_m: float) -> None:
         if not self.ground_plan.contains(x_m, y_m):
             raise ValueRangeError(
-                f"take_off: ({x_m}, {y_m}) is outside the {self.ground.called} of "
-                f"{self.ground.size_m} m"
+                f"take_off: ({x_m}, {y_m}) is outside the ground of {self.ground.size_m} m"
             )
         names = (*box_names(self.boxes), *(item.name for item in self.placed))
         items: tuple[BoxSpec | PlacedObject, ...] = (*self.boxes, *self.placed)

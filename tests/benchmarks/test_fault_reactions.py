@@ -135,7 +135,7 @@ LANDED = Facts(
     error=None,
     events=(),
     touched=(),
-    left_carpet=False,
+    beyond_edge=False,
     emergency_landing=False,
     motors_on=False,
     on_helipad=False,
@@ -155,7 +155,7 @@ def test_landed_and_named_is_right() -> None:
     ("change", "said"),
     [
         ({"touched": ("box-3", "wall-west")}, "touched box-3, wall-west"),
-        ({"left_carpet": True}, "left the carpet"),
+        ({"beyond_edge": True}, "flew beyond the ground's edge"),
         ({"motors_on": True, "height_m": 1.44}, "left flying at 1.4 m"),
         ({"report_whole": False}, "no whole report"),
         ({"reason": "not over after 300 s"}, "not named: aborted: not over after 300 s"),

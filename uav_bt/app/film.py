@@ -48,7 +48,7 @@ def map_of_scene(scene: Scene) -> LabMap:
     classes, pad, start = scene.classes, scene.helipad, scene.take_off
     x_m, y_m = scene.start_m
     return LabMap(
-        carpet_size_m=scene.ground.size_m,
+        ground_size_m=scene.ground.size_m,
         boxes=(
             *(
                 _item(classes, scene.class_of(box), box.position_m, box.yaw_deg, box.size_m)

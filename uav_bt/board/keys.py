@@ -42,7 +42,12 @@ ELAPSED: Final = Key(
     "elapsed_s", float, "time since the take-off command", unit="s", writer="runner"
 )
 HEIGHT: Final = Key(
-    "height_above_carpet_m", float, "height above the carpet", unit="m", writer="runner"
+    "height_above_ground_m",
+    float,
+    "height above the ground",
+    unit="m",
+    writer="runner",
+    formerly=("height_above_carpet_m",),
 )
 CLASS_MAP: Final = Key(
     "class_map",
@@ -105,7 +110,7 @@ PHASE: Final = Key(
 FLIGHT_HEIGHT: Final = Key(
     "flight_height_m",
     float,
-    "height above the carpet that the mission flies at",
+    "height above the ground that the mission flies at",
     unit="m",
     writer="the take-off",
 )

@@ -46,7 +46,7 @@ def _options(
         "--height-m",
         type=Number(min=0.0, min_open=True, max=100.0),
         default=1.5,
-        help="Height of the camera above the carpet, for all frames.",
+        help="Height of the camera above the ground, for all frames.",
     ),
     gimbal_deg=click.option(
         "--gimbal-deg",

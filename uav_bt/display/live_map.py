@@ -89,7 +89,7 @@ class LiveMap:
         size_px: tuple[int, int],
         title: str = "",
     ) -> None:
-        extent_m = lab_map.carpet_size_m if lab_map is not None else _NO_LAB_M
+        extent_m = lab_map.ground_size_m if lab_map is not None else _NO_LAB_M
         self.size_px = size_px
         self._frame = MapFrame.around(extent_m, size_px, header_px=HEADER_PX, footer_px=FOOTER_PX)
         self._camera = camera
@@ -131,7 +131,7 @@ class LiveMap:
         Args:
             flown: the path until now.
             pitch_rad: pitch of the camera, 0 level, negative down.
-            height_m: height of the camera above the carpet.
+            height_m: height of the camera above the ground.
             fix: the drone's estimate of the helipad's position.
         """
         self._draw_new_path(flown)

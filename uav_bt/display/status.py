@@ -141,7 +141,7 @@ class LiveStatus:
         if wall_s > began_s:
             parts.append((f"{(record.time_s - mission_s) / (wall_s - began_s):.1f}x", "dim"))
         parts += [
-            (f"height {record.observation.state.height_above_carpet_m:.2f} m", ""),
+            (f"height {record.observation.state.height_above_ground_m:.2f} m", ""),
             (f"flown {self._flown.distance_m:.1f} m", ""),
             (f"helipad {fix.range_m:.1f} m" if fix is not None else "helipad -", ""),
         ]

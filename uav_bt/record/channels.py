@@ -98,7 +98,7 @@ class FrameNote:
     attitude: Attitude = field(default_factory=Attitude)
     altitude_m: float = 0.0  # altitude above the take-off point
     height_m: float = 0.0  # height above the surface below
-    height_above_carpet_m: float = 0.0
+    height_above_ground_m: float = 0.0
 
     @classmethod
     def of(cls, frame: Frame) -> FrameNote:
@@ -155,7 +155,7 @@ class StatusNote:
             raise ValueRangeError(f"unknown node status '{min(unknown):.40}'")
 
 
-SCHEMA_VERSION: Final = 2  # version of the whole record; readers refuse a newer one
+SCHEMA_VERSION: Final = 3  # version of the whole record; readers refuse a newer one
 
 # Names of the two metadata records, written at the start and at the end of the flight.
 START: Final = "uav_bt.flight"

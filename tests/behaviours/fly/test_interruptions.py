@@ -45,7 +45,7 @@ NEAREST_AHEAD_M = 1.0  # nearer ground is below the view ahead
 
 
 def sense(drone: ScriptedDrone) -> type[Leaf]:
-    """Return a leaf that sees carpet everywhere and the pad where the drone took off."""
+    """Return a leaf that sees ground everywhere and the pad where the drone took off."""
 
     class Sense(Leaf):
         """Perceive."""

@@ -316,7 +316,7 @@ def test_a_policy_that_judges_the_approach_searches_as_well() -> None:
 def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_policy(
     approach: str,
 ) -> None:
-    """A student knows views of one pitch; lowered, a view shows it carpet where the edge is."""
+    """A student knows views of one pitch; lowered, a view shows it ground where the edge is."""
     bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0, approach=approach)
     edge = replace(
         drawn_map(pose=(0.0, 1.8, math.pi / 2), passed=None),
@@ -496,7 +496,7 @@ UNPLACED_RAD = (0.1, 0.12)
 
 
 def test_the_camera_follows_the_pad_down() -> None:
-    """It shows the carpet before the pad, but is not so steep that bases would be mistaken."""
+    """It shows the ground before the pad, but is not so steep that bases would be mistaken."""
     bench = approaching((1.2, 0.0))
     assert bench.pointed is not None
     assert -50.0 < math.degrees(bench.pointed.pitch_rad) < -35.0

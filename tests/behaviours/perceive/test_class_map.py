@@ -26,13 +26,13 @@ from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 
 class Counts:
-    """A segmenter that sees carpet everywhere and keeps the frames it was given."""
+    """A segmenter that sees ground everywhere and keeps the frames it was given."""
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
 
     def segment(self, frame: Frame) -> ClassMap:
-        """Return carpet."""
+        """Return ground."""
         self.frames.append(frame)
         return paper_map(ids=ground(), captured_s=frame.captured_s)
 
@@ -95,7 +95,7 @@ def test_the_stage_is_timed() -> None:
 
 
 def pad_map(column: int = 112, row: int = 40) -> np.ndarray:
-    """Return a 224x112 map of carpet with a pad seen from ahead, its H centred there."""
+    """Return a 224x112 map of ground with a pad seen from ahead, its H centred there."""
     ids = np.ones((112, 224), dtype=np.uint8)
     ids[row - 5 : row + 6, column - 12 : column + 13] = HELIPAD_H
     ids[row + 6 : row + 20, column - 12 : column + 13] = HELIPAD_BOX
@@ -207,7 +207,7 @@ def test_a_pad_that_leaves_the_view_is_carried() -> None:
                 captured_s=bench.clock.now(),
                 flying=FlyingState.FLYING,
                 velocity=BodyVelocity(forward_mps=0.5),
-                height_above_carpet_m=1.5,
+                height_above_ground_m=1.5,
                 gimbal_pitch_rad=math.radians(-30),
             )
         )

@@ -173,7 +173,7 @@ def test_the_ground_below_a_table_is_free_but_hidden_from_above(folder: Path) ->
         pose=Pose(x_m=0.0, y_m=0.0, z_m=1.6, yaw_rad=0.0),
         contacts=(),
         clearance_m=1.0,
-        inside_carpet=True,
+        inside_ground=True,
         on_helipad=False,
         landing_error_m=None,
         motors_on=True,

@@ -68,7 +68,7 @@ def ticks(drone: ScriptedDrone, listeners: Sequence[TickListener], count: int) -
 
 def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
     lab = film.lab_map_of(SceneDrone())
-    assert lab.carpet_size_m == (5.0, 4.0)
+    assert lab.ground_size_m == (5.0, 4.0)
     (box,) = lab.boxes
     assert (box.x_m, box.y_m, box.size_m) == (1.0, 0.5, (0.4, 0.3, 1.9))
     assert box.yaw_rad == pytest.approx(math.radians(20))
@@ -212,7 +212,7 @@ def test_the_film_marks_the_corridor_that_the_tree_asks_for(tmp_path: Path) -> N
         index=0,
         captured_s=0.0,
         gimbal_pitch_rad=0.0,
-        height_above_carpet_m=1.5,
+        height_above_ground_m=1.5,
     )
     depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=0.0)
     ids = paper_map(ids=np.full((28, 56), CLASSES.id_of("box_1"), np.uint8), captured_s=0.0)

@@ -42,7 +42,7 @@ class Peek(Leaf):
     def update(self) -> Status:
         state = self.read(STATE).value
         if state is not None:
-            self.heights_m.append(state.height_above_carpet_m)
+            self.heights_m.append(state.height_above_ground_m)
         if len(self.heights_m) > self.port_value("ticks"):
             return Status.SUCCESS
         self.propose(Hover())

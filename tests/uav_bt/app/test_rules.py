@@ -205,7 +205,7 @@ class Dash(Leaf):
 
 @pytest.mark.parametrize("area", [AHEAD, ""])
 def test_a_drone_stays_in_its_area(no_pad: Path, tmp_path: Path, area: str) -> None:
-    """Six seconds at 0.8 m/s would lead 4.8 m ahead, beyond the carpet."""
+    """Six seconds at 0.8 m/s would lead 4.8 m ahead, beyond the ground."""
     leaves = tmp_path / "dash.py"
     leaves.write_text(DASH, encoding="utf-8")
     body = "<TakeOff/><Dash/><ForceSuccess><EmergencyLand/></ForceSuccess>"

@@ -123,7 +123,7 @@ def test_a_site_changes_the_flight_height(tmp_path: Path) -> None:
     result = run("fly", tree, *SMALL, "--site", site, "--record", record)
     assert result.exit_code == 1, result.output  # it lands beside the helipad
     heights_m = [
-        moment.state.height_above_carpet_m
+        moment.state.height_above_ground_m
         for moment in RecordReader(record).moments()
         if moment.board["phase"]["value"] == "explore"
     ]

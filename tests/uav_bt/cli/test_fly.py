@@ -218,7 +218,7 @@ def test_a_place_that_cannot_be_is_refused_with_its_line(
         (PAD + "boxs: []", [":2:", "did you mean 'boxes'"]),
         (
             PAD + "boxes:\n  - {pattern: 1, position_m: [2.4, 0], size_m: [0.4, 0.4, 1]}",
-            [":3:", "outside the carpet"],
+            [":3:", "outside the ground"],
         ),
         (
             PAD + "boxes:\n  - {pattern: 9, position_m: [1, 0], size_m: [0.4, 0.4, 1]}",

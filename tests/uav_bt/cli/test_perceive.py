@@ -38,7 +38,7 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
     for words in (
         "frames          2",
         "camera          the ANAFI's video, 69 deg wide (none given)",
-        "telemetry       1.5 m above the carpet, camera at -30 deg, assumed for all frames",
+        "telemetry       1.5 m above the ground, camera at -30 deg, assumed for all frames",
         "metric depth    in ",
         "none in 1: the frame is black",
         "helipad         seen in 0 frames",

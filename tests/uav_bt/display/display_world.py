@@ -32,7 +32,7 @@ from uav_bt.types import (
 
 CAMERA = pinhole(64, 36)
 LAB = LabMap(
-    carpet_size_m=(5.0, 4.0),
+    ground_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),
     helipad=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
 )
@@ -92,7 +92,7 @@ class World:
             flying=FlyingState.FLYING,
             attitude=Attitude(yaw_rad=yaw_rad),
             velocity=BodyVelocity(forward_mps=forward_mps),
-            height_above_carpet_m=1.5,
+            height_above_ground_m=1.5,
             gimbal_pitch_rad=-0.5,
         )
         self.board.write(ELAPSED, time_s)
@@ -123,7 +123,7 @@ def _truth(time_s: float, pose: Pose) -> Truth:
         pose=pose,
         contacts=(),
         clearance_m=0.8,
-        inside_carpet=True,
+        inside_ground=True,
         on_helipad=False,
         landing_error_m=2.0,
         motors_on=True,

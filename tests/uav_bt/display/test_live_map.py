@@ -16,7 +16,7 @@ from uav_bt.types import HelipadFix, MoverState, Pose, Pose2D
 from uav_bt.types.site_map import MapObject, SiteMap
 
 SIZE_PX = (638, 439)
-FRAME = MapFrame.around(LAB.carpet_size_m, SIZE_PX, header_px=HEADER_PX, footer_px=FOOTER_PX)
+FRAME = MapFrame.around(LAB.ground_size_m, SIZE_PX, header_px=HEADER_PX, footer_px=FOOTER_PX)
 
 
 def test_a_camera_that_looks_straight_down_sees_a_rectangle_below_the_lens() -> None:

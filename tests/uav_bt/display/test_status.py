@@ -290,7 +290,7 @@ def test_the_summary_fits_a_terminal_of_80_columns() -> None:
     report = replace(
         mapped(map_drift_90s_m=0.08, map_restarts=12, false_objects=3),
         outcome="left_area",
-        reason="left the carpet at (-2.51, -1.99) m",
+        reason="flew beyond the ground's edge at (-2.51, -1.99) m",
         tree="explore_and_land_student_guarded.xml",
         tick_ms=times,
         perception_ms={"relative_depth": times},

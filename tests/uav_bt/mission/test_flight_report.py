@@ -81,7 +81,7 @@ class Tale:
             pose=Pose(x_m=self.x_m, y_m=self.y_m, z_m=float(self._index), yaw_rad=0.0),
             contacts=(),
             clearance_m=clearance_m,
-            inside_carpet=True,
+            inside_ground=True,
             on_helipad=False,
             landing_error_m=error_m,
             motors_on=motors_on,

@@ -48,7 +48,7 @@ def tick(
         pose=pose,
         contacts=(),
         clearance_m=math.inf,
-        inside_carpet=True,
+        inside_ground=True,
         on_helipad=False,
         landing_error_m=1.0,
         motors_on=True,

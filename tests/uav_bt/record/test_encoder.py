@@ -41,7 +41,7 @@ TRUTH = Truth(
     pose=Pose(x_m=1.0, y_m=-2.0, z_m=1.5, yaw_rad=0.3),
     contacts=("helipad",),
     clearance_m=math.inf,
-    inside_carpet=True,
+    inside_ground=True,
     on_helipad=True,
     landing_error_m=0.01,
     motors_on=True,

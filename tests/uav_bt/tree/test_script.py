@@ -186,8 +186,8 @@ def test_the_board_is_read_with_an_at() -> None:
     board.write(ELAPSED, 91.0)
     environment = Environment(Variables(), board)
     assert parse_script("@elapsed_s > 90").run(environment) == 1.0
-    with pytest.raises(UnknownValueError, match="'height_above_carpet_m' has no value yet"):
-        parse_script("@height_above_carpet_m").run(environment)
+    with pytest.raises(UnknownValueError, match="'height_above_ground_m' has no value yet"):
+        parse_script("@height_above_ground_m").run(environment)
 
 
 @pytest.mark.parametrize(

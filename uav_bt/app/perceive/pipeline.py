@@ -68,7 +68,7 @@ class Pipeline:
         segmenter: frame in, class map out.
         network: frame in, relative depth out; None perceives depth by ground contact alone.
         camera: intrinsics at the frames' size; with distortion where the frames are distorted.
-        generator: draws the carpet's pixels for the scale.
+        generator: draws the ground's pixels for the scale.
         config: how the stages work.
         mark: landing mark. Default: that of the default lab.
         timer: the wall clock that computing is measured with, seconds.

@@ -87,7 +87,7 @@ class FlightPlots:
         intrusion_m = None if corridor is None else corridor.nearest_m
         near_m = None if near is None else near.nearest_m
         clearance_m = None if truth is None else truth.clearance_m
-        height_m = record.observation.state.height_above_carpet_m
+        height_m = record.observation.state.height_above_ground_m
         self._point(f"{HEADING}/turn", None if turn_rad is None else math.degrees(turn_rad))
         self._point(f"{HEADING}/helipad", None if fix is None else math.degrees(fix.bearing_rad))
         self._point(f"{HEIGHT}/telemetry", height_m)

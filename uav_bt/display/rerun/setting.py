@@ -65,7 +65,7 @@ class ViewSetting:
 
 TIMELINE: Final = "flight"  # seconds since the first tick
 
-WORLD: Final = "world"  # metres, z up, the origin in the middle of the carpet
+WORLD: Final = "world"  # metres, z up, the origin in the middle of the ground
 LAB: Final = f"{WORLD}/lab"
 PATH: Final = f"{WORLD}/path"
 BODY: Final = f"{WORLD}/drone"

@@ -63,7 +63,7 @@ def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[flo
         Metres right, down and along the optical axis; the gimbal keeps the horizon level.
     """
     forward_m = fix.forward_m - camera.forward_offset_m
-    below_m = frame.height_above_carpet_m - fix.height_m
+    below_m = frame.height_above_ground_m - fix.height_m
     level_m = np.array([forward_m, fix.right_m, below_m])
     right_m, down_m, depth_m = (level_m @ camera_axes(frame.gimbal_pitch_rad)).tolist()
     return right_m, down_m, depth_m
@@ -118,7 +118,7 @@ def resize_image(image: Image, size_px: tuple[int, int]) -> Image:
 
 def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
     """Mark the helipad on a frame's image, or point to it beyond the border."""
-    if frame.height_above_carpet_m < fix.height_m + _NEAR_M:
+    if frame.height_above_ground_m < fix.height_m + _NEAR_M:
         return  # on or just above the pad, which fills the view
     height_px, width_px = image.shape[:2]
     colour = ACCENT if fix.detected else INK
@@ -201,7 +201,7 @@ def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
     rows = [
         ("command", describe_movement(record.command.movement), INK),
         ("drone", state.flying.value.replace("_", " "), INK),
-        ("height", f"{state.height_above_carpet_m:.2f} m above the carpet", INK),
+        ("height", f"{state.height_above_ground_m:.2f} m above the ground", INK),
         ("speed", f"{speed_mps:.2f} m/s,  flown {readings.distance_m:.1f} m", INK),
         ("camera", f"{math.degrees(state.gimbal_pitch_rad):.0f} deg", INK),
         ("helipad", describe_fix(readings.fix.value, readings.fix.age_s), INK),

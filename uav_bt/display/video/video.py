@@ -161,7 +161,7 @@ class Panes:
         return self._map.draw(
             flown,
             pitch_rad=state.gimbal_pitch_rad,
-            height_m=state.height_above_carpet_m,
+            height_m=state.height_above_ground_m,
             fix=readings.fix.value,
         )
 

@@ -32,7 +32,7 @@ from uav_bt.mission.judge import JudgeConfig
 
 PAGE, FILES = "html", "campaign_report"  # modules that draw the pictures of the page and the files
 LAB = LabMap(
-    carpet_size_m=(5.0, 4.0),
+    ground_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9)),),
     helipad=MapItem(x_m=-1.0, y_m=-1.0, size_m=(0.5, 0.5, 0.4)),
 )
@@ -354,8 +354,8 @@ def test_scene_and_mission_are_named_above_the_maps(tmp_path: Path) -> None:
     assert "Flights of one" in page.texts
 
 
-def test_a_path_that_leaves_the_carpet_stays_in_view(tmp_path: Path) -> None:
-    """The carpet is 5 m x 4 m; one flight ends at x = 3.4 m."""
+def test_a_path_that_leaves_the_ground_stays_in_view(tmp_path: Path) -> None:
+    """The ground is 5 m x 4 m; one flight ends at x = 3.4 m."""
     away = [[0.0, 0.0, 0.0, 1.0], [1.0, 3.4, 0.0, 1.0]]
     sets = read_sources([jsonl(tmp_path / "f.jsonl", flight(0), flight(1, path=away))]).sets
     figure = scene_figure(sets, "lab", LAB)

@@ -102,7 +102,7 @@ def test_a_mask_is_drawn_with_its_edges_and_taken_away_when_it_is_old() -> None:
     assert kinds(stream, "mask/ids") == ["SegmentationImage", CLEAR]
     assert kinds(stream, "world/camera/mask_edges") == ["LineStrips2D", CLEAR]
     edges = stream.of("world/camera/mask_edges")[0].thing
-    assert len(values(edges.strips)) == 2  # carpet and box; the background has none
+    assert len(values(edges.strips)) == 2  # ground and box; the background has none
 
 
 def test_an_id_without_a_colour_stands_out_and_is_no_error() -> None:
@@ -116,7 +116,7 @@ def test_an_id_without_a_colour_stands_out_and_is_no_error() -> None:
 
 
 def test_the_ring_lies_where_the_helipad_is_seen() -> None:
-    seen = frame(gimbal_pitch_rad=0.0, height_above_carpet_m=0.4)  # level with the pad
+    seen = frame(gimbal_pitch_rad=0.0, height_above_ground_m=0.4)  # level with the pad
     ahead = HelipadFix(captured_s=0.0, forward_m=2.0, right_m=0.0, height_m=0.4, detected=True)
     ring = pad_circle(ahead, seen, CAMERA)
     assert ring is not None

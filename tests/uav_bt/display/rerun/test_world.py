@@ -108,7 +108,7 @@ def test_what_moves_is_drawn_where_it_is() -> None:
         for is_round in (True, False)
     )
     stream = NotedStream()
-    view = WorldView(stream, setting(lab_map=LabMap(carpet_size_m=(5.0, 4.0), movers=movers)))
+    view = WorldView(stream, setting(lab_map=LabMap(ground_size_m=(5.0, 4.0), movers=movers)))
     view.show_movers(
         [
             MoverState(name=name, pose=pose(x_m=x_m, z_m=0.85), vx_mps=0.5, vy_mps=0.0)

@@ -47,19 +47,19 @@ def has(image: NDArray[np.uint8], colour: int | tuple[int, int, int]) -> bool:
 
 def test_a_pad_straight_below_lies_on_the_axis_of_a_lens_that_looks_down() -> None:
     fix = HelipadFix(captured_s=0.0, forward_m=0.15, right_m=0.0, height_m=0.4, detected=True)
-    frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_carpet_m=1.5)
+    frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_ground_m=1.5)
     assert project_fix(fix, frame, CAMERA) == pytest.approx((0.0, 0.0, 1.1))
 
 
 def test_a_mat_lies_where_its_height_says() -> None:
     mat = HelipadFix(captured_s=0.0, forward_m=0.15, right_m=0.0, detected=True, height_m=0.05)
-    frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_carpet_m=1.5)
+    frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_ground_m=1.5)
     assert project_fix(mat, frame, CAMERA) == pytest.approx((0.0, 0.0, 1.45))
 
 
 def test_a_level_lens_has_a_pad_ahead_below_its_axis() -> None:
     fix = HelipadFix(captured_s=0.0, forward_m=2.15, right_m=0.7, height_m=0.4, detected=True)
-    frame = frame_of(World(), gimbal_pitch_rad=0.0, height_above_carpet_m=1.5)
+    frame = frame_of(World(), gimbal_pitch_rad=0.0, height_above_ground_m=1.5)
     assert project_fix(fix, frame, CAMERA) == pytest.approx((0.7, 1.1, 2.0))
 
 

@@ -21,7 +21,7 @@ def seen(**changes: object) -> Seen:
         index=0,
         captured_s=1.5,
         gimbal_pitch_rad=-0.5,
-        height_above_carpet_m=1.5,
+        height_above_ground_m=1.5,
     )
     nothing = Seen(
         frame=frame,
