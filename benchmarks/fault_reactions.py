@@ -22,7 +22,7 @@ class Expected:
     """What is asked of the reaction to one kind of fault."""
 
     named: str  # a regular expression of its names in reasons and warnings, from a word's begin
-    bearable: bool = False  # a mission that ends on the helipad all the same is right
+    bearable: bool = False  # a mission that ends on the mark all the same is right
     may_fly: bool = False  # no command can land it: it may hover at the end
     may_fall: bool = False  # its motors stop anywhere: it may touch what stands there
     reported: bool = True  # False: no report can be written
@@ -42,7 +42,7 @@ class Facts:
     beyond_edge: bool
     emergency_landing: bool  # whether that phase was reached
     motors_on: bool  # at the end; 3 s after it, on a simulated drone
-    on_helipad: bool | None  # None also where the mission need not end there
+    on_mark: bool | None  # None also where the mission need not end there
     height_m: float  # above the ground, at the end
     report_whole: bool
 
@@ -106,7 +106,7 @@ EXPECTED: Final = {
 def flown_through(expected: Expected, phase: str, facts: Facts) -> bool:
     """Return whether the mission ended as without the fault, if that is right."""
     bearable = expected.bearable or (phase == MissionPhase.LAND and not expected.may_fall)
-    landed = not facts.motors_on and facts.on_helipad is not False
+    landed = not facts.motors_on and facts.on_mark is not False
     done = facts.outcome == Outcome.SUCCESS.value and not facts.emergency_landing
     return bearable and landed and done
 

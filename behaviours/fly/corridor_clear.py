@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from behaviours.policies.corridor_rule import CorridorRuleConfig, ground_reach
 from behaviours.policies.view import VIEW_KEYS, current_view, policy_view
-from uav_bt.board import CORRIDOR, HELIPAD, SITE_MAP
+from uav_bt.board import CORRIDOR, MARK, SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import HeldTurn
@@ -72,7 +72,7 @@ class CorridorClear(Leaf):
             formerly=("carpet_m",),
         ),
     )
-    reads = (*VIEW_KEYS, HELIPAD)
+    reads = (*VIEW_KEYS, MARK)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Begin before the first view of the ground."""
@@ -101,7 +101,7 @@ class CorridorClear(Leaf):
 
     def _pad_is_ahead(self) -> bool:
         """Return whether the pad, which stands on ground, is ahead."""
-        cfg, pad = self.config, self.read(HELIPAD).value
+        cfg, pad = self.config, self.read(MARK).value
         return pad is not None and (
             abs(pad.bearing_rad) < cfg.pad_ahead_rad or pad.range_m < cfg.pad_below_m
         )

@@ -68,7 +68,7 @@ class CorridorRuleConfig:
 def ground_reach(roles: NDArray[np.uint8], view: PolicyView, config: CorridorRuleConfig) -> float:
     """Return the length of the ground ahead of the camera, metres; inf when no end is in view.
 
-    Boxes and the helipad stand on the ground, so they count as ground. The floor below the image's
+    Boxes and the mark stand on the ground, so they count as ground. The floor below the image's
     lower edge counts as ground if the lowest visible rows show ground.
 
     Args:

@@ -13,7 +13,7 @@ follow from the camera's geometry, so that each asks a question in metres:
   lower edge is the image's, where the nearest visible ground lies. A nearer box that reaches the
   flight altitude fills it from top to bottom at any distance.
 - The *low* rectangle asks whether the ground goes on. It spans the ground from the nearest visible
-  row to `ground_range_m`. Boxes and the helipad stand on the ground, so they count as ground.
+  row to `ground_range_m`. Boxes and the mark stand on the ground, so they count as ground.
 
 Both rectangles are as wide as the image of the swept path with its margins at the distance in
 question.

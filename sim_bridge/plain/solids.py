@@ -63,7 +63,7 @@ def solids_of(scene: Scene) -> Solids:
     obstacles = len(rows.names)
     for pad in scene.pads:
         if pad.size_m[2] >= MAT_M:
-            rows.add("helipad", _row(pad.position_m, pad.drawn_size_m, pad.yaw_deg))
+            rows.add("mark", _row(pad.position_m, pad.drawn_size_m, pad.yaw_deg))
     _add_ground(rows, scene)
     _add_room(rows, scene)
     return Solids(

@@ -88,10 +88,10 @@ def layout_problem(
     ground: GroundSpec,
     objects: Sequence[PlacedObject] = (),
 ) -> LayoutProblem | None:
-    """Return the first mistake in the arrangement of helipad, boxes and objects; None without."""
+    """Return the first mistake in the arrangement of mark, boxes and objects; None without."""
     outside = None if helipad is None else _outside(ground, helipad.footprint)
     if outside is not None:
-        return LayoutProblem(place=("helipad",), message=f"the helipad {outside}")
+        return LayoutProblem(place=("helipad",), message=f"the landing mark {outside}")
     if len(boxes) > MAX_BOXES:
         message = f"at most {MAX_BOXES} boxes, got {len(boxes)}"
         return LayoutProblem(place=("boxes", MAX_BOXES), message=message)
@@ -102,7 +102,7 @@ def layout_problem(
             if wrong is None and box.footprint.overlaps(other.footprint):
                 wrong = f"overlaps {other_name}"
         if wrong is None and helipad is not None and box.footprint.overlaps(helipad.footprint):
-            wrong = "overlaps the helipad"
+            wrong = "overlaps the landing mark"
         if wrong is not None:
             return LayoutProblem(place=("boxes", index), message=f"{name} {wrong}")
     return _object_problem(helipad, boxes, ground, objects)
@@ -123,7 +123,7 @@ def _object_problem(
     ]
     if helipad is not None:
         pad = Standing(footprint=helipad.footprint, height_m=helipad.drawn_size_m[2])
-        others.append(("the helipad", pad))
+        others.append(("the landing mark", pad))
     for index, item in enumerate(objects):
         wrong = _outside(ground, item.footprint)
         if wrong is None:

@@ -147,7 +147,7 @@ def mover_problem(
         mover: the mover.
         ground: the ground with the objects on it.
         names: names of these objects, in the same order.
-        take_off_m: take-off point, world x and y; None if it is random or the helipad.
+        take_off_m: take-off point, world x and y; None if it is random or the mark.
     """
     for x, y in mover.path_m:
         if not ground.contains(x, y):

@@ -46,7 +46,7 @@ class TwinReferee:
             contacts=simulation.contacts(),
             clearance_m=simulation.body.clearance_m(),
             inside_ground=self._scene.ground_plan.contains(x, y),
-            on_helipad=any(pad.footprint.contains(x, y) for pad in pads),
+            on_mark=any(pad.footprint.contains(x, y) for pad in pads),
             landing_error_m=math.dist((x, y), pads[0].position_m) if pads else None,
             motors_on=simulation.motors_on,
             gimbal_pitch_rad=simulation.gimbal_pitch_rad,

@@ -1,4 +1,4 @@
-"""Scene of the twin: ground, boxes, helipad, movers, light and take-off point."""
+"""Scene of the twin: ground, boxes, landing mark, movers, light and take-off point."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class TakeOffSpec:
         ValueRangeError: the yaw is not finite.
     """
 
-    position_m: Vector2 | None = None  # None: the helipad, or a random point if `random`
+    position_m: Vector2 | None = None  # None: the mark, or a random point if `random`
     yaw_deg: float = 0.0  # counter-clockwise from +x; random too if `random`
     random: bool = False  # True: a random free point of the ground, from the seed of the flight
 
@@ -88,7 +88,7 @@ class Scene:
 
     Raises:
         ValueRangeError: objects overlap or extend beyond the ground, a mover's path is not free,
-            the take-off point is not free, there is neither a helipad nor a take-off point, or the
+            the take-off point is not free, there is neither a mark nor a take-off point, or the
             lab has no such kind, no class of that pattern, or another ground.
     """
 
@@ -181,8 +181,8 @@ class Scene:
             raise LayoutError(self.name, problem)
         if self.helipad is None and self.take_off.position_m is None and not self.take_off.random:
             raise ValueRangeError(
-                f"scene '{self.name}' has no helipad to take off from: give take_off a place, such "
-                "as {from: [-1.5, -1.0]}, or {from: random}"
+                f"scene '{self.name}' has no landing mark to take off from: give take_off a place, "
+                "such as {from: [-1.5, -1.0]}, or {from: random}"
             )
         if self.take_off.position_m is not None:
             self._check_take_off(*self.take_off.position_m)
@@ -205,7 +205,7 @@ class Scene:
 
     @property
     def start_m(self) -> Vector2:
-        """The take-off point, unless it is random; then the helipad or the middle."""
+        """The take-off point, unless it is random; then the mark or the middle."""
         if self.take_off.position_m is not None:
             return self.take_off.position_m
         return (0.0, 0.0) if self.helipad is None else self.helipad.position_m
@@ -225,12 +225,12 @@ class Scene:
 
     @property
     def pads(self) -> tuple[Helipad, ...]:
-        """The helipad, if there is one."""
+        """The landing mark, if there is one."""
         return () if self.helipad is None else (self.helipad,)
 
     @cached_property
     def ground_plan(self) -> Ground:
-        """The ground and the objects on it, the helipad included."""
+        """The ground and the objects on it, the landing mark included."""
         plan = self.ground.plan
         return replace(
             plan,
@@ -326,7 +326,7 @@ def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem 
     names = (
         *box_names(scene.boxes),
         *(item.name for item in scene.placed),
-        *("the helipad" for _ in scene.pads),
+        *("the landing mark" for _ in scene.pads),
     )  # in the order of the ground plan
     for index, mover in enumerate(movers):
         wrong = mover_problem(mover, scene.ground_plan, names, scene.take_off.position_m)

@@ -116,7 +116,7 @@ def sample_flight_poses(
     """Return random camera poses like those of a flight.
 
     Six of seven are anywhere above the ground, mostly at 1.5 m, and look ahead and 25 to 30 degrees
-    down. The seventh is near the helipad and looks steeply down, as before a landing.
+    down. The seventh is near the mark and looks steeply down, as before a landing.
 
     Args:
         scene: the lab; the poses keep the hull clear of its boxes.

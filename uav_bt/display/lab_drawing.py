@@ -127,9 +127,9 @@ def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
         )
         for number, mover in enumerate(lab_map.movers, start=1)
     ]
-    if lab_map.helipad is not None:
-        pad = lab_map.helipad
-        named.append((f"helipad, {pad.size_m[2]:.3g} m", pad.corners()))
+    if lab_map.mark is not None:
+        pad = lab_map.mark
+        named.append((f"mark, {pad.size_m[2]:.3g} m", pad.corners()))
     if lab_map.take_off is not None:
         pose = lab_map.take_off
         named.append(("take-off", [(pose.x_m, pose.y_m), pose.to_world(_arrow_m(frame), 0.0)]))

@@ -33,7 +33,7 @@ from uav_bt.display.lab_map import (
 )
 from uav_bt.display.site_map_pane import FOOTER_PX, draw_site_map
 from uav_bt.mission.map_alignment import MapAlignment
-from uav_bt.types import CameraModel, HelipadFix, Pose
+from uav_bt.types import CameraModel, MarkFix, Pose
 from uav_bt.types.arrays import Image
 from uav_bt.types.projection import pixel_rays
 from uav_bt.types.site_map import SiteMap
@@ -124,7 +124,7 @@ class LiveMap:
         put(self._believed, self._title, (12, 22), colour=INK, scale=0.48)
 
     def draw(
-        self, flown: FlownPath, *, pitch_rad: float, height_m: float, fix: HelipadFix | None
+        self, flown: FlownPath, *, pitch_rad: float, height_m: float, fix: MarkFix | None
     ) -> Image:
         """Return the present map, (H, W, 3) uint8 RGB.
 
@@ -132,7 +132,7 @@ class LiveMap:
             flown: the path until now.
             pitch_rad: pitch of the camera, 0 level, negative down.
             height_m: height of the camera above the ground.
-            fix: the drone's estimate of the helipad's position.
+            fix: the drone's estimate of the mark's position.
         """
         self._draw_new_path(flown)
         if self._believed is None:
@@ -170,7 +170,7 @@ class LiveMap:
         """Return the pixel position of a point given relative to the body's centre."""
         return self._frame.to_px(*pose.to_world(forward_m, -right_m))
 
-    def _draw_fix(self, image: Image, pose: Pose, fix: HelipadFix) -> None:
+    def _draw_fix(self, image: Image, pose: Pose, fix: MarkFix) -> None:
         x, y = self._around(pose, fix.forward_m, fix.right_m)
         arm = 9 if fix.detected else 6
         for dx, dy in ((arm, arm), (arm, -arm)):

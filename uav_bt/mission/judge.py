@@ -56,7 +56,7 @@ class JudgeConfig:
 
     time_limit_s: float | None = None
     patience_s: float = 60.0
-    landing_surfaces: tuple[str, ...] = ("helipad", "ground")
+    landing_surfaces: tuple[str, ...] = ("mark", "ground")
     land_on: LandOn | None = None
 
     def __post_init__(self) -> None:
@@ -259,15 +259,15 @@ class Judge:
         drone counts as above it within half of its longer side.
         """
         if truth is not None:
-            on_mark, distance_m = truth.on_helipad, truth.landing_error_m
+            on_mark, distance_m = truth.on_mark, truth.landing_error_m
         else:
             distance_m = self._mark_m
             half_m = max(self._mark.length_m, self._mark.width_m) / 2.0
             on_mark = distance_m is not None and distance_m <= half_m
         if self._land_on is LandOn.GROUND and on_mark:
-            return "landed on the helipad, and the mission's rules want the ground"
+            return "landed on the landing mark, and the mission's rules want the ground"
         if self._land_on is LandOn.MARK and not on_mark:
             if distance_m is None:
-                return "landed where no helipad is known"
-            return f"landed {distance_m:.2f} m from the helipad's centre"
+                return "landed where no landing mark is known"
+            return f"landed {distance_m:.2f} m from the landing mark's centre"
         return None

@@ -29,7 +29,7 @@ _VALUES: Final[tuple[Key[Any], ...]] = (
     keys.RELATIVE_DEPTH,
     keys.METRIC_DEPTH,
     keys.CORRIDOR,
-    keys.HELIPAD,
+    keys.MARK,
 )
 
 

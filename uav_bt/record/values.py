@@ -29,6 +29,7 @@ _MAX_INTEGER: Final = 2**63 - 1
 _FORMER_NAMES: Final = {
     "height_above_ground_m": "height_above_carpet_m",
     "inside_ground": "inside_carpet",
+    "on_mark": "on_helipad",
 }
 _ODD: Final = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 

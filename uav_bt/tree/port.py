@@ -92,7 +92,7 @@ class Port(Generic[T]):
         name: name of the attribute in a tree file and of the keyword argument in Python.
         type: type of the value. int, float, bool and str are written as literals; a port of any
             other type takes references only.
-        default: a value, a reference such as "{@helipad}" (in braces), or `Port.REQUIRED`.
+        default: a value, a reference such as "{@mark}" (in braces), or `Port.REQUIRED`.
         doc: description in one line, with the unit.
         direction: whether the node reads the value, writes it, or both.
         choices: the allowed values; empty: any value of the type.

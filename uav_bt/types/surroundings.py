@@ -1,4 +1,4 @@
-"""The helipad's fix, obstacles near the drone, and the held turn."""
+"""The mark's fix, obstacles near the drone, and the held turn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uav_bt.errors import ShapeError
 
 
 @dataclass(frozen=True, kw_only=True)
-class HelipadFix:
+class MarkFix:
     """Position of the landing mark, from the body's centre in the heading-aligned level plane.
 
     Attributes:

@@ -12,7 +12,7 @@ from behaviours.fly.land import EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
 from tests.behaviours.leaf_world import halted_proposals
 from tests.paper_lab import BACKGROUND, BOXES, CARPET
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, PHASE, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import ground, live, show
 from uav_bt.tree import Status
@@ -20,8 +20,8 @@ from uav_bt.types import (
     BodyVelocity,
     FlyingState,
     GimbalTo,
-    HelipadFix,
     LandingMark,
+    MarkFix,
     MoveBy,
     MovementState,
     MovementStatus,
@@ -147,7 +147,7 @@ def test_an_emergency_landing_takes_a_mat_for_what_it_is() -> None:
 def above_mark(forward_m: float, right_m: float) -> LeafBench:
     """Return a bench whose landing begins with a fix of the mark, from the body's centre."""
     bench = bench_with_lens(0.15)
-    bench.board[HELIPAD] = HelipadFix(
+    bench.board[MARK] = MarkFix(
         captured_s=bench.clock.now(),
         forward_m=forward_m,
         right_m=right_m,

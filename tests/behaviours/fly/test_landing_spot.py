@@ -62,7 +62,7 @@ def test_the_spot_keeps_clear_of_a_box() -> None:
 
 
 def test_the_pad_is_as_good_as_the_ground() -> None:
-    """An emergency landing may end on the helipad."""
+    """An emergency landing may end on the mark."""
     assert spot(np.full((91, 161), HELIPAD_H, dtype=np.uint8)) is not None
 
 

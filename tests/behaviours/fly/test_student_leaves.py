@@ -20,7 +20,7 @@ from uav_bt.board import (
     CORRIDOR,
     FRAME,
     HELD_TURN,
-    HELIPAD,
+    MARK,
     PHASE,
     RECENT_VIEWS,
     SITE_MAP,
@@ -33,7 +33,7 @@ from uav_bt.types import (
     BodyVelocity,
     Corridor,
     HeldTurn,
-    HelipadFix,
+    MarkFix,
     MoveBy,
     NearObstacles,
     PastView,
@@ -217,7 +217,7 @@ def off_the_ground(pad: tuple[float, float] | None = None) -> Status:
     show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
     now_s = bench.clock.now()
     if pad is not None:
-        bench.board[HELIPAD] = HelipadFix(
+        bench.board[MARK] = MarkFix(
             captured_s=now_s, forward_m=pad[0], right_m=pad[1], height_m=0.4, detected=True
         )
     bench.board[CORRIDOR] = Corridor(
@@ -274,7 +274,7 @@ EDGE = Blocked(yaw_rad=0.5, ground_ends=True, free_m=1.0, reason="edge")
 
 def fly(bench: LeafBench, pad: tuple[float, float], *, seconds: float = 0.3) -> Status:
     show(bench, seconds=seconds)
-    bench.board[HELIPAD] = HelipadFix(
+    bench.board[MARK] = MarkFix(
         captured_s=bench.clock.now(), forward_m=pad[0], right_m=pad[1], height_m=0.4, detected=True
     )
     return bench.tick()
@@ -391,12 +391,12 @@ def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
 ) -> None:
     """Further away something hides it."""
     bench = approaching(Says(FREE, NO_WAY))
-    fix = HelipadFix(
+    fix = MarkFix(
         captured_s=bench.clock.now(), forward_m=range_m, right_m=0.0, height_m=0.4, detected=False
     )
     for _ in range(3):
         show(bench, seconds=0.6)
-        bench.board[HELIPAD] = fix
+        bench.board[MARK] = fix
         bench.tick()
     assert speed(bench) == pytest.approx(forward_mps)
 

@@ -20,7 +20,7 @@ from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET, CLASSES, paper_map
-from uav_bt.types import BodyVelocity, ClassMap, Frame, HelipadFix, Pose2D
+from uav_bt.types import BodyVelocity, ClassMap, Frame, MarkFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
 
@@ -194,15 +194,13 @@ def test_the_mark_corrects_and_is_remembered() -> None:
     still = OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)
     mapper.follow(motion(still))
     mapper.see_mark(
-        HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True)
+        MarkFix(captured_s=0.0, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True)
     )
     for tenths in range(1, 600):
         drifted = OdometryPose(time_s=tenths / 10, x_m=0.1, y_m=0.0, yaw_rad=0.0)
         mapper.follow(motion(drifted))
         mapper.see_mark(
-            HelipadFix(
-                captured_s=tenths / 10, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True
-            )
+            MarkFix(captured_s=tenths / 10, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True)
         )
     found = mapper.map(motion(drifted))
     assert found.mark is not None
@@ -220,7 +218,7 @@ def sighted(
         here = motion(OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0))
         mapper.follow(here)
         mapper.see_mark(
-            HelipadFix(
+            MarkFix(
                 captured_s=time_s,
                 forward_m=1.0,
                 right_m=right_m,
@@ -246,7 +244,7 @@ def test_the_map_keeps_the_direction_of_the_marks_upper_edge(
     mapper.follow(here)
     for captured_s in (0.0, 0.1):
         mapper.see_mark(
-            HelipadFix(
+            MarkFix(
                 captured_s=captured_s,
                 forward_m=1.0,
                 right_m=0.0,

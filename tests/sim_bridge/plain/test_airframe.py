@@ -107,7 +107,7 @@ def test_a_box_stops_it_and_the_contact_ends_with_the_retreat() -> None:
 
 def test_with_motors_off_it_falls_and_rests_on_what_is_below() -> None:
     for scene, place, contact, rests_m in (
-        (PAD, (0.1, 0.1), "helipad", 0.4),
+        (PAD, (0.1, 0.1), "mark", 0.4),
         (PAD, (-0.95, 0.0), "box-2", 0.5),
         (PAD, (0.0, -1.0), "ground", 0.0),
         (PAD, (0.0, -2.5), "floor", -0.004),

@@ -186,7 +186,7 @@ def test_landing_stops_the_motors_on_the_pad(make_twin: MakeTwin) -> None:
     assert state.flying is FlyingState.LANDED
     now = truth(drone)
     assert not now.motors_on
-    assert now.on_helipad
+    assert now.on_mark
     assert now.landing_error_m < 0.03
     assert now.pose.z_m == pytest.approx(0.45, abs=0.01)
 

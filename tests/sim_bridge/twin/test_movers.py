@@ -129,7 +129,7 @@ def test_movers_are_read_and_written_again(tmp_path: Path) -> None:
     [
         ("[0.0, 1.2]]", "[2.9, 1.2]]", 5, "mover-1: its path leaves the ground at [2.9, 1.2]"),
         ("[2.0, -1.0]]", "[1.6, 1.6]]", 6, "mover-2: its path leads through box-1 from"),
-        ("[2.0, -1.0]]", "[-2.3, -1.4]]", 6, "mover-2: its path leads through the helipad"),
+        ("[2.0, -1.0]]", "[-2.3, -1.4]]", 6, "mover-2: its path leads through the landing mark"),
         ("[0.0, 1.2]]", "[-1.8, 0.9]]", 5, "mover-1: its path comes within 0.25 m of the take-off"),
         ("speed_mps: 0.5", "speed_mps: 1.5", 5, "speed_mps must be 0.2 to 1.0, got 1.5"),
         ("pattern: 3", "pattern: 9", 5, "pattern must be 1 to 8, got 9"),

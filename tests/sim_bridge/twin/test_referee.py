@@ -76,7 +76,7 @@ def test_standing_with_turning_motors_is_a_contact_with_the_surface(make_twin: M
     drone.clock.sleep_until(0.2)
     assert referee_of(drone).truth().contacts == ()
     fly(drone, TakeOff(), 0.5)
-    assert referee_of(drone).truth().contacts == ("helipad",)
+    assert referee_of(drone).truth().contacts == ("mark",)
 
 
 def test_landing_beside_the_pad_is_measured(make_twin: MakeTwin, wall_scene: str) -> None:
@@ -86,7 +86,7 @@ def test_landing_beside_the_pad_is_measured(make_twin: MakeTwin, wall_scene: str
     fly(drone, Land(), 6.0)
     end = referee_of(drone).truth()
     assert not end.motors_on
-    assert not end.on_helipad
+    assert not end.on_mark
     assert end.inside_ground
     assert end.landing_error_m == pytest.approx(1.0, abs=0.05)
     assert end.pose.z_m == pytest.approx(0.05, abs=0.01)

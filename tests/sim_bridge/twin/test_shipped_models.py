@@ -30,7 +30,8 @@ CONTACTS = {
     "benchmarks/scenes/moving.yaml": "686c5951d76e8d3c",
 }
 DRAWN = {"train-a": "78186f6c29484969", "benchmarks/scenes/moving.yaml": "b3f7134010786387"}
-NAMES_BEFORE = {"ground": "carpet"}  # present names of geoms, and those of release 0.1.0
+# Present names of geoms, and those of release 0.1.0.
+NAMES_BEFORE = {"ground": "carpet", "mark": "helipad"}
 POSE = CameraPose(x_m=-1.5, y_m=-1.2, z_m=1.5, yaw_rad=0.6, pitch_rad=-0.45)
 # fmt: off
 COLOURS = [

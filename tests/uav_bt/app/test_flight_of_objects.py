@@ -67,7 +67,7 @@ class Careful:
 MISSION = """
 <root BTCPP_format="4"><BehaviorTree ID="Tour">
   <ReactiveSequence>
-    <Segment/> <FindHelipad/> <TrackMotion/> <MapSite/>
+    <Segment/> <FindMark/> <TrackMotion/> <MapSite/>
     <Sequence>
       <TakeOff height_m="1.2"/> <Peek ticks="2"/>
       <Fallback> <Explore/> <Avoid/> </Fallback>

@@ -50,7 +50,7 @@ def test_a_turned_box_has_its_corners_turned_counter_clockwise() -> None:
     assert np.allclose(box.corners(), expected)
 
 
-def test_boxes_and_the_helipad_stand_where_the_world_has_them() -> None:
+def test_boxes_and_the_mark_stand_where_the_world_has_them() -> None:
     frame = MapFrame.around(LAB.ground_size_m, (640, 440))
     image = draw_lab(LAB, frame)
     box = LAB.boxes[0]
@@ -58,7 +58,7 @@ def test_boxes_and_the_helipad_stand_where_the_world_has_them() -> None:
     assert tuple(image[y, x]) == box.colour
     x, y = (round(v) for v in frame.to_px(box.x_m - 0.15, -box.y_m + 0.15))
     assert tuple(image[y, x]) != box.colour, "mirrored"
-    pad = LAB.helipad
+    pad = LAB.mark
     x, y = (round(v) for v in frame.to_px(pad.x_m, pad.y_m))
     assert tuple(image[y, x]) == (255, 255, 255), "the bar of the H"
 

@@ -120,7 +120,7 @@ FIXED = [
     ('<AlwaysSuccess _skpIf="1"/>', '<AlwaysSuccess _skipIf="1"/>'),
     ('<AlwaysSuccess _skipIf="@phas == 1"/>', '<AlwaysSuccess _skipIf="@phase == 1"/>'),
     ('<Precondition if="1" else="SUCESS"><Land/></Precondition>', 'else="SUCCESS"'),
-    ('<SetBlackboard value="{@helipd}" output_key="x"/>', '"{@helipad}"'),
+    ('<SetBlackboard value="{@mrk}" output_key="x"/>', '"{@mark}"'),
 ]
 
 
@@ -188,7 +188,7 @@ def test_values_are_completed(editor: Editor, mission: Document, tmp_path: Path)
     folder.mkdir()
     document = typed(editor, folder, '<Sequence><Script code="far := 1"/><Sleep msec="{')
     assert "{far}" in document.complete('msec="{')
-    assert "{@helipad}" not in document.complete('msec="{')
+    assert "{@mark}" not in document.complete('msec="{')
     assert "<Sequence" not in document.complete('msec="{')
 
 

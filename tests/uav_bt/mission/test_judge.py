@@ -25,13 +25,13 @@ def truth_of(
         contacts=contacts,
         clearance_m=1.0,
         inside_ground=inside,
-        on_helipad=on_pad,
+        on_mark=on_pad,
         landing_error_m=error_m,
         motors_on=motors_on,
     )
 
 
-ON_PAD = truth_of(on_pad=True, contacts=("helipad",), error_m=0.05, motors_on=False)
+ON_PAD = truth_of(on_pad=True, contacts=("mark",), error_m=0.05, motors_on=False)
 ON_GROUND = truth_of(contacts=("ground",), motors_on=False)
 
 
@@ -134,7 +134,7 @@ GROUND_STATES = {FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING
 
 
 @pytest.mark.parametrize("flying", FlyingState)
-@pytest.mark.parametrize("geom", ["helipad", "ground"])
+@pytest.mark.parametrize("geom", ["mark", "ground"])
 def test_the_landing_surface_may_be_touched_only_while_taking_off_or_landing(
     flying: FlyingState, geom: str
 ) -> None:
@@ -151,7 +151,7 @@ def test_the_landing_surface_may_be_touched_only_while_taking_off_or_landing(
 @pytest.mark.parametrize("flying", FlyingState)
 def test_a_box_may_never_be_touched(flying: FlyingState) -> None:
     """It is named even if an allowed surface is touched, too."""
-    verdict = ask(flown(), 20.0, flying, truth_of(contacts=("helipad", "box_3")))
+    verdict = ask(flown(), 20.0, flying, truth_of(contacts=("mark", "box_3")))
     assert verdict is not None
     assert verdict.outcome is Outcome.COLLISION
     if flying in {*GROUND_STATES, FlyingState.EMERGENCY}:
@@ -233,12 +233,12 @@ def test_a_violation_comes_before_an_ending() -> None:
     [
         (0.2, None, None),
         (0.2, LandOn.MARK, None),
-        (0.2, LandOn.GROUND, "landed on the helipad, and the mission's rules want the ground"),
+        (0.2, LandOn.GROUND, "landed on the landing mark, and the mission's rules want the ground"),
         (0.2, LandOn.ANY, None),
-        (0.8, None, "landed 0.80 m from the helipad's centre"),
+        (0.8, None, "landed 0.80 m from the landing mark's centre"),
         (0.8, LandOn.GROUND, None),
         (0.8, LandOn.ANY, None),
-        (None, None, "landed where no helipad is known"),
+        (None, None, "landed where no landing mark is known"),
         (None, LandOn.GROUND, None),
         (None, LandOn.ANY, None),
     ],

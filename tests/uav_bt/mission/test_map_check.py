@@ -49,7 +49,7 @@ def tick(
         contacts=(),
         clearance_m=math.inf,
         inside_ground=True,
-        on_helipad=False,
+        on_mark=False,
         landing_error_m=1.0,
         motors_on=True,
     )

@@ -136,8 +136,8 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
     axes.add_patch(
         Polygon(lab.outline(), facecolor=_GROUND if filled else "none", edgecolor="#adb5bd")
     )
-    if lab.helipad is not None:
-        pad = lab.helipad
+    if lab.mark is not None:
+        pad = lab.mark
         pad_face = "none" if filled else "white"
         axes.add_patch(
             Polygon(pad.corners(), facecolor=pad_face, edgecolor=_INK_PAD, linewidth=1.4)
@@ -206,7 +206,7 @@ def ground_of(lab: LabMap) -> Ground:
     """Return the ground of a map."""
     if lab.ground is not None:
         return lab.ground
-    items = lab.boxes if lab.helipad is None else (*lab.boxes, lab.helipad)
+    items = lab.boxes if lab.mark is None else (*lab.boxes, lab.mark)
     return Ground(
         size_m=lab.ground_size_m,
         standing=tuple(

@@ -34,7 +34,7 @@ from uav_bt.types import (
     CameraModel,
     Corridor,
     Frame,
-    HelipadFix,
+    MarkFix,
     MoverState,
     NearObstacles,
     Pose,
@@ -166,8 +166,8 @@ class WorldView:
         )
         self._entities.draw(CORRIDOR, _placed(pose), boxes)
 
-    def show_near(self, near: NearObstacles | None, fix: HelipadFix | None) -> None:
-        """Draw obstacles and edges near the drone, and the helipad at its estimated position."""
+    def show_near(self, near: NearObstacles | None, fix: MarkFix | None) -> None:
+        """Draw obstacles and edges near the drone, and the mark at its estimated position."""
         pose = self._before
         if pose is None:
             return
@@ -186,7 +186,7 @@ class WorldView:
         at = _on_ground(pose, np.array([[fix.forward_m, fix.right_m]]))
         colour = ACCENT if fix.detected else INK
         sure_m = max(fix.std_m, 0.05)
-        mark = rr.Points3D(at, colors=[colour], radii=sure_m, labels=["helipad"])
+        mark = rr.Points3D(at, colors=[colour], radii=sure_m, labels=["mark"])
         self._entities.draw(FIX, mark)
 
 
@@ -211,7 +211,7 @@ def _on_ground(pose: Pose, points_m: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def draw_lab(stream: rr.RecordingStream, lab: LabMap) -> None:
-    """Draw the constant content of the lab: ground, boxes and helipad."""
+    """Draw the constant content of the lab: ground, boxes and mark."""
     wide, deep = lab.ground_size_m
     ground = rr.Boxes3D(
         centers=[[0.0, 0.0, -0.005]],
@@ -221,14 +221,14 @@ def draw_lab(stream: rr.RecordingStream, lab: LabMap) -> None:
     )
     stream.log(f"{LAB}/ground", ground, static=True)
     things = [part for box in lab.boxes for part in _parts(box)]
-    if lab.helipad is not None:
-        things.append(lab.helipad)
+    if lab.mark is not None:
+        things.append(lab.mark)
     if things:
         filled = _boxes(things, [thing.colour for thing in things], filled=True)
         stream.log(f"{LAB}/things", filled, static=True)
         stream.log(f"{LAB}/edges", _boxes(things, [INK], filled=False), static=True)
-    if lab.helipad is not None:
-        stream.log(f"{LAB}/h", _letter(lab.helipad), static=True)
+    if lab.mark is not None:
+        stream.log(f"{LAB}/h", _letter(lab.mark), static=True)
 
 
 def _parts(item: MapItem) -> list[MapItem]:

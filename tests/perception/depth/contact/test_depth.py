@@ -81,7 +81,7 @@ def test_two_boxes_with_the_same_roof_keep_their_heights() -> None:
     assert np.nanpercentile(error_m, 90) < 0.05
 
 
-def test_the_helipad_is_known_by_its_height() -> None:
+def test_the_mark_is_known_by_its_height() -> None:
     drawn = look(pad=Helipad(position_m=(1.0, 0.2), yaw_deg=25.0))
     pad = (drawn.ids == HELIPAD_H) | (drawn.ids == HELIPAD_BOX)
     error_m = np.abs(estimate(drawn).depth - drawn.depth)[pad]
@@ -91,7 +91,7 @@ def test_the_helipad_is_known_by_its_height() -> None:
     assert np.nanpercentile(error_m, 95) < 0.05
 
 
-def test_straight_down_the_helipad_is_known_too() -> None:
+def test_straight_down_the_mark_is_known_too() -> None:
     """All around the nadir, where azimuths go once around."""
     drawn = look(pad=Helipad(position_m=(-1.0, 0.0)), pitch_rad=-math.pi / 2)
     panel = drawn.ids == HELIPAD_H
@@ -214,7 +214,7 @@ def test_wrong_input_is_refused() -> None:
         contact_depth(paper_map(np.ones((112, 224), dtype=np.uint8)), low)
 
 
-def test_below_the_helipads_top_its_top_is_not_guessed() -> None:
+def test_below_the_marks_top_its_top_is_not_guessed() -> None:
     """A lens lower than the pad sees sides only; the panel has no place then."""
     view = CameraView(camera=CAMERA, pitch_rad=-0.2, height_m=0.3)
     ids = np.full((112, 224), CARPET, dtype=np.uint8)

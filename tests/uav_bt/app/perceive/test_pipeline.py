@@ -93,7 +93,7 @@ def pipeline(
 
 
 def pad_at(forward_m: float, right_m: float) -> NDArray[np.uint8]:
-    """Paint a helipad's H and rim where a pad 0.4 m high would appear."""
+    """Paint a mark's H and rim where a pad 0.4 m high would appear."""
     ids = bare_ground()
     ahead_m = forward_m - CAMERA.forward_offset_m
     column, row = project([ahead_m, right_m, 1.1], MAP_CAMERA, PITCH_RAD)
@@ -115,7 +115,7 @@ def test_ground_has_the_depth_of_the_ground_and_the_corridor_is_clear() -> None:
     assert seen.corridor.free_distance_m == math.inf
     assert seen.intruding is not None
     assert not seen.intruding.any()
-    assert (seen.refusal, seen.helipad, seen.relative) == ("", None, None)
+    assert (seen.refusal, seen.mark, seen.relative) == ("", None, None)
 
 
 def test_a_box_ahead_intrudes_where_it_stands_and_only_its_pixels_are_marked() -> None:
@@ -188,36 +188,36 @@ def test_the_same_picture_is_no_fault_where_nothing_moves(states: list[DroneStat
     assert standing.perceive(replace(first, index=1, captured_s=0.1)).refusal == ""
 
 
-def test_a_helipad_is_placed_where_it_is() -> None:
+def test_a_mark_is_placed_where_it_is() -> None:
     seen = pipeline(pad_at(2.0, 0.5)).perceive(frame())
-    assert seen.helipad is not None
-    assert seen.helipad.detected
-    assert (seen.helipad.forward_m, seen.helipad.right_m) == pytest.approx((2.0, 0.5), abs=0.05)
+    assert seen.mark is not None
+    assert seen.mark.detected
+    assert (seen.mark.forward_m, seen.mark.right_m) == pytest.approx((2.0, 0.5), abs=0.05)
 
 
-def test_without_telemetry_a_helipad_is_told_only_while_it_is_seen() -> None:
+def test_without_telemetry_a_mark_is_told_only_while_it_is_seen() -> None:
     segmenter = Painted(pad_at(2.0, 0.5))
     blind = Pipeline(segmenter, None, CAMERA, generator=np.random.default_rng(0))
-    assert blind.perceive(frame(0)).helipad is not None
+    assert blind.perceive(frame(0)).mark is not None
     segmenter.ids = bare_ground()
-    assert blind.perceive(frame(1)).helipad is None
+    assert blind.perceive(frame(1)).mark is None
 
 
-def test_telemetry_carries_a_helipad_until_it_is_lost() -> None:
+def test_telemetry_carries_a_mark_until_it_is_lost() -> None:
     segmenter = Painted(pad_at(2.0, 0.5))
     flying = Pipeline(segmenter, None, CAMERA, generator=np.random.default_rng(0))
     flying.perceive(frame(0), [state(0.0)])
     segmenter.ids = bare_ground()
-    carried = flying.perceive(frame(10), [state(1.0)]).helipad
+    carried = flying.perceive(frame(10), [state(1.0)]).mark
     assert carried is not None
     assert not carried.detected
     assert carried.forward_m == pytest.approx(1.5, abs=0.05)
-    assert flying.perceive(frame(130), [state(13.0, 0.0)]).helipad is None
+    assert flying.perceive(frame(130), [state(13.0, 0.0)]).mark is None
 
 
-def test_a_helipad_is_not_placed_from_a_height_nobody_knows() -> None:
+def test_a_mark_is_not_placed_from_a_height_nobody_knows() -> None:
     seen = pipeline(pad_at(2.0, 0.5)).perceive(frame(height_above_ground_m=math.nan))
-    assert seen.helipad is None
+    assert seen.mark is None
 
 
 def test_every_stage_is_timed() -> None:

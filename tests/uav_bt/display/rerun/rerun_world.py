@@ -27,7 +27,7 @@ CLASSES = LabClasses(
 LAB = LabMap(
     ground_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),
-    helipad=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
+    mark=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
 )
 NODES = (
     TreeNode(path="Main/root", label="root", parent=None),
@@ -154,7 +154,7 @@ def truth(time_s: float, pose: Pose) -> Truth:
         contacts=(),
         clearance_m=0.8,
         inside_ground=True,
-        on_helipad=False,
+        on_mark=False,
         landing_error_m=2.0,
         motors_on=True,
     )

@@ -54,7 +54,7 @@ def test_two_boxes_with_like_roofs_are_two_things() -> None:
     np.testing.assert_allclose(depth[45:100, 140:180], GROUND[99, 140])
 
 
-def test_the_helipad_stands_on_the_ground_too() -> None:
+def test_the_mark_stands_on_the_ground_too() -> None:
     ids = bare_ground()
     ids[60:90, 100:150] = HELIPAD_BOX
     ids[62:70, 110:140] = HELIPAD_H
