@@ -16,7 +16,7 @@ from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
 from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
-from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
+from behaviours.fly.look import HoverFor, Hovering, MarkKnown, PointCamera, Turn
 from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.moves_on import MovesOn
 from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
@@ -26,7 +26,7 @@ from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, Search
 from behaviours.fly.take_off import TakeOff
 from behaviours.fly.take_photo import TakePhoto
 from behaviours.perceive.advise import Advise
-from behaviours.perceive.class_map import FindHelipad, Segment
+from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
@@ -47,19 +47,19 @@ NODES: Final[tuple[type[Node], ...]] = (
     EstimateDepth,
     Explore,
     Face,
-    FindHelipad,
+    FindMark,
     GiveWay,
     GoTo,
     GoToMark,
     GoToMarkUnderPolicy,
     HelipadCenter,
-    HelipadKnown,
     HoverFor,
     Hovering,
     Land,
     LandHere,
     MapSite,
     MarkFound,
+    MarkKnown,
     MoveBy,
     MovesOn,
     NextObject,

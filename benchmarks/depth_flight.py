@@ -5,7 +5,7 @@
 
 TREE is any mission file with EstimateDepth. "Cut off" are boxes whose lower end is below the image;
 "distances" asks what `uav-bt net evaluate depth` asks of single images: points at 0.3 to 5 m,
-evenly of obstacles and carpet, each frame's as many.
+evenly of obstacles and ground, each frame's as many.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Comparison:
         depth, frame = board.read(METRIC_DEPTH).value, board.read(FRAME).value
         if depth is None or frame is None or depth.captured_s != frame.captured_s:
             return
-        low = frame.height_above_carpet_m < FLYING_M
+        low = frame.height_above_ground_m < FLYING_M
         if low or frame.index == self._last or frame.index % self._every:
             return
         self._last = frame.index
@@ -118,7 +118,7 @@ class Comparison:
         for name, asked in (
             ("distances", np.full(len(truth), True)),
             ("  of obstacles", on_obstacles),
-            ("  of the carpet", ~on_obstacles),
+            ("  of the ground", ~on_obstacles),
         ):
             found = summarise_errors(estimated[asked], truth[asked])
             print(

@@ -54,7 +54,7 @@ class Case:
     drone: str = "twin"
     networks: bool = False  # masks of the tree's network instead of exact ones
     time_limit_s: float = 120.0
-    on_pad: bool = True  # whether the mission is to end on the helipad
+    on_pad: bool = True  # whether the mission is to end on the mark
 
     @property
     def parsed(self) -> Fault:
@@ -113,11 +113,11 @@ class WatchedDrone(FaultyDrone):
         self.events: dict[str, None] = {}  # in the order of their first time
         self.phases: set[str] = set()
         self.touched: set[str] = set()
-        self.left_carpet = False
+        self.beyond_edge = False
         self.ended_s = 0.0
         self.motors_on = False
         self.height_m = 0.0
-        self.on_helipad: bool | None = None
+        self.on_mark: bool | None = None
 
     def observe(self) -> Observation:
         """Look at the truth, too."""
@@ -145,14 +145,14 @@ class WatchedDrone(FaultyDrone):
         if self.referee is None:
             state = self._drone.observe().state
             self.motors_on = state.flying not in _MOTORS_OFF
-            self.height_m = state.height_above_carpet_m
+            self.height_m = state.height_above_ground_m
             return
         truth = self.referee.truth()
-        surfaces = JudgeConfig().landing_surfaces
-        self.touched.update(name for name in truth.contacts if not name.startswith(surfaces))
-        self.left_carpet |= not truth.inside_carpet
+        rules = JudgeConfig()
+        self.touched.update(n for n in truth.contacts if not rules.is_landing_surface(n))
+        self.beyond_edge |= not truth.inside_ground
         self.motors_on, self.height_m = truth.motors_on, truth.pose.z_m
-        self.on_helipad = truth.on_helipad
+        self.on_mark = truth.on_mark
 
 
 def fly(case: Case, folder: Path) -> dict[str, Any]:
@@ -198,10 +198,10 @@ def fly(case: Case, folder: Path) -> dict[str, Any]:
         error=error,
         events=(*drone.events, *_said_beside(result or {})),
         touched=tuple(sorted(drone.touched)),
-        left_carpet=drone.left_carpet,
+        beyond_edge=drone.beyond_edge,
         emergency_landing=MissionPhase.EMERGENCY_LANDING in drone.phases,
         motors_on=drone.motors_on,
-        on_helipad=drone.on_helipad if case.on_pad else None,
+        on_mark=drone.on_mark if case.on_pad else None,
         height_m=round(drone.height_m, 2),
         report_whole=written is not None and written == result,
     )
@@ -219,10 +219,10 @@ def died(case: Case) -> dict[str, Any]:
         error="the process died",
         events=(),
         touched=(),
-        left_carpet=False,
+        beyond_edge=False,
         emergency_landing=False,
         motors_on=True,
-        on_helipad=None,
+        on_mark=None,
         height_m=0.0,
         report_whole=False,
     )

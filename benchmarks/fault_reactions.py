@@ -1,9 +1,9 @@
 """What a right reaction to each kind of fault is: one table, and the verdict on a flight.
 
-A reaction is right when nothing but the ground was touched, the drone stayed above the carpet, its
-motors stand still at the end, the report is written and whole, and its reason (or an override, or a
-warning) names the fault. The table says where less is asked for: where a mission may fly on as if
-nothing was, and where nobody could have landed the drone.
+A reaction is right when nothing but the ground was touched, the drone stayed inside the ground's
+edge, its motors stand still at the end, the report is written and whole, and its reason (or an
+override, or a warning) names the fault. The table says where less is asked for: where a mission may
+fly on as if nothing was, and where nobody could have landed the drone.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Expected:
     """What is asked of the reaction to one kind of fault."""
 
     named: str  # a regular expression of its names in reasons and warnings, from a word's begin
-    bearable: bool = False  # a mission that ends on the helipad all the same is right
+    bearable: bool = False  # a mission that ends on the mark all the same is right
     may_fly: bool = False  # no command can land it: it may hover at the end
     may_fall: bool = False  # its motors stop anywhere: it may touch what stands there
     reported: bool = True  # False: no report can be written
@@ -39,11 +39,11 @@ class Facts:
     error: str | None  # what flying raised
     events: tuple[str, ...]  # overrides, logged warnings, what else the report says
     touched: tuple[str, ...]  # but for the landing surfaces
-    left_carpet: bool
+    beyond_edge: bool
     emergency_landing: bool  # whether that phase was reached
     motors_on: bool  # at the end; 3 s after it, on a simulated drone
-    on_helipad: bool | None  # None also where the mission need not end there
-    height_m: float  # above the carpet, at the end
+    on_mark: bool | None  # None also where the mission need not end there
+    height_m: float  # above the ground, at the end
     report_whole: bool
 
 
@@ -106,7 +106,7 @@ EXPECTED: Final = {
 def flown_through(expected: Expected, phase: str, facts: Facts) -> bool:
     """Return whether the mission ended as without the fault, if that is right."""
     bearable = expected.bearable or (phase == MissionPhase.LAND and not expected.may_fall)
-    landed = not facts.motors_on and facts.on_helipad is not False
+    landed = not facts.motors_on and facts.on_mark is not False
     done = facts.outcome == Outcome.SUCCESS.value and not facts.emergency_landing
     return bearable and landed and done
 
@@ -125,7 +125,7 @@ def problems(expected: Expected, phase: str, facts: Facts) -> tuple[str, ...]:
     named = re.search(rf"\b(?:{expected.named})", words, re.IGNORECASE) is not None
     wrong = {
         f"touched {', '.join(facts.touched)}": bool(facts.touched) and not expected.may_fall,
-        "left the carpet": facts.left_carpet,
+        "flew beyond the ground's edge": facts.beyond_edge,
         f"left flying at {facts.height_m:.1f} m": facts.motors_on and not expected.may_fly,
         "a success, in the air": success and facts.motors_on,
         "a success, by an emergency landing": success and facts.emergency_landing,
@@ -140,5 +140,5 @@ def _brief(facts: Facts) -> str:
 
 
 def survived(facts: Facts) -> bool:
-    """Return whether nothing was touched and the carpet was not left."""
-    return not facts.touched and not facts.left_carpet
+    """Return whether nothing was touched and the ground's edge was not crossed."""
+    return not facts.touched and not facts.beyond_edge

@@ -6,8 +6,8 @@ r"""Injects faults into flights and says whether the reactions are right.
     python -m benchmarks.faults --list
 
 Each flight is a line of flights.jsonl in the output folder, written at once: the same command goes
-on where it was stopped. A right reaction: nothing but the ground touched, on the carpet, motors off
-at the end, the report whole, and the fault named; docs/faults.md says where less is asked for.
+on where it was stopped. A right reaction: nothing but the ground touched, inside its edge, motors
+off at the end, the report whole, and the fault named; docs/faults.md says where less is asked for.
 
 Exit code 0: all reactions are right; 1: some are not; 2: something was refused.
 """

@@ -24,7 +24,7 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt import app
 from uav_bt.app.assembly import Flight
-from uav_bt.board import CLASS_MAP, HELIPAD, ODOMETRY
+from uav_bt.board import CLASS_MAP, MARK, ODOMETRY
 from uav_bt.errors import UavBtError
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
@@ -67,7 +67,7 @@ class DropOuts:
         self.motion.append((ground, motion.tracked_s < frame.captured_s))
         away_m = self._mark_in_view_m(frame)
         if away_m is not None:
-            fix = self._board.read(HELIPAD).value
+            fix = self._board.read(MARK).value
             self.mark.append((away_m, fix is None or fix.captured_s < frame.captured_s))
 
     def _mark_in_view_m(self, frame: Frame) -> float | None:

@@ -73,7 +73,7 @@ def views(profile: Profile, count: int) -> Iterator[tuple[Scene, CameraPose, Fra
                 index=number,
                 captured_s=0.1 * number,
                 gimbal_pitch_rad=view.pose.pitch_rad,
-                height_above_carpet_m=view.pose.z_m,
+                height_above_ground_m=view.pose.z_m,
             )
             yield scene, view.pose, frame
 

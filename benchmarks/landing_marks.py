@@ -151,7 +151,7 @@ def sightings(mark: LandingMark, range_m: float, below_deg: float, views: int) -
             index=index,
             captured_s=0.0,
             gimbal_pitch_rad=pose.pitch_rad,
-            height_above_carpet_m=camera_m,
+            height_above_ground_m=camera_m,
         )
         seen = finder.find(MarkView(frame=frame, camera=camera))
         if seen is not None:

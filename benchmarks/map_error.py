@@ -5,7 +5,7 @@
 Exact masks at 320x180 and no depth: the errors left are those of telemetry and of the mapping.
 Each flight is a line of DIR/flights.jsonl, and those that are there are not flown again.
 
-height       of the body above the carpet, as it is flown by, root mean square
+height       of the body above the ground, as it is flown by, root mean square
 turn, way    of dead reckoning from one frame to the next, where it followed the ground
 untracked    share of the time in which it has followed no ground for a second and longer
 drift        of the drone's place on the map, mean
@@ -75,7 +75,7 @@ class ErrorLog:
         placement = self._alignment.placement
         if record.time_s < FIRST_S or site_map is None or motion is None or placement is None:
             return
-        self._height_m.append(state.height_above_carpet_m - pose.z_m)
+        self._height_m.append(state.height_above_ground_m - pose.z_m)
         self._add_step(motion)
         self._untracked.append(motion.untracked_s > UNTRACKED_S)
         believed = placement.pose_to_world(site_map.pose)

@@ -48,7 +48,7 @@ def explore_and_come_home(
     Args:
         explore: the node that explores.
         explore_s: s after which it is halted.
-        home: the leaf that flies back to the helipad.
+        home: the leaf that flies back to the mark.
         gimbal_deg: where the camera points from the take-off on, deg.
         mapper: the leaf that keeps the site map.
     """
@@ -57,7 +57,7 @@ def explore_and_come_home(
   <BehaviorTree ID="Mission">
     <ReactiveSequence>
       <Segment/>
-      <FindHelipad/>
+      <FindMark/>
       <TrackMotion/>
       <{mapper}/>
       <Fallback>

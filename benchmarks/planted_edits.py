@@ -203,7 +203,7 @@ DEFECTS: Final = (
     ),
     Defect(
         name="heading-uncorrected",
-        file="perception/odometry/carpet.py",
+        file="perception/odometry/ground.py",
         sound="        turn_rad = self._heading.correction_rad\n        x_m, y_m = rotate(",
         planted="        turn_rad = 0.0\n        x_m, y_m = rotate(",
         wrong="The pose between two frames takes telemetry's heading without the correction by the "
@@ -222,8 +222,8 @@ DEFECTS: Final = (
     Defect(
         name="edge-margin-unused",
         file="behaviours/policies/corridor_rule.py",
-        sound="by_carpet_m = reach_m - cfg.edge_margin_m + relief_m",
-        planted="by_carpet_m = reach_m + relief_m",
+        sound="by_ground_m = reach_m - cfg.edge_margin_m + relief_m",
+        planted="by_ground_m = reach_m + relief_m",
         wrong="A step of the corridor rule keeps no margin from the end of the ground.",
     ),
 )

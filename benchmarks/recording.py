@@ -29,7 +29,7 @@ from uav_bt.record.reader import RecordReader
 from uav_bt.record.recorder import FlightRecorder
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><ReactiveSequence>
-  <Segment model="unet"/><FindHelipad/><TrackMotion/><MapSite/>
+  <Segment model="unet"/><FindMark/><TrackMotion/><MapSite/>
   <Sequence><TakeOff height_m="1.5"/><Turn degrees="60"/><HoverFor seconds="{hover_s}"/><Land/>
   </Sequence></ReactiveSequence></BehaviorTree></root>"""
 HOVER = """<root BTCPP_format="4"><BehaviorTree ID="Main">

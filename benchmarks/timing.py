@@ -184,7 +184,7 @@ def pipeline(given: Options) -> None:
                     index=number,
                     captured_s=0.1 * number,
                     gimbal_pitch_rad=GIMBAL_RAD,
-                    height_above_carpet_m=view.pose.z_m,
+                    height_above_ground_m=view.pose.z_m,
                 )
             )
     print(f"{len(frames)} frames of 640x360, depth '{given.depth}'; median (p95), ms")

@@ -10,8 +10,8 @@ from xml.etree import ElementTree as ET
 from uav_bt.tree.shipped import tree_files
 
 _MISSIONS: Final = ("hover_and_look", "land_only", "survey_and_land", "explore_and_land_depth")
-_KEYS: Final = ("elapsed_s", "height_above_carpet_m", "phase", "flight_height_m", "site_map")
-_KEYS_OF_OTHERS: Final = ("flight_pitch_rad", "mark_gone_s", "corridor", "helipad", "odometry")
+_KEYS: Final = ("elapsed_s", "height_above_ground_m", "phase", "flight_height_m", "site_map")
+_KEYS_OF_OTHERS: Final = ("flight_pitch_rad", "mark_gone_s", "corridor", "mark", "odometry")
 _MOVERS: Final = (
     '<Turn degrees="90"/>',
     '<HoverFor seconds="1"/>',
@@ -46,8 +46,8 @@ _DECORATORS: Final = (
 )
 _LEAVES: Final = (
     "<Segment/>",
-    "<FindHelipad/>",
-    "<HelipadKnown/>",
+    "<FindMark/>",
+    "<MarkKnown/>",
     "<TakeOff/>",
     '<HoverFor seconds="{n}"/>',
     '<Turn degrees="45"/>',

@@ -13,7 +13,7 @@ MISSION = """
   <BehaviorTree ID="Look">
     <ReactiveSequence>
       <Segment model="unet"/>
-      <FindHelipad/>
+      <FindMark/>
       <TrackMotion/>
       <MapSite/>
       <Sequence>

@@ -1,10 +1,10 @@
-"""A mission composed in Python: find the helipad, and land on it."""
+"""A mission composed in Python: find the mark, and land on it."""
 
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import Land
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.take_off import TakeOff
-from behaviours.perceive.class_map import FindHelipad, Segment
+from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.site_map import MapSite
 from uav_bt import app
@@ -20,7 +20,7 @@ def mission() -> MissionTree:
             "perceive and act",
             [
                 Segment(model="unet"),
-                FindHelipad(),
+                FindMark(),
                 TrackMotion(),
                 MapSite(),
                 Sequence(

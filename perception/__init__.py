@@ -1,1 +1,1 @@
-"""Arrays in, typed results out: segmentation, helipad detection and tracking."""
+"""Arrays in, typed results out: segmentation, mark detection and tracking."""

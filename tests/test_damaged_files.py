@@ -158,7 +158,7 @@ def test_whole_json_with_wrong_values_is_read_or_refused(
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a record with a message on nearly every channel."""
     path = tmp_path_factory.mktemp("whole") / "whole.mcap"
-    leaves = "<Segment/><FindHelipad/><TrackMotion/><MapSite/><TakeOff/>"
+    leaves = "<Segment/><FindMark/><TrackMotion/><MapSite/><TakeOff/>"
     body = f'<BehaviorTree ID="A"><ReactiveSequence>{leaves}</ReactiveSequence></BehaviorTree>'
     tree = f'<root BTCPP_format="4">{body}</root>'
     app.fly(tree, app.FlightOptions(exact_masks=True, image_size_px=(64, 36), record=path))

@@ -228,7 +228,7 @@ def test_a_circle_would_be_found() -> None:
         ),
         ("uav_bt.plugins", "from ..behaviours import explore"),
         ("uav_bt.display.lab_map", "from .. import app"),
-        ("perception.landing.detector", "from uav_bt.board import HELIPAD"),
+        ("perception.landing.detector", "from uav_bt.board import MARK"),
         (
             "perception.landing.detector",
             "try:\n    import sim_bridge\nexcept ImportError:\n    pass",
@@ -313,7 +313,7 @@ VOCABULARY = {
         "Segment",
         "EstimateDepth",
         "BuildCorridor",
-        "FindHelipad",
+        "FindMark",
         "TrackMotion",
         "MapSite",
         "RememberViews",

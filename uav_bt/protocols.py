@@ -236,7 +236,7 @@ class PolicyView:
         class_map: of the newest frame.
         camera: at the class map's size.
         gimbal_pitch_rad: when the frame was captured; 0 level, negative down.
-        height_above_carpet_m: when the frame was captured.
+        height_above_ground_m: when the frame was captured.
         site_map: the site map. Its `near` has the obstacles near the drone, including those out of
             view. None without `MapSite`.
         corridor: the free distance ahead; None without depth in the tree.
@@ -250,7 +250,7 @@ class PolicyView:
     class_map: ClassMap
     camera: CameraModel
     gimbal_pitch_rad: float
-    height_above_carpet_m: float
+    height_above_ground_m: float
     site_map: SiteMap | None = None
     corridor: Corridor | None = None
     recent: RecentViews | None = None
@@ -269,7 +269,7 @@ class Advice:
     x_m: float  # position of the body at that time, in the frame of `RecentViews`
     y_m: float
     yaw_rad: float
-    height_above_carpet_m: float
+    height_above_ground_m: float
     gimbal_pitch_rad: float
     turning: int  # as in `PolicyView`
     full_turns: int

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from behaviours.policies.corridor_rule import CorridorRuleConfig, carpet_reach
+from behaviours.policies.corridor_rule import CorridorRuleConfig, ground_reach
 from behaviours.policies.view import VIEW_KEYS, current_view, policy_view
-from uav_bt.board import CORRIDOR, HELIPAD, SITE_MAP
+from uav_bt.board import CORRIDOR, MARK, SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import HeldTurn
@@ -16,15 +16,15 @@ from uav_bt.types import HeldTurn
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorClearConfig:
-    """How the carpet ahead is measured, and when the pad ahead counts as carpet."""
+    """How the ground ahead is measured, and when the pad ahead counts as ground."""
 
-    pad_ahead_rad: float = math.radians(20)  # largest bearing of a pad that the carpet extends to
+    pad_ahead_rad: float = math.radians(20)  # largest bearing of a pad that the ground extends to
     pad_below_m: float = 0.5  # a pad nearer than this is below the view, whatever its bearing
-    rule: CorridorRuleConfig = field(default_factory=CorridorRuleConfig)  # for the carpet's reach
+    rule: CorridorRuleConfig = field(default_factory=CorridorRuleConfig)  # for the ground's reach
 
 
 class CorridorClear(Leaf):
-    """SUCCESS while there is room ahead, between obstacles and on the carpet; FAILURE otherwise.
+    """SUCCESS while there is room ahead, between obstacles and on the ground; FAILURE otherwise.
 
     FAILURE on an unknown or stale corridor. The defaults require less room than the rule
     `corridor`: this condition succeeds wherever that rule advances, so the two cannot alternate
@@ -63,23 +63,24 @@ class CorridorClear(Leaf):
             "beside_m", float, default=0.42, least=0, most=20, doc="room to them along that path, m"
         ),
         Port(
-            "carpet_m",
+            "ground_m",
             float,
             default=0.6,
             least=0,
             most=50,
-            doc="carpet ahead of the body's centre, m; not needed where the pad lies ahead",
+            doc="ground ahead of the body's centre, m; not needed where the pad lies ahead",
+            formerly=("carpet_m",),
         ),
     )
-    reads = (*VIEW_KEYS, HELIPAD)
+    reads = (*VIEW_KEYS, MARK)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Begin before the first view of the carpet."""
+        """Begin before the first view of the ground."""
         del mission
-        self._carpet_ends = False
+        self._ground_ends = False
 
     def update(self) -> Status:
-        """Compare the corridor, the obstacles of the map and the carpet with the ports."""
+        """Compare the corridor, the obstacles of the map and the ground with the ports."""
         self.feedback_message = self._objection()
         return Status.FAILURE if self.feedback_message else Status.SUCCESS
 
@@ -96,21 +97,21 @@ class CorridorClear(Leaf):
             self.port_value("way_m"), margin_m=self.port_value("beside_m"), assumed=False
         ):
             return f"obstacle {site_map.near.nearest_m:.2f} m away"
-        return "carpet ends" if self._carpet_is_short() and not self._pad_is_ahead() else ""
+        return "ground ends" if self._ground_is_short() and not self._pad_is_ahead() else ""
 
     def _pad_is_ahead(self) -> bool:
-        """Return whether the pad, which stands on carpet, is ahead."""
-        cfg, pad = self.config, self.read(HELIPAD).value
+        """Return whether the pad, which stands on ground, is ahead."""
+        cfg, pad = self.config, self.read(MARK).value
         return pad is not None and (
             abs(pad.bearing_rad) < cfg.pad_ahead_rad or pad.range_m < cfg.pad_below_m
         )
 
-    def _carpet_is_short(self) -> bool:
-        """Return whether the carpet ahead is too short in the newest view with a class map."""
+    def _ground_is_short(self) -> bool:
+        """Return whether the ground ahead is too short in the newest view with a class map."""
         seen = current_view(self)
         if seen is not None:
             view = policy_view(self, *seen, held=HeldTurn(), tie_break=0.5)
-            reach_m = carpet_reach(view.class_map.roles, view, self.config.rule)
+            reach_m = ground_reach(view.class_map.roles, view, self.config.rule)
             reach_m += view.camera.forward_offset_m
-            self._carpet_ends = reach_m < self.port_value("carpet_m")
-        return self._carpet_ends
+            self._ground_ends = reach_m < self.port_value("ground_m")
+        return self._ground_ends

@@ -166,7 +166,7 @@ class CourseLeaf(MovingLeaf):
     def too_high_m(self, state: DroneState) -> float:
         """Return the height above the flight height, metres; 0 if no flight height is set."""
         flight_height_m = self.read(FLIGHT_HEIGHT).value
-        return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
+        return 0.0 if flight_height_m is None else state.height_above_ground_m - flight_height_m
 
     def off_height_m(self, state: DroneState) -> float:
         """Return the height above the height that the drone keeps, metres.
@@ -187,8 +187,8 @@ class CourseLeaf(MovingLeaf):
         if site_map is None or motion is None or camera is None or state is None:
             return flight_rad
         if site_map.movers:
-            return mover_pitch_rad(site_map, flight_rad, state.height_above_carpet_m)
-        return ground_pitch_rad(site_map, camera, flight_rad, state.height_above_carpet_m)
+            return mover_pitch_rad(site_map, flight_rad, state.height_above_ground_m)
+        return ground_pitch_rad(site_map, camera, flight_rad, state.height_above_ground_m)
 
     def _push_mps(self) -> tuple[float, float]:
         cfg, motion = self.course.keep_away, self.read(ODOMETRY).value

@@ -26,7 +26,7 @@ from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.board import CORRIDOR, PHASE, SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port, Status
-from uav_bt.types import DroneState, HelipadFix, MissionPhase
+from uav_bt.types import DroneState, MarkFix, MissionPhase
 from uav_bt.types.site_map import SiteMap
 
 ARRIVE = Port(
@@ -65,7 +65,7 @@ class MarkLeaf(CourseLeaf):
             looks_rad = self._looking.pitch_rad(self.obstacles(), self.clock.now())
             if looks_rad is not None:
                 return looks_rad
-        return mark_pitch_rad(fix.range_m, state.height_above_carpet_m - fix.height_m, flight_rad)
+        return mark_pitch_rad(fix.range_m, state.height_above_ground_m - fix.height_m, flight_rad)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,19 +151,19 @@ class GoToMark(MarkLeaf):
         self.fly_on(state, answer)
         return Status.RUNNING
 
-    def _plan(self, site_map: SiteMap | None, fix: HelipadFix) -> FollowLeg | Rotate | None:
+    def _plan(self, site_map: SiteMap | None, fix: MarkFix) -> FollowLeg | Rotate | None:
         """Return the course; None when no path is known."""
         if site_map is None or site_map.contradicted_s > self.config.doubted_s:
             return self._straight(fix)
         self._planned_s = site_map.captured_s
         return self._over(site_map, fix)
 
-    def _is_blocked_ahead(self, fix: HelipadFix) -> bool:
+    def _is_blocked_ahead(self, fix: MarkFix) -> bool:
         """Return whether an obstacle of unknown range is ahead, with the mark some way off."""
         near = TRACK.at_mark_m < fix.range_m <= TRACK.look_down_m
         return near and shows_unplaced(self.obstacles(), self.config.unplaced_rad)
 
-    def _over(self, site_map: SiteMap, fix: HelipadFix) -> FollowLeg | Rotate | None:
+    def _over(self, site_map: SiteMap, fix: MarkFix) -> FollowLeg | Rotate | None:
         """Return the course over the map; None when the map has no path."""
         cfg = self.config
         to = site_map.pose.to_world(fix.forward_m, fix.right_m)
@@ -184,7 +184,7 @@ class GoToMark(MarkLeaf):
             reason=f"mark {fix.range_m:.1f} m",
         )
 
-    def _straight(self, fix: HelipadFix) -> FollowLeg | Rotate | None:
+    def _straight(self, fix: MarkFix) -> FollowLeg | Rotate | None:
         """Return the straight course; None when a seen obstacle is near it."""
         cfg, reading = self.config, self.read(SITE_MAP)
         if reading.value is None:  # a tree may lack a map; a stale map permits nothing

@@ -20,7 +20,7 @@ from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.board import HELD_TURN, PHASE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Status
-from uav_bt.types import DroneState, HeldTurn, HelipadFix, MissionPhase
+from uav_bt.types import DroneState, HeldTurn, MarkFix, MissionPhase
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +110,7 @@ class GoToMarkUnderPolicy(SteeringLeaf):
         """Return the pitch in flight: policies expect views at that pitch."""
         return math.radians(self.port_value("gimbal_deg"))
 
-    def _blocked(self, fix: HelipadFix, answer: Answer) -> Status:
+    def _blocked(self, fix: MarkFix, answer: Answer) -> Status:
         """Hold a turn to the side of the next detour."""
         cfg = self.config
         if self._side == 0 or fix.range_m <= self._stopped_m - cfg.nearer_m:

@@ -14,12 +14,12 @@ from typing import ClassVar, Final
 
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
-from uav_bt.board import CAMERA, FRAME, HELIPAD, PHASE, STATE
+from uav_bt.board import CAMERA, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.plugins import make_mark_finder
 from uav_bt.tree import Port, Status
-from uav_bt.types import CameraModel, DroneState, HelipadFix, MissionPhase, Velocity
+from uav_bt.types import CameraModel, DroneState, MarkFix, MissionPhase, Velocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class CenterConfig:
 
     pitch_slack_rad: float = math.radians(5)  # largest deviation from straight down
     wait_s: float = 1.0  # time without a detection after which the drone climbs to see more
-    max_height_m: float = 2.2  # above the carpet: higher, only more box roofs come into view
+    max_height_m: float = 2.2  # above the ground: higher, only more box roofs come into view
     confirmations: int = 2  # detections in a row within the tolerance that count as centred
     gain_per_s: float = 0.8  # speed per offset; stable with images up to 0.6 s late
     max_mps: float = 0.25
@@ -78,7 +78,7 @@ class HelipadCenter(MovingLeaf):
             default=1.1,
             least=0.3,
             most=20,
-            doc="height above the carpet of the second centring, m; at least 0.7 m above the mark",
+            doc="height above the ground of the second centring, m; at least 0.7 m above the mark",
         ),
         Port(
             "tolerance_m",
@@ -106,7 +106,7 @@ class HelipadCenter(MovingLeaf):
             at_setup=True,
         ),
     )
-    reads = (STATE, FRAME, CAMERA, HELIPAD)
+    reads = (STATE, FRAME, CAMERA, MARK)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -151,16 +151,16 @@ class HelipadCenter(MovingLeaf):
             self._climb_next_m = 0.0
             return Status.RUNNING
         if self.leaf_clock.now() > self._gives_up_s:
-            self.feedback_message = "helipad lost"
+            self.feedback_message = "mark lost"
             return Status.FAILURE
         fix, camera = self._fix_from_above(), self.read(CAMERA).value
         if fix is not None and camera is not None:
             return self._centre(state, fix, camera)
         return self._go_on_unseen(state)
 
-    def _fix_from_above(self) -> HelipadFix | None:
+    def _fix_from_above(self) -> MarkFix | None:
         """Return a new detection, looking straight down, since the last movement ended."""
-        frame, fix = self.read(FRAME).value, self.read(HELIPAD).value
+        frame, fix = self.read(FRAME).value, self.read(MARK).value
         if frame is None or fix is None or not fix.detected:
             return None
         if fix.captured_s == self._judged_s:
@@ -168,7 +168,7 @@ class HelipadCenter(MovingLeaf):
         down = camera_points_at(frame, STRAIGHT_DOWN_RAD, slack_rad=self.config.pitch_slack_rad)
         return fix if down and fix.captured_s >= self._step.ended_s else None
 
-    def _centre(self, state: DroneState, fix: HelipadFix, camera: CameraModel) -> Status:
+    def _centre(self, state: DroneState, fix: MarkFix, camera: CameraModel) -> Status:
         self._judged_s = fix.captured_s
         turn_rad = self._turn_to(fix)
         if abs(turn_rad) > self.config.heading_slack_rad:
@@ -188,10 +188,10 @@ class HelipadCenter(MovingLeaf):
             return Status.SUCCESS
         self._low, self._confirmed, self._steered_s = True, 0, -math.inf
         low_m = max(self.port_value("low_m"), self._low_m)
-        self.start_move(down_m=state.height_above_carpet_m - low_m)
+        self.start_move(down_m=state.height_above_ground_m - low_m)
         return Status.RUNNING
 
-    def _turn_to(self, fix: HelipadFix) -> float:
+    def _turn_to(self, fix: MarkFix) -> float:
         """Return the turn to the wanted heading, clockwise; 0 without one or an unknown heading."""
         if self._heading_rad is None or fix.heading_deg is None:
             return 0.0
@@ -210,7 +210,7 @@ class HelipadCenter(MovingLeaf):
             return Status.RUNNING
         since_s = max(self._step.ended_s, self._started_s, self._judged_s)
         waited_s = self.clock.now() - max(since_s, self.leaf_clock.resumed_s)
-        if waited_s > self.config.wait_s and state.height_above_carpet_m < self.config.max_height_m:
+        if waited_s > self.config.wait_s and state.height_above_ground_m < self.config.max_height_m:
             self._low, self._confirmed = False, 0
             self.start_move(down_m=-self.port_value("climb_m"))
         return Status.RUNNING

@@ -1,4 +1,4 @@
-"""Land on the helipad, or in an emergency on any surface that holds the drone."""
+"""Land on the mark, or in an emergency on any surface that holds the drone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import ClassVar, Final
 from behaviours.fly.landing_spot import LandingSpot, nearest_landing_spot
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, PHASE, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, MissionPhase
@@ -78,7 +78,7 @@ class Land(LandingLeaf):
     """
 
     answers = (Status.SUCCESS, Status.RUNNING)
-    reads = (STATE, CAMERA, HELIPAD)
+    reads = (STATE, CAMERA, MARK)
     writes = (PHASE,)
 
     def initialise(self) -> None:
@@ -108,7 +108,7 @@ class Land(LandingLeaf):
         Args:
             offset_m: Distance of the lens ahead of the body's centre.
         """
-        fix = self.read(HELIPAD).value
+        fix = self.read(MARK).value
         if fix is None or math.hypot(fix.forward_m - offset_m, fix.right_m) > _NEAR_M:
             return offset_m, 0.0
         return fix.forward_m, fix.right_m

@@ -49,7 +49,7 @@ def nearest_landing_spot(
         mark_m: Height of the landing mark's top above the ground.
     """
     roles = class_map.roles
-    height_m = max(frame.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
+    height_m = max(frame.height_above_ground_m, MIN_VIEW_HEIGHT_M)
     surfaces = [(roles == GROUND, height_m)]
     above_pad_m = height_m - mark_m
     if above_pad_m >= MIN_VIEW_HEIGHT_M:

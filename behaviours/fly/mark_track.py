@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_bt.answers import FollowLeg, Rotate
-from uav_bt.board import HELIPAD, SITE_MAP
+from uav_bt.board import MARK, SITE_MAP
 from uav_bt.board.blackboard import Key
 from uav_bt.tree import Leaf
-from uav_bt.types import HelipadFix
+from uav_bt.types import MarkFix
 from uav_bt.types.site_map import MapMark
 
 MARK_GONE: Final = Key(
@@ -27,7 +27,7 @@ TRACK_TRIED: Final = Key(
     unit="s",
     writer="StopAboveMark",
 )
-TRACK_KEYS: Final = (HELIPAD, SITE_MAP, MARK_GONE)
+TRACK_KEYS: Final = (MARK, SITE_MAP, MARK_GONE)
 """Keys that a leaf must declare as read to fly to the mark by its track."""
 
 
@@ -79,7 +79,7 @@ def mark_of(leaf: Leaf) -> MapMark | None:
     return mark if mark is not None and (gone_s is None or mark.seen_s > gone_s) else None
 
 
-def believed_fix(leaf: Leaf) -> HelipadFix | None:
+def believed_fix(leaf: Leaf) -> MarkFix | None:
     """Return the track if it is not lost and its place is plausible; else None.
 
     A plausible place is near the map's mark. Without a mark on the map, it is anywhere but beyond
@@ -88,7 +88,7 @@ def believed_fix(leaf: Leaf) -> HelipadFix | None:
     Args:
         leaf: A leaf that declares `TRACK_KEYS`.
     """
-    fix, site_map = leaf.read(HELIPAD).value, leaf.read(SITE_MAP).value
+    fix, site_map = leaf.read(MARK).value, leaf.read(SITE_MAP).value
     if fix is None or leaf.clock.now() - fix.captured_s > TRACK.lost_s:
         return None
     if site_map is None:
@@ -101,7 +101,7 @@ def believed_fix(leaf: Leaf) -> HelipadFix | None:
     return fix if apart_m <= TRACK.agrees_m else None
 
 
-def is_clear(leaf: Leaf, fix: HelipadFix) -> bool:
+def is_clear(leaf: Leaf, fix: MarkFix) -> bool:
     """Return whether no seen obstacle is on the straight path to the mark.
 
     Args:
@@ -115,7 +115,7 @@ def is_clear(leaf: Leaf, fix: HelipadFix) -> bool:
     return near.allows(fix.forward_m, fix.right_m, margin_m=TRACK.clear_m, assumed=False)
 
 
-def is_at_mark(fix: HelipadFix, now_s: float, close_m: float = TRACK.close_m) -> bool:
+def is_at_mark(fix: MarkFix, now_s: float, close_m: float = TRACK.close_m) -> bool:
     """Return whether the last metre begins: the mark is near, or left the view by the lower edge.
 
     Args:
@@ -127,7 +127,7 @@ def is_at_mark(fix: HelipadFix, now_s: float, close_m: float = TRACK.close_m) ->
     return fix.range_m <= TRACK.at_mark_m or (below and fix.range_m < close_m)
 
 
-def straight_to(fix: HelipadFix, *, most_m: float = math.inf) -> FollowLeg | Rotate:
+def straight_to(fix: MarkFix, *, most_m: float = math.inf) -> FollowLeg | Rotate:
     """Return the straight course to the mark.
 
     Args:

@@ -116,7 +116,7 @@ class ClimbTo(MovingLeaf):
         if self.progress is Progress.FAILED:
             self.feedback_message = self.trouble
             return Status.FAILURE
-        too_high_m = state.height_above_carpet_m - self.port_value("height_m")
+        too_high_m = state.height_above_ground_m - self.port_value("height_m")
         if abs(too_high_m) <= self.slack_m:
             return Status.SUCCESS
         self.start_move(down_m=too_high_m)

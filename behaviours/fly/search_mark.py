@@ -114,7 +114,7 @@ class SearchByMap(CourseLeaf):
             return self._flight_rad
         if mark is not None and self._search.aim is Aim.MARK:
             range_m = math.hypot(mark.x_m - site_map.pose.x_m, mark.y_m - site_map.pose.y_m)
-            above_m = state.height_above_carpet_m - self._mark_m
+            above_m = state.height_above_ground_m - self._mark_m
             return mark_pitch_rad(range_m, above_m, self._flight_rad)
         # Viewpoints are chosen for views at the pitch in flight.
         return self._flight_rad if self._search.looks else self.ground_pitch_rad(self._flight_rad)
@@ -124,7 +124,7 @@ class SearchByMap(CourseLeaf):
         if camera is None:
             return None
         far_m = self._search.config.view.far_m
-        in_view = GroundInView.of(camera, self._flight_rad, state.height_above_carpet_m, far_m)
+        in_view = GroundInView.of(camera, self._flight_rad, state.height_above_ground_m, far_m)
         corridor = self.read(CORRIDOR).value
         mark = mark_of(self) if self._to_mark else None
         return self._search.decide(site_map, mark, self.obstacles(), corridor, in_view)

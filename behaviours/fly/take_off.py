@@ -45,7 +45,7 @@ class TakeOff(MovingLeaf):
             default=1.5,
             least=0.3,
             most=20,
-            doc="flight height above the carpet, m",
+            doc="flight height above the ground, m",
             caution=above_ceiling,
         ),
         Port(
@@ -92,7 +92,7 @@ class TakeOff(MovingLeaf):
         if self.progress is Progress.FAILED:
             self.feedback_message = self.trouble
             return Status.FAILURE
-        error_m = state.height_above_carpet_m - self.port_value("height_m")
+        error_m = state.height_above_ground_m - self.port_value("height_m")
         if abs(error_m) > self.config.height_slack_m:
             self.start_move(down_m=error_m)
             return Status.RUNNING

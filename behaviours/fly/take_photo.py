@@ -228,7 +228,7 @@ class TakePhoto(Leaf):
             class_map=None if class_map is None else f"{name}-classes.png",
             time_s=round(elapsed_s - (self.clock.now() - frame.captured_s), 3),
             pose=self._pose(),
-            height_m=round(frame.height_above_carpet_m, 3),
+            height_m=round(frame.height_above_ground_m, 3),
             gimbal_pitch_deg=round(math.degrees(frame.gimbal_pitch_rad), 1),
         )
         return _Shot(

@@ -60,7 +60,7 @@ class Advise(Leaf):
             x_m=newest.pose.x_m,
             y_m=newest.pose.y_m,
             yaw_rad=newest.pose.yaw_rad,
-            height_above_carpet_m=frame.height_above_carpet_m,
+            height_above_ground_m=frame.height_above_ground_m,
             gimbal_pitch_rad=frame.gimbal_pitch_rad,
             turning=held.direction,
             full_turns=held.full_turns,

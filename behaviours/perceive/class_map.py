@@ -11,7 +11,7 @@ from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
     FRAME,
-    HELIPAD,
+    MARK,
     ODOMETRY,
     SITE_MAP,
     STATE,
@@ -94,15 +94,16 @@ class Segment(Leaf):
         return runtime.OnnxSegmenter(path, mission.classes, mapping, threads=threads)
 
 
-class FindHelipad(Leaf):
+class FindMark(Leaf):
     """Find the landing mark in each new view and track it through misses; SUCCESS always.
 
     Kind, size and height of the mark are those of the lab, the site or the scene.
     """
 
+    formerly = ("FindHelipad",)
     answers = (Status.SUCCESS,)
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
-    writes = (HELIPAD,)
+    writes = (MARK,)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make the finder of the mark; raises InputError if the mark's options are wrong."""
@@ -110,7 +111,7 @@ class FindHelipad(Leaf):
 
         self._finder, self._track = make_mark_finder(mission.mark), TrackedMark()
         self._sight = mission.sight if self._finder.uses_images else None
-        self._timer = StageTimer(mission, "helipad")
+        self._timer = StageTimer(mission, "mark")
         self._last_s, self._map_restarts = -1.0, 0
 
     def on_inherit(self, former: Self) -> None:
@@ -140,7 +141,7 @@ class FindHelipad(Leaf):
                 self._track.see(self._sighting(captured_s), captured_s)
         fix = self._track.fix()
         if fix is not None:
-            self.write(HELIPAD, fix, captured_s=fix.captured_s)
+            self.write(MARK, fix, captured_s=fix.captured_s)
         return Status.SUCCESS
 
     def _view_s(self) -> float | None:

@@ -32,7 +32,7 @@ NETWORK_AHEAD_M: Final = 2.5
 class EstimateDepth(Leaf):
     """Estimate the metric depth of each new frame; SUCCESS always.
 
-    Nothing is written for a frame without metric depth (black, frozen, too little carpet, no
+    Nothing is written for a frame without metric depth (black, frozen, too little ground, no
     height), and the leaf's message gives the reason. If `MapSite` ticks before this leaf, the base
     of a box gives its range even after the base has left the view.
     """

@@ -25,9 +25,9 @@ class TrackMotion(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make the odometry."""
-        from perception.odometry.carpet import CarpetOdometry  # noqa: PLC0415  (OpenCV is heavy)
+        from perception.odometry.ground import GroundOdometry  # noqa: PLC0415  (OpenCV is heavy)
 
-        self._odometry = CarpetOdometry(
+        self._odometry = GroundOdometry(
             measure=None if mission.sight is None else mission.sight.motion
         )
         self._timer = StageTimer(mission, "odometry")

@@ -10,7 +10,7 @@ from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
     FRAME,
-    HELIPAD,
+    MARK,
     ODOMETRY,
     SITE_MAP,
 )
@@ -27,13 +27,13 @@ class MapSite(Leaf):
     """Keep the map of the place; SUCCESS always.
 
     Place it after `TrackMotion`: a class map enters the map only with the drone's pose at its
-    capture. A `FindHelipad` before it puts the landing mark on the map.
+    capture. A `FindMark` before it puts the landing mark on the map.
     """
 
     answers = (Status.SUCCESS,)
     mapping: ClassVar[SiteMapperConfig | None] = None  # None: the defaults
     formerly = ("RememberObstacles",)
-    reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, HELIPAD)
+    reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, MARK)
     writes = (SITE_MAP,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -79,6 +79,6 @@ class MapSite(Leaf):
             self._mapper.pass_over(frame.captured_s)
         else:
             self._mapper.add(view)
-        fix = self.read(HELIPAD).value
+        fix = self.read(MARK).value
         if fix is not None and fix.detected:
             self._mapper.see_mark(fix)

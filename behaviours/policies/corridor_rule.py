@@ -3,10 +3,10 @@
     front clear beyond 2 m      advance up to 1 m
     something nearer            advance as far as is safe
     too near for a step         turn away from the side with the nearest obstacle
-    carpet ends                 turn to the half with more carpet, as in the first level
+    ground ends                 turn to the half with more ground, as in the first level
     no depth                    turn on the spot and look again
 
-A step is the least of four lengths: the free corridor (from the depth map), the carpet ahead (from
+A step is the least of four lengths: the free corridor (from the depth map), the ground ahead (from
 the class map and the camera's geometry), the path clear of obstacles on the map (a forward-looking
 camera does not see those beside the drone), and the longest step.
 """
@@ -26,7 +26,7 @@ from uav_bt.protocols import PolicyView
 from uav_bt.types import MIN_VIEW_HEIGHT_M
 from uav_bt.types.projection import project
 
-_ACROSS: int = 9  # samples of the carpet's width at each range
+_ACROSS: int = 9  # samples of the ground's width at each range
 _RANGE_STEP_M = 0.05
 
 
@@ -41,11 +41,11 @@ class CorridorRuleConfig:
     # ahead of its centre and 0.16 m to either side (`Airframe`), so 0.2 m at any heading. A step
     # of 1 m strays by 0.1 m, and the depth has an error of 0.1 m.
     front_margin_m: float = 0.6
-    # Between the body's centre at the step's end and the end of the carpet.
+    # Between the body's centre at the step's end and the end of the ground.
     edge_margin_m: float = 0.5
-    carpet_half_width_m: float = 0.4  # of the strip ahead that must be carpet
-    carpet_share: float = 0.7  # of the strip's width, at every range
-    carpet_range_m: float = 4.0  # from the camera; further away one row spans several decimetres
+    ground_half_width_m: float = 0.4  # of the strip ahead that must be ground
+    ground_share: float = 0.7  # of the strip's width, at every range
+    ground_range_m: float = 4.0  # from the camera; further away one row spans several decimetres
     side_margin_m: float = 0.55  # from the body's centre to obstacles on the map beside the path
     # Reduction of every margin after each full turn without a free path. Obstacles on the map are
     # off by up to 0.2 m after half a minute of turning, and the body's half diagonal is 0.2 m.
@@ -65,20 +65,20 @@ class CorridorRuleConfig:
             raise ValueRangeError(f"a turn must lie within 0 and pi, got {self.turn_rad} rad")
 
 
-def carpet_reach(roles: NDArray[np.uint8], view: PolicyView, config: CorridorRuleConfig) -> float:
-    """Return the length of the carpet ahead of the camera, metres; inf when no end is in view.
+def ground_reach(roles: NDArray[np.uint8], view: PolicyView, config: CorridorRuleConfig) -> float:
+    """Return the length of the ground ahead of the camera, metres; inf when no end is in view.
 
-    Boxes and the helipad stand on the carpet, so they count as carpet. The floor below the image's
-    lower edge counts as carpet if the lowest visible rows show carpet.
+    Boxes and the mark stand on the ground, so they count as ground. The floor below the image's
+    lower edge counts as ground if the lowest visible rows show ground.
 
     Args:
         roles: (H, W) uint8, role ids.
         view: the view of these roles.
         config: width, share and range.
     """
-    height_m = max(view.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
-    ranges = np.arange(_RANGE_STEP_M, config.carpet_range_m, _RANGE_STEP_M)
-    across = np.linspace(-config.carpet_half_width_m, config.carpet_half_width_m, _ACROSS)
+    height_m = max(view.height_above_ground_m, MIN_VIEW_HEIGHT_M)
+    ranges = np.arange(_RANGE_STEP_M, config.ground_range_m, _RANGE_STEP_M)
+    across = np.linspace(-config.ground_half_width_m, config.ground_half_width_m, _ACROSS)
     points = np.empty((ranges.size, across.size, 3))
     points[..., 0], points[..., 1], points[..., 2] = ranges[:, None], across, height_m
     pixels = project(points, view.camera, view.gimbal_pitch_rad)
@@ -90,11 +90,11 @@ def carpet_reach(roles: NDArray[np.uint8], view: PolicyView, config: CorridorRul
     seen = roles[rows[inside].astype(int), columns[inside].astype(int)]
     is_background[inside] = seen == OUTSIDE
     visible = inside.any(axis=1)
-    allowed = (1.0 - config.carpet_share) * np.maximum(inside.sum(axis=1), 1)
+    allowed = (1.0 - config.ground_share) * np.maximum(inside.sum(axis=1), 1)
     ends = is_background.sum(axis=1) > allowed
     if not ends.any():
         return math.inf
-    # The nearest visible row is background: the carpet ends somewhere below the view.
+    # The nearest visible row is background: the ground ends somewhere below the view.
     return 0.0 if ends[visible.argmax()] else float(ranges[ends.argmax()])
 
 
@@ -113,16 +113,16 @@ class CorridorRule:
                 yaw_rad=self._held(view, view.tie_break - 0.5), reason="no depth", free_m=0.0
             )
         roles = view.class_map.roles
-        reach_m = carpet_reach(roles, view, cfg) + view.camera.forward_offset_m
-        by_carpet_m = reach_m - cfg.edge_margin_m + relief_m
+        reach_m = ground_reach(roles, view, cfg) + view.camera.forward_offset_m
+        by_ground_m = reach_m - cfg.edge_margin_m + relief_m
         by_corridor_m = view.corridor.free_distance_m - cfg.front_margin_m + relief_m
         min_step_m = cfg.shortest_step_m + (cfg.hysteresis_m if view.turning else 0.0)
-        ground_ends = by_carpet_m < min_step_m
+        ground_ends = by_ground_m < min_step_m
         margin_m = cfg.side_margin_m - relief_m
         free_m = self._beside(view, max(0.0, min(cfg.longest_step_m, by_corridor_m)), margin_m)
-        step_m = min(cfg.longest_step_m, by_carpet_m, by_corridor_m)
+        step_m = min(cfg.longest_step_m, by_ground_m, by_corridor_m)
         if step_m >= min_step_m:
-            as_far = by_carpet_m >= min(cfg.longest_step_m, by_corridor_m)
+            as_far = by_ground_m >= min(cfg.longest_step_m, by_corridor_m)
             step_m = free_m if as_far else self._beside(view, step_m, margin_m)
         if step_m >= cfg.shortest_step_m and not ground_ends and by_corridor_m >= min_step_m:
             return Advance(forward_m=step_m, reason="clear", free_m=free_m)

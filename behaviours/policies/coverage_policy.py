@@ -125,7 +125,7 @@ class CoveragePolicy:
         cfg, pitch_rad = self.config, view.gimbal_pitch_rad
         if site_map.captured_s - site_map.ground_s > cfg.blind_s:
             return True
-        height_m = view.height_above_carpet_m
+        height_m = view.height_above_ground_m
         shown = ground_share(site_map, view.camera, pitch_rad, height_m, cfg.pointing)
         return shown < cfg.pointing.little
 

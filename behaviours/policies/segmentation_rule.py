@@ -2,18 +2,18 @@
 
     low full,  high empty   advance 30 cm
     low full,  high filled  turn to the half with fewer obstacle pixels
-    low short, high empty   turn to the half with more carpet
+    low short, high empty   turn to the half with more ground
     low short, high filled  turn round
 
 The paper gives thresholds (1600 and 900 pixels of a 224x112 map) but not the rectangles. Here they
 follow from the camera's geometry, so that each asks a question in metres:
 
 - The *high* rectangle asks whether a box stands in the way. Its upper edge is the row that sees the
-  carpet `obstacle_range_m` ahead: a box whose base is further away does not reach into it. Its
-  lower edge is the image's, where the nearest visible carpet lies. A nearer box that reaches the
+  ground `obstacle_range_m` ahead: a box whose base is further away does not reach into it. Its
+  lower edge is the image's, where the nearest visible ground lies. A nearer box that reaches the
   flight altitude fills it from top to bottom at any distance.
-- The *low* rectangle asks whether the carpet goes on. It spans the carpet from the nearest visible
-  row to `carpet_range_m`. Boxes and the helipad stand on the carpet, so they count as carpet.
+- The *low* rectangle asks whether the ground goes on. It spans the ground from the nearest visible
+  row to `ground_range_m`. Boxes and the mark stand on the ground, so they count as ground.
 
 Both rectangles are as wide as the image of the swept path with its margins at the distance in
 question.
@@ -67,19 +67,19 @@ class SegmentationRuleConfig:
     step_m: float = 0.3  # the paper's advance
     turn_rad: float = math.radians(30)  # one correction; a third of the view
     obstacle_threshold_px: float = 900.0  # of a 224x112 map, as in the paper
-    carpet_threshold_px: float = 1600.0  # of a 224x112 map, as in the paper
+    ground_threshold_px: float = 1600.0  # of a 224x112 map, as in the paper
     obstacle_range_m: float = 1.6  # from the camera: boxes based beyond this are not in the way
     # From the image's centre. The side of a box 0.4 m beside the path and 1.2 m ahead is seen at 14
     # degrees. The other 8 degrees are the 26 columns that it needs to reach the threshold.
     obstacle_half_angle_rad: float = math.radians(22)
-    carpet_range_m: float = 1.75  # from the camera: required length of the carpet ahead
-    carpet_half_angle_rad: float = math.radians(18)
+    ground_range_m: float = 1.75  # from the camera: required length of the ground ahead
+    ground_half_angle_rad: float = math.radians(18)
     # A turn ends at this share of the obstacle threshold, which prevents dithering at it.
     hysteresis: float = 0.75
-    # After each full turn without a free path the obstacle threshold grows and the carpet
+    # After each full turn without a free path the obstacle threshold grows and the ground
     # threshold falls by these shares.
     obstacle_relief: float = 0.35
-    carpet_relief: float = 0.2
+    ground_relief: float = 0.2
     max_full_turns: int = 3  # full turns after which the thresholds change no further
     # From the body's centre to an obstacle's base on the map: 0.2 m is half the body's diagonal,
     # the rest allows for drift and mask errors. From a nearer obstacle the drone may only leave.
@@ -110,7 +110,7 @@ class SegmentationRule:
         """Return the high and the low rectangle for a view's camera, pitch and height."""
         cfg = self.config
         high = self._rectangle(view, cfg.obstacle_range_m, cfg.obstacle_half_angle_rad)
-        low = self._rectangle(view, cfg.carpet_range_m, cfg.carpet_half_angle_rad)
+        low = self._rectangle(view, cfg.ground_range_m, cfg.ground_half_angle_rad)
         return high, low
 
     def decide(self, view: PolicyView) -> Advance | Blocked:
@@ -127,21 +127,21 @@ class SegmentationRule:
         if view.turning:
             obstacle_limit *= cfg.hysteresis
         way_is_free = obstacles <= obstacle_limit and self._keeps_margin(view, relief)
-        carpet_goes_on = ground >= cfg.carpet_threshold_px * (1.0 - cfg.carpet_relief * relief)
-        if way_is_free and carpet_goes_on:
+        ground_goes_on = ground >= cfg.ground_threshold_px * (1.0 - cfg.ground_relief * relief)
+        if way_is_free and ground_goes_on:
             return Advance(forward_m=cfg.step_m, reason="clear")
 
-        reason = "obstacle" if carpet_goes_on else ("edge" if way_is_free else "corner")
+        reason = "obstacle" if ground_goes_on else ("edge" if way_is_free else "corner")
         yaw_rad = math.copysign(math.pi, view.tie_break - 0.5)
         if view.turning:
             yaw_rad = math.copysign(cfg.turn_rad, view.turning)
-        elif carpet_goes_on:
+        elif ground_goes_on:
             left, right = (_count(half, OBSTACLE) for half in high.halves(roles))
             yaw_rad = self._turn(right, left, view.tie_break)
         elif way_is_free:
             left, right = (_count(half, GROUND) for half in high.halves(roles))
             yaw_rad = self._turn(left, right, view.tie_break)
-        return Blocked(yaw_rad=yaw_rad, ground_ends=not carpet_goes_on, reason=reason)
+        return Blocked(yaw_rad=yaw_rad, ground_ends=not ground_goes_on, reason=reason)
 
     def _keeps_margin(self, view: PolicyView, relief: int) -> bool:
         if view.site_map is None:
@@ -162,7 +162,7 @@ class SegmentationRule:
     @staticmethod
     def _rectangle(view: PolicyView, range_m: float, half_angle_rad: float) -> Rectangle:
         camera: CameraModel = view.camera
-        height_m = max(view.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
+        height_m = max(view.height_above_ground_m, MIN_VIEW_HEIGHT_M)
         top = ground_range_to_row(range_m, camera, view.gimbal_pitch_rad, height_m)
         reach = camera.fx_px * math.tan(half_angle_rad)
         return Rectangle(

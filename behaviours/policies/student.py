@@ -88,7 +88,7 @@ class StudentPolicy:
             )
         views = [view.recent.ago(age_s) for age_s in self._student.config.ages_s]
         ego = EgoState(
-            height_above_carpet_m=view.height_above_carpet_m,
+            height_above_ground_m=view.height_above_ground_m,
             gimbal_pitch_rad=view.gimbal_pitch_rad,
             turning=view.turning,
             full_turns=view.full_turns,

@@ -95,7 +95,7 @@ def policy_view(
         class_map=class_map,
         camera=camera.resized(width_px, height_px),
         gimbal_pitch_rad=frame.gimbal_pitch_rad,
-        height_above_carpet_m=frame.height_above_carpet_m,
+        height_above_ground_m=frame.height_above_ground_m,
         corridor=leaf.read(CORRIDOR).value,
         site_map=leaf.read(SITE_MAP).value,
         recent=recent,

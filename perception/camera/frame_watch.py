@@ -17,8 +17,8 @@ class FrameWatchConfig:
     """Thresholds for unusable images.
 
     Attributes:
-        dark: A twentieth of the image must reach this grey level, 0 to 255. An image of black
-            carpet in the evening passes, because its other side shows a wall.
+        dark: A twentieth of the image must reach this grey level, 0 to 255. An image of a dark
+            ground in the evening passes, because its other side shows a wall.
         bright: The mean grey level above which an image is overexposed, 0 to 255.
         contrast: Minimum standard deviation of the shrunk image, grey levels. A covered lens gives
             less.

@@ -1,4 +1,4 @@
-"""The ground plane in the image: the depth of the carpet at every pixel.
+"""The ground plane in the image: its depth at every pixel.
 
 Frames are those of `uav_bt.types.projection`: a level frame at the lens, x forward, y right,
 z down.
@@ -30,11 +30,11 @@ _LEVEL = 1e-6  # rays that descend less than this per unit of depth never meet t
 
 @dataclass(frozen=True, kw_only=True)
 class CameraView:
-    """Height and attitude of the lens above the carpet."""
+    """Height and attitude of the lens above the ground."""
 
     camera: CameraModel  # at the size of the class or depth map; undistorted
     pitch_rad: float  # of the optical axis to the horizon, negative down
-    height_m: float  # of the lens above the carpet
+    height_m: float  # of the lens above the ground
     roll_rad: float = 0.0  # of the image about the optical axis, its right side down positive
 
     def __post_init__(self) -> None:
@@ -62,7 +62,7 @@ def view_of(
     the nose.
 
     Args:
-        frame: its gimbal pitch, attitude and height above the carpet are used.
+        frame: its gimbal pitch, attitude and height above the ground are used.
         camera: intrinsics of that camera, at any size.
         size_px: width and height of the class or depth map.
         roll_rad: roll that the gimbal leaves; no supported drone reports it.
@@ -74,7 +74,7 @@ def view_of(
     return CameraView(
         camera=camera.resized(*size_px),
         pitch_rad=frame.gimbal_pitch_rad,
-        height_m=frame.height_above_carpet_m + lever_m,
+        height_m=frame.height_above_ground_m + lever_m,
         roll_rad=roll_rad,
     )
 
@@ -110,7 +110,7 @@ def ground_depth(
 
     Args:
         view: the camera.
-        plane_m: height of the plane above the carpet, such as that of the landing mark's top.
+        plane_m: height of the plane above the ground, such as that of the landing mark's top.
         rays: `level_rays(view)`, if already computed.
 
     Returns:
@@ -123,7 +123,7 @@ def ground_depth(
     if not above_m > 0.0:
         raise ValueRangeError(
             f"the lens must be above the plane it looks at, got {view.height_m:.3f} m above the "
-            f"carpet with the plane at {plane_m:.3f} m"
+            f"ground with the plane at {plane_m:.3f} m"
         )
     down = (level_rays(view) if rays is None else rays)[2]
     meets = down > _LEVEL
@@ -134,7 +134,7 @@ def ground_depth(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundPlane:
-    """The carpet in one view, computed once for all users."""
+    """The ground in one view, computed once for all users."""
 
     view: CameraView
     rays: NDArray[np.float32]  # (3, H, W), `level_rays`
@@ -142,10 +142,10 @@ class GroundPlane:
 
     @classmethod
     def of(cls, view: CameraView) -> GroundPlane:
-        """Return the carpet in a view.
+        """Return the ground in a view.
 
         Raises:
-            ValueRangeError: the lens is not above the carpet.
+            ValueRangeError: the lens is not above the ground.
         """
         rays = level_rays(view)
         return cls(view=view, rays=rays, depth_m=ground_depth(view, rays=rays))

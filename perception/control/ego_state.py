@@ -83,7 +83,7 @@ _SIDED_MOVED: Final = (False, False, True, True, False)
 class EgoState:
     """The state of the drone at a decision."""
 
-    height_above_carpet_m: float
+    height_above_ground_m: float
     gimbal_pitch_rad: float
     turning: int = 0  # a turn under way: +1 clockwise, -1 counter-clockwise, 0 none
     full_turns: int = 0  # consecutive full turns without a free path
@@ -109,7 +109,7 @@ def state_vector(ego: EgoState, poses: Sequence[OdometryPose]) -> NDArray[np.flo
     """
     now = poses[0]
     values = [
-        ego.height_above_carpet_m - _HEIGHT_M,
+        ego.height_above_ground_m - _HEIGHT_M,
         ego.gimbal_pitch_rad - _PITCH_RAD,
         float(ego.turning),
         min(ego.full_turns, _MAX_FULL_TURNS) / _MAX_FULL_TURNS,

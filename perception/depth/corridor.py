@@ -47,9 +47,9 @@ class CorridorConfig:
 
     left_m: float = 0.5  # twice the body's half width and a margin
     right_m: float = 0.5  # as left_m
-    front_m: float = 2.0  # half the carpet
+    front_m: float = 2.0  # half the width of the paper's carpet
     up_m: float = 0.8
-    down_m: float = 0.8  # at a flight height of 1.5 m the carpet and the helipad stay below
+    down_m: float = 0.8  # at a flight height of 1.5 m the ground and the mark stay below
     focal_factor: float = 1.0  # f; 0.8 to 1.2 in the paper
     # a: planes nearer to the lens than f times this do not count. The paper's normalised rays put
     # the image plane at 1 m. All pixels more than 27 degrees off the axis then lose their side

@@ -41,7 +41,7 @@ class MetricDepthConfig:
 
     black_level: float = 8.0  # a frame with a mean below this, of 255, is black
     checked_px: int = 8  # step in rows and columns between the pixels of that mean
-    min_height_m: float = 0.15  # a lower drone is on the ground and sees no carpet
+    min_height_m: float = 0.15  # a lower drone stands, and its camera is too near to the ground
     max_m: float = 20.0  # larger than any lab; limits the depth of a network's sky
     roll_rad: float = 0.0  # known roll of the image that the gimbal leaves, right side down
     # `fused` depth needs the network if the farthest possible point of an obstacle of unknown depth
@@ -75,7 +75,7 @@ class MetricDepthMaker:
             limited by the upper bound of ``contact``. In ``contact`` depth, the network then gives
             the height of a roof if the base of its box is out of sight.
         scale: estimator of the scale of the network's depth; None for `AdaptiveScale`.
-        generator: samples the carpet's pixels.
+        generator: samples the ground's pixels.
         config: which frames are refused.
 
     Raises:
@@ -121,7 +121,7 @@ class MetricDepthMaker:
         height_px, width_px = class_map.ids.shape
         view = view_of(frame, camera, (width_px, height_px), roll_rad=self._config.roll_rad)
         if not view.height_m > 0.0:
-            return MetricDepth(depth=None, refusal="no height above the carpet")
+            return MetricDepth(depth=None, refusal="no height above the ground")
         ground, captured_s = GroundPlane.of(view), frame.captured_s
         contact = None
         if self._source != "network":
@@ -167,16 +167,16 @@ class MetricDepthMaker:
         scale = self._scale.update(sample, class_map.captured_s)
         if scale is not None:
             return scale, ""
-        why = "too little carpet" if sample is None else "the carpet disagrees with itself"
+        why = "too little ground" if sample is None else "the ground disagrees with itself"
         return None, f"no scale: {why}"
 
     def _refusal(self, frame: Frame, class_map: ClassMap) -> str:
-        height_m, pitch_rad = frame.height_above_carpet_m, frame.gimbal_pitch_rad
+        height_m, pitch_rad = frame.height_above_ground_m, frame.gimbal_pitch_rad
         finite = map(math.isfinite, (height_m, pitch_rad, frame.attitude.pitch_rad))
         if not all(finite):
             return "telemetry is not finite"
         if height_m < self._config.min_height_m:
-            return "no height above the carpet"
+            return "no height above the ground"
         every = self._config.checked_px
         if frame.image[::every, ::every].mean() < self._config.black_level:
             return "the frame is black"
@@ -211,7 +211,7 @@ def _relative_refusal(frame: Frame, relative: DepthMap | None) -> str:
 def _contact_only(contact: ContactDepth | None, captured_s: float, no_scale: str) -> MetricDepth:
     """Return the depth by ground contact; None instead of an empty map, which would mean free."""
     if contact is None or not np.isfinite(contact.depth).any():
-        refusal = no_scale or "nothing in view stands on carpet"
+        refusal = no_scale or "nothing in view stands on ground"
         return MetricDepth(depth=None, refusal=refusal)
     known = DepthMap(
         depth=contact.depth,

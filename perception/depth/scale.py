@@ -1,8 +1,8 @@
 """From relative depth to metres: the paper's adaptive scale (equations 4 to 9).
 
-A network trained without ground truth gives depth in an unknown unit. The carpet is a plane at a
-known distance (`perception.camera.ground_plane`), so each carpet pixel gives the unit in metres.
-The scale of a frame is the median ratio of 50 random carpet pixels. A Kalman filter that rejects
+A network trained without ground truth gives depth in an unknown unit. The ground is a plane at a
+known distance (`perception.camera.ground_plane`), so each ground pixel gives the unit in metres.
+The scale of a frame is the median ratio of 50 random ground pixels. A Kalman filter that rejects
 outliers smooths it over time. The filter's state is the logarithm of the scale, because the errors
 are relative: a network that underestimates depth by a tenth does so at all ranges.
 
@@ -40,14 +40,14 @@ class Scale:
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleConfig:
-    """How the carpet is sampled, and how much of it is needed."""
+    """How the ground is sampled, and how much of it is needed."""
 
-    points: int = 50  # carpet pixels per frame; the paper's compromise of time and noise
-    # Distance to the carpet's border, where mask and depth are least accurate: the paper's 10 of
+    points: int = 50  # ground pixels per frame; the paper's compromise of time and noise
+    # Distance to the ground's border, where mask and depth are least accurate: the paper's 10 of
     # 256 rows, as a share of the map's height.
     margin_share: float = 10.0 / 256.0
-    min_points: int = 20  # with fewer inner carpet pixels a frame gives no scale
-    max_range_m: float = 6.0  # of carpet pixels; beyond the lab one row spans metres
+    min_points: int = 20  # with fewer inner ground pixels a frame gives no scale
+    max_range_m: float = 6.0  # of ground pixels; beyond the lab one row spans metres
     spread_half: float = 0.1  # relative spread of the ratios at which the confidence is 0.5
 
     def __post_init__(self) -> None:
@@ -59,8 +59,8 @@ class ScaleConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarpetSample:
-    """Carpet pixels with both depths."""
+class GroundSample:
+    """Ground pixels with both depths."""
 
     pixels: NDArray[np.intp]  # (N, 2) column, row
     known_m: Floats32  # (N,) along the optical axis, from the ground plane
@@ -76,8 +76,8 @@ def sample_ground(
     ground_m: Floats32,
     generator: np.random.Generator,
     config: ScaleConfig | None = None,
-) -> CarpetSample | None:
-    """Sample carpet pixels away from the carpet's border.
+) -> GroundSample | None:
+    """Sample ground pixels away from the ground's border.
 
     Args:
         relative: (H, W) relative depth along the optical axis.
@@ -87,7 +87,7 @@ def sample_ground(
         config: number of pixels and distance from the border.
 
     Returns:
-        The sample, or None if too little carpet is in view.
+        The sample, or None if too little ground is in view.
 
     Raises:
         ShapeError: the sizes differ.
@@ -100,7 +100,7 @@ def sample_ground(
         expected = f"{is_ground.shape[0]}x{is_ground.shape[1]}, as the class map"
         raise ShapeError("depth of the ground", expected=expected, actual=ground_m.shape)
     reach = max(1, round(config.margin_share * is_ground.shape[0]))
-    # The image's edge is not a border of the carpet.
+    # The image's edge is not a border of the ground.
     padded = cv2.copyMakeBorder(
         is_ground.astype(np.uint8), reach, reach, reach, reach, cv2.BORDER_REPLICATE
     )
@@ -113,7 +113,7 @@ def sample_ground(
         return None
     chosen = generator.choice(places, size=min(config.points, places.size), replace=False)
     rows, columns = np.divmod(chosen, is_ground.shape[1])
-    return CarpetSample(
+    return GroundSample(
         pixels=np.stack([columns, rows], axis=-1),
         known_m=ground_m[rows, columns],
         predicted=relative[rows, columns].astype(np.float32),
@@ -124,10 +124,10 @@ def sample_ground(
 
 
 class ScaleEstimator(Protocol):
-    """Estimates the scale of each frame from its carpet."""
+    """Estimates the scale of each frame from its ground."""
 
-    def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
-        """Process a frame's carpet (None: too little of it) and return the scale, or None."""
+    def update(self, sample: GroundSample | None, captured_s: float) -> Scale | None:
+        """Process a frame's ground (None: too little of it) and return the scale, or None."""
         ...
 
 
@@ -135,7 +135,7 @@ class AdaptiveScale:
     """The paper's adaptive scale: each frame's median ratio, smoothed over time.
 
     Args:
-        config: number of carpet pixels and spread, for the confidence.
+        config: number of ground pixels and spread, for the confidence.
         smooth: the filter over time.
     """
 
@@ -145,10 +145,10 @@ class AdaptiveScale:
         self._config = config or ScaleConfig()
         self._filter = smooth or ScaleFilter()
 
-    def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
+    def update(self, sample: GroundSample | None, captured_s: float) -> Scale | None:
         """Return the smoothed scale.
 
-        Without carpet in view the last scale is used until it is too uncertain.
+        Without ground in view the last scale is used until it is too uncertain.
         """
         own = 0.0
         if sample is not None:

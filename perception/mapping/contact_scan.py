@@ -1,4 +1,4 @@
-"""Scan of a class map for bases of obstacles and the carpet's edge, by bearing."""
+"""Scan of a class map for bases of obstacles and the ground's edge, by bearing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ContactScanConfig:
 
     bearing_step_rad: float = math.radians(1.0)  # about three columns of a 224-wide map
     elevation_step_rad: float = math.radians(0.5)  # about one row of a 224-wide map
-    max_elevation_rad: float = math.radians(-8.0)  # carpet above this elevation is beyond the lab
+    max_elevation_rad: float = math.radians(-8.0)  # ground above this elevation is beyond the lab
     min_run: int = 4  # samples of obstacle or background above a base; fewer are mask noise
 
     def __post_init__(self) -> None:
@@ -49,7 +49,7 @@ class GroundScan:
 
 @dataclass(frozen=True)
 class Bases:
-    """Bases of obstacles and edges of the carpet, from the point below the camera."""
+    """Bases of obstacles and edges of the ground, from the point below the camera."""
 
     placed_m: NDArray[np.float64]  # (N, 2) forward, right
     placed_ids: NDArray[np.uint8]  # (N,) classes of the obstacles there
@@ -58,7 +58,7 @@ class Bases:
     # (M, 2): the nearest sample in view on bearings where it shows an obstacle. The obstacle stands
     # there or nearer, since a vertical edge keeps its bearing.
     hidden_m: NDArray[np.float64]
-    edges_m: NDArray[np.float64]  # (K, 2): borders of carpet and background behind it
+    edges_m: NDArray[np.float64]  # (K, 2): borders of ground and background behind it
     hidden_edges_m: NDArray[np.float64]  # (L, 2): nearest samples in view that are background
 
 
@@ -74,7 +74,7 @@ def scan_ground(
         config: resolution of the scan.
     """
     config = config or ContactScanConfig()
-    pitch_rad, height_m = frame.gimbal_pitch_rad, max(frame.height_above_carpet_m, 0.05)
+    pitch_rad, height_m = frame.gimbal_pitch_rad, max(frame.height_above_ground_m, 0.05)
     height_px, width_px = class_map.ids.shape
     half_view = math.atan2(width_px / 2, camera.fx_px)
     lowest = pitch_rad - math.atan2(height_px / 2, camera.fy_px)
@@ -99,7 +99,7 @@ def scan_ground(
 
 
 def find_bases(scan: GroundScan) -> Bases:
-    """Find the first obstacle on the carpet on each bearing of a scan, and the carpet's edge."""
+    """Find the first obstacle on the ground on each bearing of a scan, and the ground's edge."""
     rows, first, before = scan_loops.first_runs(scan.roles, OBSTACLE, scan.min_run)
     stands, hides = before == GROUND, before == NO_ROLE
     edge_rows, edge, edge_before = scan_loops.first_runs(scan.roles, OUTSIDE, scan.min_run)

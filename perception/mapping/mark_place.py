@@ -9,7 +9,7 @@ import numpy as np
 
 from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.registration import Registration
-from uav_bt.types import HelipadFix, Pose2D
+from uav_bt.types import MarkFix, Pose2D
 from uav_bt.types.pose import wrap_angle
 from uav_bt.types.site_map import MapMark
 
@@ -42,7 +42,7 @@ class MarkPlace:
         self._elsewhere = 0  # consecutive sightings at other places
 
     def add(
-        self, fix: HelipadFix, reckoned: Pose2D, registration: Registration, grid: GroundGrid
+        self, fix: MarkFix, reckoned: Pose2D, registration: Registration, grid: GroundGrid
     ) -> None:
         """Add a sighting, and correct the drone's pose by it.
 

@@ -33,7 +33,7 @@ from perception.mapping.recent import RecentLayer, RecentLayerConfig
 from perception.mapping.registration import Registration, RegistrationConfig
 from perception.mapping.view import View, ViewConfig
 from uav_bt.lab.classes import LabClasses
-from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix, Pose2D
+from uav_bt.types import CameraModel, ClassMap, Frame, MarkFix, Pose2D
 from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import MapObject, SiteMap
@@ -155,7 +155,7 @@ class SiteMapper:
             )
             self._objects_s = time_s
 
-    def see_mark(self, fix: HelipadFix) -> None:
+    def see_mark(self, fix: MarkFix) -> None:
         """Add a sighting of the landing mark, relative to the drone's present pose."""
         if self._motion is not None:
             self._mark.add(fix, self._motion.pose, self._registration, self._grid)

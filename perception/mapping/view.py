@@ -106,7 +106,7 @@ class View:
         if frame.gimbal_pitch_rad < config.min_pitch_rad:
             return None
         scan = scan_ground(class_map, frame, camera, config.scan)
-        contacts, height_m = find_bases(scan), frame.height_above_carpet_m
+        contacts, height_m = find_bases(scan), frame.height_above_ground_m
         reach_m = min(config.max_range_m, config.max_range_ratio * height_m)
         firm = _have_neighbours(contacts.placed_m, config)
         firm &= np.hypot(*contacts.placed_m.T) <= reach_m

@@ -38,7 +38,7 @@ class HelipadFinder:
         """Return the helipad in a class map; mask noise gives None."""
         class_map, frame = view.class_map, view.frame
         if class_map is None or not math.isfinite(
-            frame.height_above_carpet_m + frame.gimbal_pitch_rad
+            frame.height_above_ground_m + frame.gimbal_pitch_rad
         ):
             return None
         detection = self._detector.detect(class_map)
@@ -48,7 +48,7 @@ class HelipadFinder:
         lens = (
             view.camera.resized(width_px, height_px),
             frame.gimbal_pitch_rad,
-            frame.height_above_carpet_m - self._mark.height_m,
+            frame.height_above_ground_m - self._mark.height_m,
         )
         place = locate(detection, *lens)
         if place is None:

@@ -56,7 +56,7 @@ class RegionFinder:
             UnknownNameError: The lab has no class of that name with the role mark.
         """
         class_map, frame = view.class_map, view.frame
-        above_m = frame.height_above_carpet_m - self._mark.height_m
+        above_m = frame.height_above_ground_m - self._mark.height_m
         if class_map is None or not (above_m > 0.0 and math.isfinite(frame.gimbal_pitch_rad)):
             return None
         rows, columns, cut = _largest_region(class_map.ids == self._class_id(class_map))

@@ -104,7 +104,7 @@ class TagFinder:
 
     def _agreement(self, pose: BoardPose, view: MarkView) -> float:
         """Return how well the measured height of the mark agrees with the lab's, 0 to 1."""
-        camera_m = view.frame.height_above_carpet_m
+        camera_m = view.frame.height_above_ground_m
         if not math.isfinite(camera_m):
             return 1.0
         off_m = abs(camera_m - pose.down_m - self._mark.height_m)

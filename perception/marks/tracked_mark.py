@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from perception.marks.tracker import MarkTracker
 from uav_bt.landing_marks import MarkSighting
-from uav_bt.types import DroneState, HelipadFix
+from uav_bt.types import DroneState, MarkFix
 
 
 class TrackedMark:
@@ -13,7 +13,7 @@ class TrackedMark:
     def __init__(self) -> None:
         self._tracker = MarkTracker()
         self._reckons = False  # whether any telemetry has come
-        self._seen: HelipadFix | None = None  # the sighting in the newest frame
+        self._seen: MarkFix | None = None  # the sighting in the newest frame
         self._accepted = False  # whether the track accepted that sighting
 
     def predict(self, state: DroneState, now_s: float | None = None) -> None:
@@ -42,7 +42,7 @@ class TrackedMark:
         self._seen, self._accepted = None, False
         if sighting is None:
             return
-        self._seen = HelipadFix(
+        self._seen = MarkFix(
             captured_s=captured_s,
             forward_m=sighting.forward_m,
             right_m=sighting.right_m,
@@ -53,7 +53,7 @@ class TrackedMark:
         )
         self._accepted = self._tracker.update(sighting, captured_s=captured_s)
 
-    def fix(self) -> HelipadFix | None:
+    def fix(self) -> MarkFix | None:
         """Return the mark relative to the drone; without telemetry only while it is seen."""
         if not self._reckons:
             return self._seen

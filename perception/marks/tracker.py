@@ -16,7 +16,7 @@ from filterpy.kalman import KalmanFilter
 from perception.marks.heading_track import HeadingTrack
 from uav_bt.errors import ValueRangeError
 from uav_bt.landing_marks import MarkSighting
-from uav_bt.types import DroneState, HelipadFix, rotation
+from uav_bt.types import DroneState, MarkFix, rotation
 from uav_bt.types.dead_reckoning import Odometry
 
 
@@ -103,13 +103,13 @@ class MarkTracker:
         self._confidence, self._height_m = sighting.confidence, sighting.height_m
         return True
 
-    def fix(self, *, detected: bool) -> HelipadFix | None:
+    def fix(self, *, detected: bool) -> MarkFix | None:
         """Return the mark relative to the drone's present pose; None before the first sighting."""
         pose = self._odometry.now
         if self._filter is None or pose is None:
             return None
         forward_m, right_m = pose.to_body(*(float(v) for v in self._filter.x.ravel()))
-        return HelipadFix(
+        return MarkFix(
             captured_s=self._seen_s,
             forward_m=forward_m,
             right_m=right_m,

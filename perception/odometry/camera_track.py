@@ -2,7 +2,7 @@
 
 The gimbal's pitch and the heading give the camera's rotation, the integrated velocity its
 translation. No ground truth is needed, and unlike the output of a pose network the motion is in
-metres. The images of the carpet make it precise (`perception.odometry.visual`).
+metres. The images of the ground make it precise (`perception.odometry.visual`).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Footage:
     attitude_rad: Floats  # (N, 3): roll, pitch, yaw (clockwise) at capture
     altitude_m: Floats  # (N,), above the take-off point
     height_m: Floats  # (N,), above the surface below
-    height_above_carpet_m: Floats  # (N,), of the body's centre
+    height_above_ground_m: Floats  # (N,), of the body's centre
     # Telemetry of every tick. It arrives sooner than the frames and is matched to them by time.
     state_s: Floats  # (M,), increasing
     state_attitude_rad: Floats  # (M, 3)
@@ -71,7 +71,7 @@ class Footage:
 
 _PER_FRAME: Final = (
     *("index", "captured_s", "gimbal_pitch_rad", "altitude_m", "height_m"),
-    "height_above_carpet_m",
+    "height_above_ground_m",
 )
 
 
@@ -112,7 +112,7 @@ class CameraTrack:
     rotation: Floats  # (N, 3, 3), from the camera frame (x right, y down, z forward)
     position_m: Floats  # (N, 3), of the lens
     yaw_rad: Floats  # (N,), smoothed, unwrapped, clockwise
-    height_m: Floats  # (N,), of the lens above the carpet, smoothed
+    height_m: Floats  # (N,), of the lens above the ground, smoothed
 
     def motion(self, origin: int, target: int) -> Floats:
         """Return the transform of points between the cameras of two frames, (3, 4), metres."""
@@ -157,7 +157,7 @@ def camera_track(footage: Footage, config: TrackConfig | None = None) -> CameraT
         height_m=-lever[:, 2]
         + _local_parabola(
             footage.captured_s,
-            footage.height_above_carpet_m,
+            footage.height_above_ground_m,
             footage.captured_s,
             config.height_window_s,
         ),
@@ -171,7 +171,7 @@ def measured_motion(
     target: int,
     config: OdometryConfig | None = None,
 ) -> Floats | None:
-    """Return the transform of points between the cameras of two frames, measured on the carpet.
+    """Return the transform of points between the cameras of two frames, measured on the ground.
 
     Args:
         footage: one flight.
@@ -181,7 +181,7 @@ def measured_motion(
         config: how points are tracked.
 
     Returns:
-        (3, 4), metres; None if the images do not show enough carpet.
+        (3, 4), metres; None if the images do not show enough ground.
     """
     apart = _about_down(-track.yaw_rad[origin]).apply(
         track.position_m[target] - track.position_m[origin]

@@ -1,11 +1,11 @@
-"""Ground-plane visual odometry: motion between two frames from the carpet in view.
+"""Ground-plane visual odometry: motion between two frames from the ground in view.
 
 The drone's velocity has errors of a centimetre per second for several seconds, which add up to a
-quarter of a metre in half a minute. The points of the carpet are fixed and lie in a known plane.
+quarter of a metre in half a minute. The points of the ground are fixed and lie in a known plane.
 Tracked between two frames by optical flow (Lucas and Kanade), they give the horizontal motion and
 the turn. Telemetry's heading has an error of half a degree, which moves an image by more than two
-pixels; the turn from the carpet has a fraction of that error. `CarpetOdometry`
-(`perception.odometry.carpet`) combines this with dead reckoning in flight.
+pixels; the turn from the ground has a fraction of that error. `GroundOdometry`
+(`perception.odometry.ground`) combines this with dead reckoning in flight.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ class OdometryConfig:
     """How points are found, tracked and weighted."""
 
     points: int = 150  # tracked at most; more only cost time
-    quality: float = 0.02  # relative to the strongest corner; the carpet has low contrast
+    quality: float = 0.02  # relative to the strongest corner; the ground has low contrast
     spacing_px: int = 5  # least distance between points
     window_px: int = 15  # of the optical flow
-    max_range_m: float = 4.0  # points on carpet further away are too inaccurate
+    max_range_m: float = 4.0  # points on ground further away are too inaccurate
     inlier_m: float = 0.03  # largest residual on the ground; points on boxes have larger ones
     min_points: int = 20  # fewer inliers give no motion
     min_spread_m: float = 0.3  # points closer together give no motion: turn and shift look alike
     rounds: int = 6  # of fitting and reweighting
-    # Largest relative error between the two heights, corrected if a carpet mask is given. With
+    # Largest relative error between the two heights, corrected if a ground mask is given. With
     # points on boxes, a scale would absorb their motion.
     max_scale: float = 0.02
-    # A motion that differs from telemetry by more than these was not measured on the carpet.
+    # A motion that differs from telemetry by more than these was not measured on the ground.
     max_yaw_rad: float = 0.1
     max_shift_m: float = 0.12
 
@@ -62,7 +62,7 @@ class GroundView:
     grey: Image  # (H, W)
     camera: CameraModel  # at that size
     gimbal_pitch_rad: float
-    height_m: float  # of the lens above the carpet
+    height_m: float  # of the lens above the ground
 
 
 class GroundMotion(NamedTuple):
@@ -76,7 +76,7 @@ def ground_motion(
     first: GroundView,
     second: GroundView,
     guess: Pose2D,
-    carpet: Image | None = None,
+    ground: Image | None = None,
     config: OdometryConfig | None = None,
 ) -> GroundMotion | None:
     """Measure the pose of the second camera in the level frame of the first.
@@ -85,16 +85,16 @@ def ground_motion(
         first: the frame in which points are selected.
         second: the frame in which they are tracked.
         guess: the motion by telemetry, the start of the search; x forward, y right, yaw clockwise.
-        carpet: (H, W) uint8, not zero where the first frame shows carpet; None without a mask, so
+        ground: (H, W) uint8, not zero where the first frame shows ground; None without a mask, so
             that only the robust fit rejects other points.
         config: how points are found.
 
     Returns:
-        The motion; None with too few points on the carpet.
+        The motion; None with too few points on the ground.
     """
     config = config or OdometryConfig()
     corners = cv2.goodFeaturesToTrack(
-        first.grey, config.points, config.quality, config.spacing_px, mask=carpet
+        first.grey, config.points, config.quality, config.spacing_px, mask=ground
     )
     if corners is None or len(corners) < config.min_points:
         return None
@@ -120,7 +120,7 @@ def ground_motion(
     here = here[usable][tracked]
     there = ground_points(found[tracked], second.camera, second.gimbal_pitch_rad, second.height_m)
     good = np.isfinite(there).all(axis=1)
-    max_scale = 0.0 if carpet is None else config.max_scale
+    max_scale = 0.0 if ground is None else config.max_scale
     return _fitted(here[good], there[good], guess, config, max_scale)
 
 

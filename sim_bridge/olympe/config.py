@@ -56,7 +56,7 @@ class OlympeConfig:
         tilt_limit_rad: tilt at full stick, rad. Chosen: 10 degrees reach 4 m/s in the long run.
         return_home: whether the drone may return automatically during a flight. None: unchanged.
         remote_control: whether a remote control answers at the address, as a SkyController 3.
-        take_off_surface_m: height of the take-off surface above the carpet, m.
+        take_off_surface_m: height of the take-off surface above the ground, m.
         video_latency_s: least time from exposure to arrival of a frame, s. Default: an estimate,
             not measured on a drone; the loopback drone has 0.16 (`docs/results.md`).
         order_repeat_s: time after which a take-off or landing without effect is repeated, s.

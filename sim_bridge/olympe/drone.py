@@ -162,8 +162,8 @@ class OlympeDrone:
         link.check_settings()
         flight.stills.advance()
         state = replace(flight.telemetry.state(), connected=link.connected, lost=link.lost)
-        above_carpet_m = self._config.take_off_surface_m + STANDING_M
-        return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
+        above_ground_m = self._config.take_off_surface_m + STANDING_M
+        return Observation(frame=flight.frames.newest(state, above_ground_m), state=state)
 
     def send(self, command: Command) -> Command:
         """Send the changes of a command; return the command as it was sent.

@@ -79,7 +79,7 @@ class Telemetry:
 
     Args:
         now: the clock.
-        take_off_surface_m: height of the take-off surface above the carpet, m.
+        take_off_surface_m: height of the take-off surface above the ground, m.
         return_home: whether the automatic return home is wanted; None accepts both.
     """
 
@@ -93,7 +93,7 @@ class Telemetry:
         self._now = now
         self._report = SelfReport(return_home=return_home)
         self._lent = True  # whether the pilot has control without having taken it
-        self._above_carpet_m = take_off_surface_m + STANDING_M
+        self._above_ground_m = take_off_surface_m + STANDING_M
         self._lock = threading.Lock()
         self._known = _Known()
         self._moves = MoveLedger()
@@ -148,7 +148,7 @@ class Telemetry:
             ),
             altitude_m=known.altitude_m,
             height_m=max(0.0, height_m),
-            height_above_carpet_m=known.altitude_m + self._above_carpet_m,
+            height_above_ground_m=known.altitude_m + self._above_ground_m,
             gimbal_pitch_rad=known.gimbal_pitch_rad,
             battery=known.battery,
             link=known.link,

@@ -247,12 +247,12 @@ class NewestFrame:
             self._count += 1
         self._arrived()
 
-    def newest(self, state: DroneState, above_carpet_m: float) -> Frame | None:
+    def newest(self, state: DroneState, above_ground_m: float) -> Frame | None:
         """Return the newest frame; None before the first.
 
         Args:
             state: source of values that the frame's metadata lack.
-            above_carpet_m: height of the body's centre above the carpet before take-off, m.
+            above_ground_m: height of the body's centre above the ground before take-off, m.
         """
         with self._lock:
             held = self._held
@@ -270,7 +270,7 @@ class NewestFrame:
                 attitude=_known(metadata.attitude, state.attitude),
                 altitude_m=altitude_m,
                 height_m=_known(metadata.height_m, state.height_m),
-                height_above_carpet_m=altitude_m + above_carpet_m,
+                height_above_ground_m=altitude_m + above_ground_m,
             )
         return self._frame
 

@@ -37,7 +37,7 @@ _TOUCH_M: Final = 0.001  # nearer solids are contacts
 _NEAR_M: Final = 0.02  # reach of the search for solids, beyond twice the way of a step
 _MOVER_MPS: Final = 1.0  # the fastest mover
 _GRIP: Final = 1.0  # friction of a support: that of MuJoCo's geoms
-_STEP_M: Final = 0.02  # a body may stand across the edge of a lower solid: the carpet, a mat
+_STEP_M: Final = 0.02  # a body may stand across the edge of a lower solid: the ground, a mat
 _GRAVITY: Final = (0.0, 0.0, -GRAVITY_MPS2)
 
 Vector = list[float]

@@ -63,7 +63,7 @@ def solids_of(scene: Scene) -> Solids:
     obstacles = len(rows.names)
     for pad in scene.pads:
         if pad.size_m[2] >= MAT_M:
-            rows.add("helipad", _row(pad.position_m, pad.drawn_size_m, pad.yaw_deg))
+            rows.add("mark", _row(pad.position_m, pad.drawn_size_m, pad.yaw_deg))
     _add_ground(rows, scene)
     _add_room(rows, scene)
     return Solids(
@@ -122,9 +122,9 @@ class _Rows:
 def _add_ground(rows: _Rows, scene: Scene) -> None:
     slabs = ground_slabs(scene)
     for corners in slabs:
-        rows.add_hull("carpet", corners)
+        rows.add_hull("ground", corners)
     if not slabs:
-        rows.add("carpet", _row((0.0, 0.0), (*scene.ground.size_m, -FLOOR_M), base_m=FLOOR_M))
+        rows.add("ground", _row((0.0, 0.0), (*scene.ground.size_m, -FLOOR_M), base_m=FLOOR_M))
 
 
 def _add_room(rows: _Rows, scene: Scene) -> None:

@@ -67,7 +67,7 @@ class Heard:
     velocity: BodyVelocity
     altitude_m: float
     height_m: float
-    height_above_carpet_m: float
+    height_above_ground_m: float
     gimbal_pitch_rad: float
     events: Events
     times: MeasurementTimes
@@ -127,7 +127,7 @@ class Downlink:
             velocity=velocity,
             altitude_m=heights.altitude_m,
             height_m=heights.height_m,
-            height_above_carpet_m=heights.height_above_carpet_m,
+            height_above_ground_m=heights.height_above_ground_m,
             gimbal_pitch_rad=gimbal_pitch_rad,
             events=self._events.heard[1],
             times=MeasurementTimes(

@@ -125,7 +125,7 @@ class TwinDrone(SimulatedDrone):
             attitude=telemetry.attitude,
             altitude_m=telemetry.altitude_m,
             height_m=telemetry.height_m,
-            height_above_carpet_m=telemetry.height_above_carpet_m,
+            height_above_ground_m=telemetry.height_above_ground_m,
         )
 
     def disconnect(self) -> None:

@@ -28,7 +28,6 @@ class GroundSpec:
 
     size_m: Vector2 = CARPET_SIZE_M  # along x and y, centred on the origin
     sides_m: ClassVar[Vector2] = (2.0, 12.0)
-    called: ClassVar[str] = "carpet"  # in messages
 
     def __post_init__(self) -> None:
         low, high = self.sides_m
@@ -49,7 +48,6 @@ class LabGround(GroundSpec):
 
     outline_m: tuple[Vector2, ...] = ()
     sides_m: ClassVar[Vector2] = GROUND_SIDES_M
-    called: ClassVar[str] = "ground"
 
     @cached_property
     def plan(self) -> Ground:
@@ -90,10 +88,10 @@ def layout_problem(
     ground: GroundSpec,
     objects: Sequence[PlacedObject] = (),
 ) -> LayoutProblem | None:
-    """Return the first mistake in the arrangement of helipad, boxes and objects; None without."""
+    """Return the first mistake in the arrangement of mark, boxes and objects; None without."""
     outside = None if helipad is None else _outside(ground, helipad.footprint)
     if outside is not None:
-        return LayoutProblem(place=("helipad",), message=f"the helipad {outside}")
+        return LayoutProblem(place=("helipad",), message=f"the landing mark {outside}")
     if len(boxes) > MAX_BOXES:
         message = f"at most {MAX_BOXES} boxes, got {len(boxes)}"
         return LayoutProblem(place=("boxes", MAX_BOXES), message=message)
@@ -104,7 +102,7 @@ def layout_problem(
             if wrong is None and box.footprint.overlaps(other.footprint):
                 wrong = f"overlaps {other_name}"
         if wrong is None and helipad is not None and box.footprint.overlaps(helipad.footprint):
-            wrong = "overlaps the helipad"
+            wrong = "overlaps the landing mark"
         if wrong is not None:
             return LayoutProblem(place=("boxes", index), message=f"{name} {wrong}")
     return _object_problem(helipad, boxes, ground, objects)
@@ -125,7 +123,7 @@ def _object_problem(
     ]
     if helipad is not None:
         pad = Standing(footprint=helipad.footprint, height_m=helipad.drawn_size_m[2])
-        others.append(("the helipad", pad))
+        others.append(("the landing mark", pad))
     for index, item in enumerate(objects):
         wrong = _outside(ground, item.footprint)
         if wrong is None:
@@ -139,14 +137,14 @@ def _object_problem(
 
 
 def _outside(ground: GroundSpec, footprint: Footprint) -> str | None:
-    stands = f"at [{footprint.x_m:g}, {footprint.y_m:g}] stands outside the {ground.called}"
+    stands = f"at [{footprint.x_m:g}, {footprint.y_m:g}] stands outside the ground"
     if ground.plan.outline_m:
         return None if _lies_in(ground.plan, footprint) else stands
     half_x, half_y = (side / 2 for side in ground.size_m)
     for x, y in _extremes(footprint):
         if abs(x) > half_x + _ROUNDING_M or abs(y) > half_y + _ROUNDING_M:
             return (
-                f"{stands}: a corner is at ({x:.2f}, {y:.2f}), the {ground.called} ends at "
+                f"{stands}: a corner is at ({x:.2f}, {y:.2f}), the ground ends at "
                 f"x = +-{half_x:g}, y = +-{half_y:g}"
             )
     return None

@@ -84,13 +84,13 @@ class _Builder(Builder):
 
     def carpet(self, size_m: Vector2) -> None:
         self.texture("carpet", partial(textures.carpet, size_m))
-        carpet = Solid(
+        ground = Solid(
             half_m=(size_m[0] / 2, size_m[1] / 2, -FLOOR_M / 2),
             centre_m=(0.0, 0.0, FLOOR_M / 2),
         )
         class_id = self._scene.classes.ground
-        self.show("carpet/seen", carpet, material="carpet", class_id=class_id, tile_m=size_m)
-        self.hit("carpet", carpet)
+        self.show("ground/seen", ground, material="carpet", class_id=class_id, tile_m=size_m)
+        self.hit("ground", ground)
 
     def lights(self, lighting: Lighting) -> None:
         """Add the lamp, and a weak opposite lamp that shades the sides facing away from it."""
@@ -123,13 +123,13 @@ class _Builder(Builder):
         half_m, centre_m = (panel_m[0] / 2, panel_m[1] / 2, _PAINT_M), (*pad.position_m, height)
         panel = replace(whole, half_m=half_m, centre_m=centre_m)
         parts = (
-            ("helipad/sides", whole, "stripes", self._scene.mark_class, (0.2, 0.2)),
-            ("helipad/h", panel, "h", self._scene.mark_top, panel_m),
+            ("mark/sides", whole, "stripes", self._scene.mark_class, (0.2, 0.2)),
+            ("mark/h", panel, "h", self._scene.mark_top, panel_m),
         )
         for name, solid, material, class_id, tile_m in parts:
             self.show(name, solid, material=material, class_id=class_id, tile_m=tile_m)
         if pad.size_m[2] >= MAT_M:  # on a flat mat the drone stands on the ground
-            self.hit("helipad", whole)
+            self.hit("mark", whole)
 
     def box(self, name: str, box: BoxSpec) -> None:
         self._wrapped(name, stacked(box.position_m, box.size_m, math.radians(box.yaw_deg)), box)

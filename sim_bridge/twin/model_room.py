@@ -140,7 +140,7 @@ def add_ground(builder: Builder, scene: Scene, ground: GroundSection) -> None:
         return finer(whole, _LIT_M) if fine else whole
 
     builder.show_mesh(
-        "carpet/seen",
+        "ground/seen",
         mesh,
         centre_m=(0.0, 0.0, 0.0),
         yaw_rad=0.0,
@@ -149,10 +149,10 @@ def add_ground(builder: Builder, scene: Scene, ground: GroundSection) -> None:
     )
     if not plan.outline_m:
         half_m = (size_m[0] / 2, size_m[1] / 2, -FLOOR_M / 2)
-        builder.hit("carpet", Solid(half_m=half_m, centre_m=(0.0, 0.0, FLOOR_M / 2)))
+        builder.hit("ground", Solid(half_m=half_m, centre_m=(0.0, 0.0, FLOOR_M / 2)))
         return
     for number, corners in enumerate(ground_slabs(scene)):
-        name = f"carpet/{number}"
+        name = f"ground/{number}"
         builder.hit_hull(name, corners, shared=name)
 
 

@@ -147,11 +147,11 @@ def mover_problem(
         mover: the mover.
         ground: the ground with the objects on it.
         names: names of these objects, in the same order.
-        take_off_m: take-off point, world x and y; None if it is random or the helipad.
+        take_off_m: take-off point, world x and y; None if it is random or the mark.
     """
     for x, y in mover.path_m:
         if not ground.contains(x, y):
-            return f"its path leaves the carpet at {_text((x, y))}"
+            return f"its path leaves the ground at {_text((x, y))}"
     for item, name in zip(ground.standing, names, strict=True):
         corners = np.array(item.footprint.corners(), dtype=np.float32)
         for (start, end), polygon in zip(mover.legs(), mover.swept(), strict=True):

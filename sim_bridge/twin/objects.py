@@ -47,14 +47,14 @@ def _footprint(position_m: Vector2, yaw_deg: float, size_m: Vector3) -> Footprin
 
 @dataclass(frozen=True, kw_only=True)
 class BoxSpec:
-    """A cardboard box wrapped in printed paper, standing on the carpet.
+    """A cardboard box wrapped in printed paper, standing on the ground.
 
     Raises:
         ValueRangeError: a number is out of range.
     """
 
     pattern: int  # 1 to 8; selects texture and class of the sides and of the roof
-    position_m: Vector2  # centre on the carpet, world x and y
+    position_m: Vector2  # centre on the ground, world x and y
     size_m: Vector3  # along the box's x and y, and upwards
     yaw_deg: float = 0.0  # counter-clockwise from +x
 
@@ -85,7 +85,7 @@ class Helipad:
         UnknownNameError: the kind of mark is not registered.
     """
 
-    position_m: Vector2  # centre on the carpet, world x and y
+    position_m: Vector2  # centre on the ground, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
     size_m: Vector3 = field(
         default_factory=lambda: default_mark().size_m
@@ -116,7 +116,7 @@ class Helipad:
 
     @property
     def drawn_size_m(self) -> Vector3:
-        """The size as it is drawn: a flat mat has 2 mm, to be seen above the carpet."""
+        """The size as it is drawn: a flat mat has 2 mm, to be seen above the ground."""
         length_m, width_m, height_m = self.size_m
         return length_m, width_m, max(height_m, MAT_M)
 

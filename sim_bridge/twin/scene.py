@@ -1,4 +1,4 @@
-"""Scene of the twin: ground, boxes, helipad, movers, light and take-off point."""
+"""Scene of the twin: ground, boxes, landing mark, movers, light and take-off point."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.ground import Ground, Standing
 
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # least size, centred on the origin, the floor at z = 0
-FLOOR_M = -0.004  # height of the floor: the carpet is 4 mm thick, its surface is z = 0
+FLOOR_M = -0.004  # height of the floor: the ground is 4 mm thick, its surface is z = 0
 _BESIDE_M = 2.5  # least distance from the ground's edge to the walls
 MAX_MOVERS = 8
 
@@ -73,9 +73,9 @@ class TakeOffSpec:
         ValueRangeError: the yaw is not finite.
     """
 
-    position_m: Vector2 | None = None  # None: the helipad, or a random point if `random`
+    position_m: Vector2 | None = None  # None: the mark, or a random point if `random`
     yaw_deg: float = 0.0  # counter-clockwise from +x; random too if `random`
-    random: bool = False  # True: a random free point of the carpet, from the seed of the flight
+    random: bool = False  # True: a random free point of the ground, from the seed of the flight
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.yaw_deg):
@@ -88,7 +88,7 @@ class Scene:
 
     Raises:
         ValueRangeError: objects overlap or extend beyond the ground, a mover's path is not free,
-            the take-off point is not free, there is neither a helipad nor a take-off point, or the
+            the take-off point is not free, there is neither a mark nor a take-off point, or the
             lab has no such kind, no class of that pattern, or another ground.
     """
 
@@ -181,8 +181,8 @@ class Scene:
             raise LayoutError(self.name, problem)
         if self.helipad is None and self.take_off.position_m is None and not self.take_off.random:
             raise ValueRangeError(
-                f"scene '{self.name}' has no helipad to take off from: give take_off a place, such "
-                "as {from: [-1.5, -1.0]}, or {from: random}"
+                f"scene '{self.name}' has no landing mark to take off from: give take_off a place, "
+                "such as {from: [-1.5, -1.0]}, or {from: random}"
             )
         if self.take_off.position_m is not None:
             self._check_take_off(*self.take_off.position_m)
@@ -193,8 +193,7 @@ class Scene:
     def _check_take_off(self, x_m: float, y_m: float) -> None:
         if not self.ground_plan.contains(x_m, y_m):
             raise ValueRangeError(
-                f"take_off: ({x_m}, {y_m}) is outside the {self.ground.called} of "
-                f"{self.ground.size_m} m"
+                f"take_off: ({x_m}, {y_m}) is outside the ground of {self.ground.size_m} m"
             )
         names = (*box_names(self.boxes), *(item.name for item in self.placed))
         items: tuple[BoxSpec | PlacedObject, ...] = (*self.boxes, *self.placed)
@@ -206,7 +205,7 @@ class Scene:
 
     @property
     def start_m(self) -> Vector2:
-        """The take-off point, unless it is random; then the helipad or the middle."""
+        """The take-off point, unless it is random; then the mark or the middle."""
         if self.take_off.position_m is not None:
             return self.take_off.position_m
         return (0.0, 0.0) if self.helipad is None else self.helipad.position_m
@@ -226,12 +225,12 @@ class Scene:
 
     @property
     def pads(self) -> tuple[Helipad, ...]:
-        """The helipad, if there is one."""
+        """The landing mark, if there is one."""
         return () if self.helipad is None else (self.helipad,)
 
     @cached_property
     def ground_plan(self) -> Ground:
-        """The ground and the objects on it, the helipad included."""
+        """The ground and the objects on it, the landing mark included."""
         plan = self.ground.plan
         return replace(
             plan,
@@ -327,7 +326,7 @@ def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem 
     names = (
         *box_names(scene.boxes),
         *(item.name for item in scene.placed),
-        *("the helipad" for _ in scene.pads),
+        *("the landing mark" for _ in scene.pads),
     )  # in the order of the ground plan
     for index, mover in enumerate(movers):
         wrong = mover_problem(mover, scene.ground_plan, names, scene.take_off.position_m)

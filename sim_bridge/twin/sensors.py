@@ -28,7 +28,7 @@ class Telemetry:
     velocity: BodyVelocity
     altitude_m: float
     height_m: float
-    height_above_carpet_m: float
+    height_above_ground_m: float
 
 
 class Sensors:
@@ -37,7 +37,7 @@ class Sensors:
     Args:
         profile: strength of the errors.
         seed: seed of the flight.
-        start_z_m: height of the body's centre above the carpet before take-off.
+        start_z_m: height of the body's centre above the ground before take-off.
     """
 
     def __init__(self, profile: Profile, seed: int, *, start_z_m: float) -> None:
@@ -119,5 +119,5 @@ class Sensors:
             ),
             altitude_m=altitude,
             height_m=max(0.0, motion.z_m - surface_m + profile.height_noise_std_m * draw()),
-            height_above_carpet_m=altitude + self._start_z_m,
+            height_above_ground_m=altitude + self._start_z_m,
         )

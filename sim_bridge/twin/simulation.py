@@ -144,7 +144,7 @@ class Simulation:
             velocity=heard.velocity,
             altitude_m=heard.altitude_m,
             height_m=heard.height_m,
-            height_above_carpet_m=heard.height_above_carpet_m,
+            height_above_ground_m=heard.height_above_ground_m,
             gimbal_pitch_rad=heard.gimbal_pitch_rad,
             battery=max(0.0, 1.0 - self.now_s / self._profile.battery_life_s),
             movement=heard.events.movement,

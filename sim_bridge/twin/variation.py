@@ -18,7 +18,7 @@ from sim_bridge.twin.scene import MAX_MOVERS, Lighting, Scene, traffic_problem
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose
 
-_FROM_EDGE_M: Final = 0.4  # least distance of a box's centre from the carpet's edge
+_FROM_EDGE_M: Final = 0.4  # least distance of a box's centre from the ground's edge
 # Least distance between the centres of two boxes (most gaps let the drone pass), and to the pad.
 _APART_M: Final = 1.05
 _FROM_PAD_M: Final = 0.95
@@ -27,8 +27,8 @@ _HEIGHTS_M: Final = (0.6, 2.2)  # range of heights in the shipped scenes
 _HIGH_SHARE: Final = 0.6  # share of boxes that reach the flight height, 1.5 m
 _HIGH_M: Final = 1.5
 _TRIES: Final = 4000  # number of boxes to try
-_MOVER_FROM_EDGE_M: Final = 0.4  # least distance of a path from the carpet's edge
-_MOVER_FROM_PAD_M: Final = 0.9  # least distance from helipad and take-off point
+_MOVER_FROM_EDGE_M: Final = 0.4  # least distance of a path from the ground's edge
+_MOVER_FROM_PAD_M: Final = 0.9  # least distance from the mark and take-off point
 _MOVER_GAP_M: Final = 0.2  # free space between boxes beyond a mover's width
 _PATH_M: Final = 1.0  # least length of a path
 _START_FROM_EDGE_M: Final = 0.5
@@ -54,7 +54,7 @@ def varied_scene(scene: Scene, rng: np.random.Generator, *, name: str, layout: b
     """Return a scene with random light and, if asked, random places and sizes of its boxes.
 
     Args:
-        scene: the original scene; helipad and patterns are kept.
+        scene: the original scene; mark and patterns are kept.
         rng: source of the random numbers.
         name: name of the new scene.
         layout: whether to move and resize the boxes.
@@ -132,7 +132,7 @@ def varied(scene: Scene, seed: int, *, room: bool, movers: int) -> Scene:
 def with_movers(scene: Scene, count: int, seed: int) -> Scene:
     """Return a scene with additional random people and carts.
 
-    Their paths are straight, at least 1 m long, and away from boxes, helipad and take-off point.
+    Their paths are straight, at least 1 m long, and away from boxes, mark and take-off point.
 
     Args:
         scene: the lab.

@@ -25,7 +25,7 @@ from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 
 _HULL_RADIUS_M = math.hypot(HULL_HALF_M[0], HULL_HALF_M[1])
-_MARGIN_M = 0.15  # from the hull to boxes, and from the body's centre to the carpet's edge
+_MARGIN_M = 0.15  # from the hull to boxes, and from the body's centre to the ground's edge
 _TRIES = 10_000
 _LOWERED_DEG = (-60.0, -31.0)
 
@@ -115,14 +115,14 @@ def sample_flight_poses(
 ) -> list[CameraPose]:
     """Return random camera poses like those of a flight.
 
-    Six of seven are anywhere above the carpet, mostly at 1.5 m, and look ahead and 25 to 30 degrees
-    down. The seventh is near the helipad and looks steeply down, as before a landing.
+    Six of seven are anywhere above the ground, mostly at 1.5 m, and look ahead and 25 to 30 degrees
+    down. The seventh is near the mark and looks steeply down, as before a landing.
 
     Args:
         scene: the lab; the poses keep the hull clear of its boxes.
         generator: source of the random numbers.
         count: number of poses.
-        lowered: share of the six with a further lowered camera, as at the carpet's edge.
+        lowered: share of the six with a further lowered camera, as at the ground's edge.
 
     Raises:
         ValueRangeError: the boxes leave no space to fly.

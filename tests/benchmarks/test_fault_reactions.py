@@ -19,7 +19,7 @@ TREE = """
 <root BTCPP_format="4">
   <BehaviorTree ID="Mission">
     <ReactiveSequence>
-      <Segment/> <FindHelipad/> <TrackMotion/> <MapSite/>
+      <Segment/> <FindMark/> <TrackMotion/> <MapSite/>
       <Fallback>
         <Sequence>
           <TakeOff height_m="1.2" gimbal_deg="-30"/>
@@ -135,15 +135,15 @@ LANDED = Facts(
     error=None,
     events=(),
     touched=(),
-    left_carpet=False,
+    beyond_edge=False,
     emergency_landing=False,
     motors_on=False,
-    on_helipad=False,
+    on_mark=False,
     height_m=0.05,
     report_whole=True,
 )
 STRICT = Expected(named="frame")
-SUCCESS = replace(LANDED, outcome="success", reason="landed", on_helipad=True)
+SUCCESS = replace(LANDED, outcome="success", reason="landed", on_mark=True)
 
 
 def test_landed_and_named_is_right() -> None:
@@ -155,7 +155,7 @@ def test_landed_and_named_is_right() -> None:
     ("change", "said"),
     [
         ({"touched": ("box-3", "wall-west")}, "touched box-3, wall-west"),
-        ({"left_carpet": True}, "left the carpet"),
+        ({"beyond_edge": True}, "flew beyond the ground's edge"),
         ({"motors_on": True, "height_m": 1.44}, "left flying at 1.4 m"),
         ({"report_whole": False}, "no whole report"),
         ({"reason": "not over after 300 s"}, "not named: aborted: not over after 300 s"),
@@ -198,8 +198,8 @@ def test_a_success_must_be_one() -> None:
     assert problems(bearable, "explore", SUCCESS) == ()
     assert problems(STRICT, "land", SUCCESS) == ()  # it was already landing
     assert problems(replace(STRICT, may_fall=True), "land", SUCCESS) == (unnoticed,)
-    assert problems(bearable, "explore", replace(SUCCESS, on_helipad=False)) == (unnoticed,)
-    assert problems(bearable, "explore", replace(SUCCESS, on_helipad=None)) == ()
+    assert problems(bearable, "explore", replace(SUCCESS, on_mark=False)) == (unnoticed,)
+    assert problems(bearable, "explore", replace(SUCCESS, on_mark=None)) == ()
     assert problems(bearable, "explore", replace(SUCCESS, emergency_landing=True)) == (
         "a success, by an emergency landing",
         unnoticed,

@@ -29,7 +29,7 @@ from uav_bt.board import METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.canvas import Colour
 from uav_bt.display.lab_map import LabMap, MapItem, MapMover
-from uav_bt.display.phrases import describe_flight, lands_on_helipad
+from uav_bt.display.phrases import describe_flight, lands_on_mark
 from uav_bt.display.status import LiveStatus
 from uav_bt.display.video.depth_panes import Intruding
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
@@ -48,7 +48,7 @@ def map_of_scene(scene: Scene) -> LabMap:
     classes, pad, start = scene.classes, scene.helipad, scene.take_off
     x_m, y_m = scene.start_m
     return LabMap(
-        carpet_size_m=scene.ground.size_m,
+        ground_size_m=scene.ground.size_m,
         boxes=(
             *(
                 _item(classes, scene.class_of(box), box.position_m, box.yaw_deg, box.size_m)
@@ -56,7 +56,7 @@ def map_of_scene(scene: Scene) -> LabMap:
             ),
             *(_placed(classes, item) for item in scene.placed),
         ),
-        helipad=None
+        mark=None
         if pad is None
         else _item(classes, scene.mark_class, pad.position_m, pad.yaw_deg, pad.size_m),
         movers=tuple(
@@ -150,8 +150,8 @@ class VideoListeners:
         lines = [report.reason]
         if report.duration_s is not None:
             lines.append(f"{report.duration_s:.0f} s, {report.total_distance_m or 0.0:.1f} m flown")
-        if report.landing_error_m is not None and lands_on_helipad(report, self._mark):
-            lines.append(f"{100 * report.landing_error_m:.0f} cm from the helipad's centre")
+        if report.landing_error_m is not None and lands_on_mark(report, self._mark):
+            lines.append(f"{100 * report.landing_error_m:.0f} cm from the mark's centre")
         good = report.outcome == Outcome.SUCCESS.value
         self._video.conclude(report.outcome.replace("_", " "), lines, good=good)
 

@@ -99,7 +99,7 @@ class RehearsedDrone(DroneWrapper):
             frame,
             altitude_m=frame.altitude_m + raised_m,
             height_m=frame.height_m + raised_m,
-            height_above_carpet_m=frame.height_above_carpet_m + raised_m,
+            height_above_ground_m=frame.height_above_ground_m + raised_m,
         )
 
     def _pretended(self, state: DroneState) -> DroneState:
@@ -112,7 +112,7 @@ class RehearsedDrone(DroneWrapper):
             movement=self._now.status,
             altitude_m=state.altitude_m + raised_m,
             height_m=state.height_m + raised_m,
-            height_above_carpet_m=state.height_above_carpet_m + raised_m,
+            height_above_ground_m=state.height_above_ground_m + raised_m,
         )
 
     def _pass_time(self, now_s: float) -> None:

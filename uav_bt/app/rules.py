@@ -111,7 +111,7 @@ def check_mark(judge: JudgeConfig, drone: Drone, lab: Lab | None = None) -> None
         return
     scene = drone.scene
     if scene is not None and scene.mark is None:
-        lacks = f"scene '{scene.name}' has no helipad, and the mission must land on one"
+        lacks = f"scene '{scene.name}' has no landing mark, and the mission must land on one"
     elif scene is None and lab is not None and lab.mark is None:
         lacks = f"the lab '{lab.name}' states no landing mark, and the mission must land on one"
     else:

@@ -15,7 +15,7 @@ from uav_bt.types import (
     DroneState,
     Frame,
     HeldTurn,
-    HelipadFix,
+    MarkFix,
     RecentViews,
 )
 from uav_bt.types.dead_reckoning import MotionEstimate
@@ -29,7 +29,7 @@ _FRAME_MAX_AGE_S = 0.7
 _STATE_MAX_AGE_S = 0.7
 # Without a detection the tracker predicts the pad for the duration of a detour round a box. Then an
 # approach ends and the search begins again. Chosen.
-_HELIPAD_MAX_AGE_S = 20.0
+_MARK_MAX_AGE_S = 20.0
 
 FRAME: Final = Key(
     "frame", Frame, "newest camera frame", writer="runner", max_age_s=_FRAME_MAX_AGE_S
@@ -42,7 +42,12 @@ ELAPSED: Final = Key(
     "elapsed_s", float, "time since the take-off command", unit="s", writer="runner"
 )
 HEIGHT: Final = Key(
-    "height_above_carpet_m", float, "height above the carpet", unit="m", writer="runner"
+    "height_above_ground_m",
+    float,
+    "height above the ground",
+    unit="m",
+    writer="runner",
+    formerly=("height_above_carpet_m",),
 )
 CLASS_MAP: Final = Key(
     "class_map",
@@ -73,12 +78,13 @@ CORRIDOR: Final = Key(
     writer="BuildCorridor",
     max_age_s=_FRAME_MAX_AGE_S,
 )
-HELIPAD: Final = Key(
-    "helipad",
-    HelipadFix,
-    "where the helipad lies",
-    writer="FindHelipad",
-    max_age_s=_HELIPAD_MAX_AGE_S,
+MARK: Final = Key(
+    "mark",
+    MarkFix,
+    "where the landing mark lies",
+    writer="FindMark",
+    max_age_s=_MARK_MAX_AGE_S,
+    formerly=("helipad",),
 )
 
 ODOMETRY: Final = Key(
@@ -105,7 +111,7 @@ PHASE: Final = Key(
 FLIGHT_HEIGHT: Final = Key(
     "flight_height_m",
     float,
-    "height above the carpet that the mission flies at",
+    "height above the ground that the mission flies at",
     unit="m",
     writer="the take-off",
 )
@@ -149,7 +155,7 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     RELATIVE_DEPTH,
     METRIC_DEPTH,
     CORRIDOR,
-    HELIPAD,
+    MARK,
     ODOMETRY,
     SITE_MAP,
     PHASE,

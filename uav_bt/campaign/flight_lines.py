@@ -51,7 +51,7 @@ METRICS: Final = {
     "explore_distance_m": Metric(words=f"distance {_FIRST}", unit="m"),
     "total_distance_m": Metric(words="total distance", unit="m"),
     "search_distance_m": Metric(words="distance while searching", unit="m"),
-    "time_to_find_helipad_s": Metric(words="time to find the helipad", unit="s"),
+    "time_to_find_mark_s": Metric(words="time to find the landing mark", unit="s"),
     "time_to_land_s": Metric(words="time from there to motors off", unit="s"),
     "landing_error_m": Metric(words="landing error", unit="m"),
     "min_clearance_m": Metric(words="least clearance of a flight", unit="m"),
@@ -67,6 +67,7 @@ METRICS: Final = {
 }
 """Fields of a flight's line that hold a number, or null when the flight did not reach it."""
 
+_FORMER_FIND: Final = "time_to_find_helipad_s"  # its name in older flights
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
 # Computing times, which differ from run to run, and the lab's name, which older flights lack.
 _NOT_COMPARED: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s", "lab"})
@@ -105,6 +106,8 @@ def parse_flight(text: bytes | str) -> dict[str, Any]:
     flight = parse_json(text)
     if not isinstance(flight, dict):
         raise InputError(f"expected a flight's JSON object, got {type(flight).__name__}")
+    if _FORMER_FIND in flight:
+        flight.setdefault("time_to_find_mark_s", flight.pop(_FORMER_FIND))
     _check(flight)
     return flight
 

@@ -230,7 +230,7 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
     "start",
     type=click.Choice(list(STARTERS)),
     default="hover",
-    help="hover: up, look round, down; land: find the helipad, land; explore: the whole mission.",
+    help="hover: up, look round, down; land: find the mark, land; explore: the whole mission.",
 )
 def new(*, file: Path, start: str) -> None:
     """Write a commented mission file to begin with.

@@ -67,7 +67,7 @@ def _pairs(rows: Sequence[_Row]) -> Iterator[str]:
 def _distance(rows: Sequence[_Row]) -> Iterator[str]:
     figures = ("mean_m", "median_m", "max_m", "p95_m", "bias_m")
     for what, block in groupby(rows, lambda row: str(row["what"])):
-        name = "obstacles and carpet" if what == "both" else what
+        name = "obstacles and ground" if what == "both" else what
         yield f"Distances from the camera along the ray, 0.3 to 5 m, {name}"
         yield _line("", ("mean", "median", "max", "p95", "bias", "known"))
         for row in block:

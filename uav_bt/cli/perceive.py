@@ -46,7 +46,7 @@ def _options(
         "--height-m",
         type=Number(min=0.0, min_open=True, max=100.0),
         default=1.5,
-        help="Height of the camera above the carpet, for all frames.",
+        help="Height of the camera above the ground, for all frames.",
     ),
     gimbal_deg=click.option(
         "--gimbal-deg",
@@ -98,7 +98,7 @@ def perceive(
     json: Path | None,
     options: PerceiveOptions,
 ) -> None:
-    """Show what perception makes of a video: masks, depth in metres, corridor, helipad.
+    """Show what perception makes of a video: masks, depth in metres, corridor, mark.
 
     SOURCE is a video file, a folder of images, an image, a live camera such as camera:0, or a
     record of `uav-bt fly --record`, which brings its camera and telemetry along. Ctrl-C keeps what
@@ -125,7 +125,7 @@ def _show(summary: PerceiveSummary) -> None:
         ("metric depth", f"in {summary.frames - none} frames, none in {none}"),
         *(("", f"none in {count}: {why}") for why, count in summary.without_depth.items()),
         *(("", f"contact only in {count}: {why}") for why, count in summary.in_part.items()),
-        ("helipad", f"seen in {summary.with_helipad} frames"),
+        ("mark", f"seen in {summary.with_mark} frames"),
         *(
             (name, f"{spent.p50:.1f} ms median, {spent.p99:.1f} ms 99 %")
             for name, spent in summary.stage_ms.items()

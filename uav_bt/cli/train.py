@@ -105,7 +105,7 @@ def depth(
     if score is not None:
         click.echo(
             f"validation: {score.abs_rel:.4f} relative error after median scaling, obstacles "
-            f"{score.obstacle_error_m:.3f} m and carpet {score.carpet_error_m:.3f} m off with the "
-            "carpet's scale"
+            f"{score.obstacle_error_m:.3f} m and ground {score.ground_error_m:.3f} m off with the "
+            "ground's scale"
         )
     click.echo(f"depth network: {out} and {out.with_suffix('.onnx')}")

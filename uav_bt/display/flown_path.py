@@ -58,6 +58,6 @@ class FlownPath:
         return Pose(
             x_m=forward_m,
             y_m=-right_m,
-            z_m=state.height_above_carpet_m,
+            z_m=state.height_above_ground_m,
             yaw_rad=self._first.yaw_rad - now.yaw_rad,
         )

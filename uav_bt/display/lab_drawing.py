@@ -23,9 +23,9 @@ from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame, draw_lab, draw_m
 from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Image
 
-_SIDE_PX: Final = 64  # margin left and right of the carpet, for the numbers of the y axis
-_ABOVE_PX: Final = HEADER_PX + 24  # margin above the carpet, for the title and the y axis
-_BELOW_PX: Final = 72  # margin below the carpet, for the numbers of the x axis and the legend
+_SIDE_PX: Final = 64  # margin left and right of the ground, for the numbers of the y axis
+_ABOVE_PX: Final = HEADER_PX + 24  # margin above the ground, for the title and the y axis
+_BELOW_PX: Final = 72  # margin below the ground, for the numbers of the x axis and the legend
 _TICK_PX: Final = 6
 _TEXT: Final = 0.42  # scale of the axes' texts
 _NAME: Final = 0.42  # scale of the names
@@ -59,13 +59,13 @@ def draw_lab_with_axes(
     inner_px = (size_px[0] - 2 * _SIDE_PX, size_px[1])
     frame = replace(
         MapFrame.around(
-            lab_map.carpet_size_m, inner_px, 0.0, header_px=_ABOVE_PX, footer_px=_BELOW_PX
+            lab_map.ground_size_m, inner_px, 0.0, header_px=_ABOVE_PX, footer_px=_BELOW_PX
         ),
         size_px=size_px,
     )
     image = draw_lab(lab_map, frame)
     draw_movers(image, frame, lab_map)
-    _draw_axes(image, frame, lab_map.carpet_size_m)
+    _draw_axes(image, frame, lab_map.ground_size_m)
     if lab_map.take_off is not None:
         _draw_take_off(image, frame, lab_map.take_off)
     for _, (x_m, y_m) in lab_map.places:
@@ -118,7 +118,7 @@ def _arrow_m(frame: MapFrame) -> float:
 
 
 def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
-    """Write a name beside each object, on the carpet and on no other object or name if possible."""
+    """Write a name beside each object, on the ground and on no other object or name if possible."""
     named: list[tuple[str, Sequence[Point]]] = [(box.name, box.corners()) for box in lab_map.boxes]
     named += [
         (
@@ -127,22 +127,22 @@ def _write_names(image: Image, frame: MapFrame, lab_map: LabMap) -> None:
         )
         for number, mover in enumerate(lab_map.movers, start=1)
     ]
-    if lab_map.helipad is not None:
-        pad = lab_map.helipad
-        named.append((f"helipad, {pad.size_m[2]:.3g} m", pad.corners()))
+    if lab_map.mark is not None:
+        pad = lab_map.mark
+        named.append((f"mark, {pad.size_m[2]:.3g} m", pad.corners()))
     if lab_map.take_off is not None:
         pose = lab_map.take_off
         named.append(("take-off", [(pose.x_m, pose.y_m), pose.to_world(_arrow_m(frame), 0.0)]))
     named += [(text, [at_m]) for text, at_m in lab_map.places]
     taken = [_around(frame.all_to_px(outline_m)) for _, outline_m in named]
-    half_x, half_y = (side_m / 2 for side_m in lab_map.carpet_size_m)
-    carpet = _around(frame.all_to_px([(-half_x, -half_y), (half_x, half_y)]))
+    half_x, half_y = (side_m / 2 for side_m in lab_map.ground_size_m)
+    ground = _around(frame.all_to_px([(-half_x, -half_y), (half_x, half_y)]))
     for (name, _), item in zip(named, tuple(taken), strict=True):
         places = list(_beside(item, text_width_px(name, _NAME)))
         free = (
             place
             for place in places
-            if _inside(place, carpet) and not any(_overlap(place, other) for other in taken)
+            if _inside(place, ground) and not any(_overlap(place, other) for other in taken)
         )
         place = next(free, places[0])
         taken.append(place)

@@ -26,8 +26,8 @@ from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Image
 from uav_bt.types.ground import Block, Ground
 
-CARPET_COLOUR: Final[Colour] = (52, 66, 54)
-_CARPET_GRID: Final[Colour] = (63, 79, 65)
+GROUND_COLOUR: Final[Colour] = (52, 66, 54)
+_GROUND_GRID: Final[Colour] = (63, 79, 65)
 _FLOOR_GRID: Final[Colour] = (30, 33, 40)
 HEADER_PX: Final = 32  # height of a map's title and scale
 _LEGEND_LEFT_PX: Final = 18
@@ -46,7 +46,7 @@ _PHASE_COLOURS: Final[tuple[Colour, ...]] = (
 
 @dataclass(frozen=True, kw_only=True)
 class MapItem(Pose2D):
-    """An object or the helipad, seen from above."""
+    """An object or the mark, seen from above."""
 
     size_m: tuple[float, float, float]  # along the object's x and y, and its height
     yaw_rad: float = 0.0  # counter-clockwise from +x
@@ -63,7 +63,7 @@ class MapItem(Pose2D):
         return self.rectangle(self.size_m[0] / 2, self.size_m[1] / 2)
 
     def letter(self) -> list[list[Point]]:
-        """Return the strokes of a helipad's H in world metres."""
+        """Return the strokes of a mark's H in world metres."""
         a, b = 0.22 * self.size_m[0], 0.28 * self.size_m[1]
         strokes = (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0)))
         return [[self.to_world(*end) for end in stroke] for stroke in strokes]
@@ -86,23 +86,23 @@ class MapMover:
 
 @dataclass(frozen=True, kw_only=True)
 class LabMap:
-    """Content of a map of the lab; the origin is the middle of the carpet."""
+    """Content of a map of the lab; the origin is the middle of the ground."""
 
-    carpet_size_m: tuple[float, float]  # along world x and y
+    ground_size_m: tuple[float, float]  # along world x and y
     boxes: tuple[MapItem, ...] = ()
-    helipad: MapItem | None = None
+    mark: MapItem | None = None
     movers: tuple[MapMover, ...] = ()
     take_off: Pose2D | None = None  # None: random or unknown
     places: tuple[tuple[str, Point], ...] = ()  # of a mission: text in the tree, and position
-    ground: Ground | None = None  # with the objects' parts; None: the carpet with solid boxes
+    ground: Ground | None = None  # with the objects' parts; None: the ground with solid boxes
 
     def __post_init__(self) -> None:
-        if min(self.carpet_size_m) <= 0.0:
-            raise ValueRangeError(f"the carpet must have a size, got {self.carpet_size_m} m")
+        if min(self.ground_size_m) <= 0.0:
+            raise ValueRangeError(f"the ground must have a size, got {self.ground_size_m} m")
 
     def outline(self) -> list[Point]:
         """Return the corners of the ground in world metres."""
-        ground = self.ground or Ground(size_m=self.carpet_size_m)
+        ground = self.ground or Ground(size_m=self.ground_size_m)
         return list(ground.corners_m)
 
 
@@ -164,7 +164,7 @@ def phase_colours(phases: Sequence[str]) -> dict[str, Colour]:
 
 
 def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
-    """Return the empty lab: floor, carpet with a grid of metres, boxes, helipad, movers' paths.
+    """Return the empty lab: floor, ground with a grid of metres, boxes, mark, movers' paths.
 
     Args:
         lab_map: the content; None draws only the grid.
@@ -178,10 +178,10 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
     reach_m = math.ceil(max(frame.size_px) / frame.scale_px_per_m / 2 + abs(frame.centre_m[1]))
     _grid(image, frame, (2.0 * reach_m, 2.0 * reach_m), _FLOOR_GRID)
     if lab_map is not None:
-        polygon(image, frame.all_to_px(lab_map.outline()), CARPET_COLOUR)
-        _grid(image, frame, lab_map.carpet_size_m, _CARPET_GRID)
-        if lab_map.helipad is not None:
-            _draw_helipad(image, frame, lab_map.helipad)
+        polygon(image, frame.all_to_px(lab_map.outline()), GROUND_COLOUR)
+        _grid(image, frame, lab_map.ground_size_m, _GROUND_GRID)
+        if lab_map.mark is not None:
+            _draw_mark(image, frame, lab_map.mark)
         for mover in lab_map.movers:
             line(image, frame.all_to_px(mover.path_m), _mixed(mover.item.colour, INK, 0.3))
         for box in lab_map.boxes:
@@ -214,7 +214,7 @@ def draw_movers(
         polygon(image, frame.all_to_px(mover.outline(at_m)), mover.item.colour, edge)
 
 
-def _draw_helipad(image: Image, frame: MapFrame, pad: MapItem) -> None:
+def _draw_mark(image: Image, frame: MapFrame, pad: MapItem) -> None:
     polygon(image, frame.all_to_px(pad.corners()), _mixed(pad.colour, BACKDROP, 0.35), pad.colour)
     stroke_px = max(2, round(0.05 * frame.scale_px_per_m))
     for stroke in pad.letter():

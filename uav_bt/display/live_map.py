@@ -33,7 +33,7 @@ from uav_bt.display.lab_map import (
 )
 from uav_bt.display.site_map_pane import FOOTER_PX, draw_site_map
 from uav_bt.mission.map_alignment import MapAlignment
-from uav_bt.types import CameraModel, HelipadFix, Pose
+from uav_bt.types import CameraModel, MarkFix, Pose
 from uav_bt.types.arrays import Image
 from uav_bt.types.projection import pixel_rays
 from uav_bt.types.site_map import SiteMap
@@ -89,7 +89,7 @@ class LiveMap:
         size_px: tuple[int, int],
         title: str = "",
     ) -> None:
-        extent_m = lab_map.carpet_size_m if lab_map is not None else _NO_LAB_M
+        extent_m = lab_map.ground_size_m if lab_map is not None else _NO_LAB_M
         self.size_px = size_px
         self._frame = MapFrame.around(extent_m, size_px, header_px=HEADER_PX, footer_px=FOOTER_PX)
         self._camera = camera
@@ -124,15 +124,15 @@ class LiveMap:
         put(self._believed, self._title, (12, 22), colour=INK, scale=0.48)
 
     def draw(
-        self, flown: FlownPath, *, pitch_rad: float, height_m: float, fix: HelipadFix | None
+        self, flown: FlownPath, *, pitch_rad: float, height_m: float, fix: MarkFix | None
     ) -> Image:
         """Return the present map, (H, W, 3) uint8 RGB.
 
         Args:
             flown: the path until now.
             pitch_rad: pitch of the camera, 0 level, negative down.
-            height_m: height of the camera above the carpet.
-            fix: the drone's estimate of the helipad's position.
+            height_m: height of the camera above the ground.
+            fix: the drone's estimate of the mark's position.
         """
         self._draw_new_path(flown)
         if self._believed is None:
@@ -170,7 +170,7 @@ class LiveMap:
         """Return the pixel position of a point given relative to the body's centre."""
         return self._frame.to_px(*pose.to_world(forward_m, -right_m))
 
-    def _draw_fix(self, image: Image, pose: Pose, fix: HelipadFix) -> None:
+    def _draw_fix(self, image: Image, pose: Pose, fix: MarkFix) -> None:
         x, y = self._around(pose, fix.forward_m, fix.right_m)
         arm = 9 if fix.detected else 6
         for dx, dy in ((arm, arm), (arm, -arm)):

@@ -9,10 +9,10 @@ from uav_bt.mission.flight_report import FlightReport
 from uav_bt.types import (
     Corridor,
     CutMotors,
-    HelipadFix,
     Hover,
     Land,
     LandingMark,
+    MarkFix,
     MoveBy,
     Movement,
     Release,
@@ -44,8 +44,8 @@ def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> s
     return f"{mission} with {drone}" if scene is None else f"{mission} in {scene}, seed {seed}"
 
 
-def lands_on_helipad(report: FlightReport, mark: LandingMark) -> bool:
-    """Return whether a flight searched or reached a helipad; other landings have no landing error.
+def lands_on_mark(report: FlightReport, mark: LandingMark) -> bool:
+    """Return whether a flight searched or reached a mark; other landings have no landing error.
 
     Args:
         report: report of the flight.
@@ -53,7 +53,7 @@ def lands_on_helipad(report: FlightReport, mark: LandingMark) -> bool:
     """
     error_m = report.landing_error_m
     on_pad = error_m is not None and error_m <= mark.radius_m
-    return on_pad or report.time_to_find_helipad_s is not None
+    return on_pad or report.time_to_find_mark_s is not None
 
 
 def describe_coverage(report: FlightReport) -> str:
@@ -116,8 +116,8 @@ def _joined(verb: str, parts: list[str], yaw_rad: float, per: str) -> str:
     return ", ".join(words) or "hold"
 
 
-def describe_fix(fix: HelipadFix | None, age_s: float) -> str:
-    """Return range and direction of a helipad fix, and whether it is seen or dead-reckoned."""
+def describe_fix(fix: MarkFix | None, age_s: float) -> str:
+    """Return range and direction of a mark fix, and whether it is seen or dead-reckoned."""
     if fix is None:
         return "none" if math.isinf(age_s) else f"none for {age_s:.0f} s"
     bearing_deg = math.degrees(fix.bearing_rad)

@@ -60,7 +60,7 @@ def draw_site_map(
     """
     image = _cells_in_world(site_map, placement, frame)
     if lab_map is not None:
-        pad = [] if lab_map.helipad is None else [lab_map.helipad]
+        pad = [] if lab_map.mark is None else [lab_map.mark]
         outlines = (item.corners() for item in (*lab_map.boxes, *pad))
         for outline in (lab_map.outline(), *outlines):
             polygon(image, frame.all_to_px(outline), None, _TRUE)

@@ -13,7 +13,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from uav_bt.board import ELAPSED, HELIPAD
+from uav_bt.board import ELAPSED, MARK
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.phrases import (
@@ -22,7 +22,7 @@ from uav_bt.display.phrases import (
     describe_flight,
     describe_movement,
     describe_objects,
-    lands_on_helipad,
+    lands_on_mark,
 )
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
@@ -68,7 +68,7 @@ class LiveStatus:
     always shown at once.
 
     Args:
-        board: board of the mission, source of time and helipad fix.
+        board: board of the mission, source of time and mark fix.
         console: output; default: the standard error stream.
         wall_clock_s: returns the real time, s; tests pass a simulated clock.
     """
@@ -133,7 +133,7 @@ class LiveStatus:
         """Return the status line of a tick."""
         mission_s, began_s = self._began or (record.time_s, wall_s)
         elapsed_s = self._board.read(ELAPSED).value or 0.0
-        fix = self._board.read(HELIPAD).value
+        fix = self._board.read(MARK).value
         parts = [
             (f"{record.phase or 'ready':<9}", "bold yellow"),
             (f"{elapsed_s:6.1f} s", ""),
@@ -141,9 +141,9 @@ class LiveStatus:
         if wall_s > began_s:
             parts.append((f"{(record.time_s - mission_s) / (wall_s - began_s):.1f}x", "dim"))
         parts += [
-            (f"height {record.observation.state.height_above_carpet_m:.2f} m", ""),
+            (f"height {record.observation.state.height_above_ground_m:.2f} m", ""),
             (f"flown {self._flown.distance_m:.1f} m", ""),
-            (f"helipad {fix.range_m:.1f} m" if fix is not None else "helipad -", ""),
+            (f"mark {fix.range_m:.1f} m" if fix is not None else "mark -", ""),
         ]
         if record.override is not None:
             why = f": {record.refused[0]}" if record.refused else ""
@@ -238,10 +238,10 @@ def _numbers(
     if (report.duration_s or 0.0) > EXPLORE_S:  # otherwise it equals the total distance
         yield f"first {EXPLORE_S:.0f} s", report.explore_distance_m, "m", 2
     yield "total distance", report.total_distance_m, "m", 2
-    yield "search", report.time_to_find_helipad_s, "s until the helipad was found", 1
+    yield "search", report.time_to_find_mark_s, "s until the mark was found", 1
     yield "landing", report.time_to_land_s, "s from there", 1
-    if lands_on_helipad(report, mark):
-        yield "landing error", report.landing_error_m, "m from the helipad's centre", 3
+    if lands_on_mark(report, mark):
+        yield "landing error", report.landing_error_m, "m from the mark's centre", 3
     yield "least clearance", report.min_clearance_m, "m to an obstacle", 2
 
 

@@ -19,7 +19,7 @@ from uav_bt.lab.room import Room, RoomSection, Surface
 from uav_bt.yaml_file import YamlFile
 
 CONTACT_NAMES: Final = (
-    *("box", "mover", "helipad", "carpet", "drone"),
+    *("box", "mover", "mark", "drone"),
     *("floor", "ceiling", "wall", "ground", "take_off"),
 )
 """Names in contacts and messages that objects cannot have."""

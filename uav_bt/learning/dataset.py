@@ -161,7 +161,7 @@ def footage_of(path: Path) -> Footage:
         attitude_rad=np.array([_angles(note.attitude) for note in notes]),
         altitude_m=np.array([note.altitude_m for note in notes]),
         height_m=np.array([note.height_m for note in notes]),
-        height_above_carpet_m=np.array([note.height_above_carpet_m for note in notes]),
+        height_above_ground_m=np.array([note.height_above_ground_m for note in notes]),
         state_s=np.array([state.times.velocity_s for state in states]),
         state_attitude_rad=_attitudes_at_velocities(states),
         velocity_mps=np.array(

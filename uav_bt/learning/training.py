@@ -30,7 +30,7 @@ from uav_bt.progress import Advance, silent
 from uav_bt.types.arrays import Image
 
 # Curves in the diary of a run.
-DEPTH_CURVES: Final = ("loss", "abs_rel", "obstacle_error_m", "carpet_error_m")
+DEPTH_CURVES: Final = ("loss", "abs_rel", "obstacle_error_m", "ground_error_m")
 STUDENT_CURVES: Final = (
     "loss",
     "missed",

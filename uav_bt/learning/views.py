@@ -50,8 +50,8 @@ class ViewPlan:
     size_px: tuple[int, int] = (1152, 648)  # width and height, those of the teacher
     truth_size_px: tuple[int, int] | None = None  # size of the exact ids; None: as the images
     profile: str = "lab"  # source of noise, blur and exposure error
-    facing_pad: float = 0.25  # share that faces the helipad, which is rare with a random yaw
-    lowered: float = 0.0  # share with a lowered camera, as near the carpet's edge
+    facing_pad: float = 0.25  # share that faces the mark, which is rare with a random yaw
+    lowered: float = 0.0  # share with a lowered camera, as near the ground's edge
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -202,7 +202,7 @@ class FlightLog:
             search_distance_m=_rounded(
                 None if explored is None or found is None else found - explored
             ),
-            time_to_find_helipad_s=_span(marks.explored_s, marks.found_s),
+            time_to_find_mark_s=_span(marks.explored_s, marks.found_s),
             time_to_land_s=_span(marks.found_s, marks.landed_s),
             landing_error_m=_rounded(
                 truth.landing_error_m if truth is not None and not truth.motors_on else None

@@ -64,8 +64,8 @@ class FlightReport(FlightChanges):
     duration_s: float | None  # from the take-off command
     explore_distance_m: float | None  # the first 90 s after take-off; None without exploring
     total_distance_m: float | None
-    search_distance_m: float | None  # from the end of exploration until the helipad is found
-    time_to_find_helipad_s: float | None  # over the same span
+    search_distance_m: float | None  # from the end of exploration until the mark is found
+    time_to_find_mark_s: float | None  # over the same span
     time_to_land_s: float | None  # from there until motors off
     landing_error_m: float | None  # horizontal, body centre to pad centre
     min_clearance_m: float | None  # from the hull to the nearest box or mover

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import enum
+import re
 from dataclasses import dataclass, replace
+from typing import Final
 
 from uav_bt.clock import TIME_LIMIT_S
 from uav_bt.errors import ValueRangeError
@@ -11,6 +13,8 @@ from uav_bt.lab.shipped import default_mark
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, LandingMark, Truth
 from uav_bt.types.mission_rules import LandOn, MissionRules
+
+_NUMBERS: Final = re.compile(r"([-_]\d+)*")  # behind the kind, in an object's name
 
 
 class Outcome(enum.Enum):
@@ -41,8 +45,8 @@ class JudgeConfig:
             timeout. None: that of the mission's rules, or 300 s.
         patience_s: longest time without a take-off command, seconds; then the mission ends as a
             timeout. Chosen: networks load within seconds.
-        landing_surfaces: shapes of the simulation that the drone may touch while it takes off or
-            lands, by the beginning of their names.
+        landing_surfaces: names in contacts of what the drone may touch while it takes off or
+            lands, or kinds of objects: `table` stands for `table-1`, but not for `tablet-1`.
         land_on: where the flight must end. None: as the mission's rules say, or on the landing
             mark.
 
@@ -52,7 +56,7 @@ class JudgeConfig:
 
     time_limit_s: float | None = None
     patience_s: float = 60.0
-    landing_surfaces: tuple[str, ...] = ("helipad", "carpet")
+    landing_surfaces: tuple[str, ...] = ("mark", "ground")
     land_on: LandOn | None = None
 
     def __post_init__(self) -> None:
@@ -63,6 +67,13 @@ class JudgeConfig:
     def limit_s(self) -> float:
         """The time limit that holds, seconds."""
         return TIME_LIMIT_S if self.time_limit_s is None else self.time_limit_s
+
+    def is_landing_surface(self, name: str) -> bool:
+        """Return whether the drone may touch that while it takes off or lands."""
+        return any(
+            name.startswith(surface) and _NUMBERS.fullmatch(name, len(surface))
+            for surface in self.landing_surfaces
+        )
 
     def under(self, rules: MissionRules) -> JudgeConfig:
         """Return the rules of a flight with those of its mission where they say nothing."""
@@ -186,10 +197,11 @@ class Judge:
             hit = self._hit(now_s, state, truth)
             if hit is not None:
                 return Verdict(outcome=Outcome.COLLISION, reason=f"touched {hit}")
-            if self._took_off_s is not None and not truth.inside_carpet:
+            if self._took_off_s is not None and not truth.inside_ground:
+                x_m, y_m = truth.pose.x_m, truth.pose.y_m
                 return Verdict(
                     outcome=Outcome.LEFT_AREA,
-                    reason=f"left the carpet at ({truth.pose.x_m:.2f}, {truth.pose.y_m:.2f}) m",
+                    reason=f"flew beyond the ground's edge at ({x_m:.2f}, {y_m:.2f}) m",
                 )
         if belief.area_margin_m is not None and belief.area_margin_m < -_LEFT_M:
             return Verdict(
@@ -212,7 +224,7 @@ class Judge:
     def _hit(self, now_s: float, state: DroneState, truth: Truth) -> str | None:
         unheard = now_s - state.captured_s > _UNHEARD_S
         for geom in truth.contacts:
-            landing_surface = geom.startswith(self._config.landing_surfaces)
+            landing_surface = self._config.is_landing_surface(geom)
             if not (landing_surface and (unheard or self._lands)):
                 return geom
         return None
@@ -247,15 +259,15 @@ class Judge:
         drone counts as above it within half of its longer side.
         """
         if truth is not None:
-            on_mark, distance_m = truth.on_helipad, truth.landing_error_m
+            on_mark, distance_m = truth.on_mark, truth.landing_error_m
         else:
             distance_m = self._mark_m
             half_m = max(self._mark.length_m, self._mark.width_m) / 2.0
             on_mark = distance_m is not None and distance_m <= half_m
         if self._land_on is LandOn.GROUND and on_mark:
-            return "landed on the helipad, and the mission's rules want the ground"
+            return "landed on the landing mark, and the mission's rules want the ground"
         if self._land_on is LandOn.MARK and not on_mark:
             if distance_m is None:
-                return "landed where no helipad is known"
-            return f"landed {distance_m:.2f} m from the helipad's centre"
+                return "landed where no landing mark is known"
+            return f"landed {distance_m:.2f} m from the landing mark's centre"
         return None

@@ -21,8 +21,8 @@ class Limits:
         climb_mps: vertical speed, metres per second, both ways. Chosen: the indoor setting of an
             ANAFI.
         yaw_rate_radps: turning rate, radians per second, both ways. Chosen: a full turn in 4 s.
-        ceiling_m: greatest height above the carpet, metres. Chosen: below the ceiling of a room.
-        floor_m: least height above the carpet, metres; it does not bound a landing. Chosen: about
+        ceiling_m: greatest height above the ground, metres. Chosen: below the ceiling of a room.
+        floor_m: least height above the ground, metres; it does not bound a landing. Chosen: about
             one body width.
         step_m: greatest horizontal length of a `MoveBy`, metres. Chosen: twice the lab.
         critical_battery: charge, 0 to 1, below which the drone lands. Chosen: 2.5 of 25 minutes.
@@ -69,7 +69,7 @@ def limit_movement(
         state_age_s: age of the telemetry, seconds.
         landing: whether the movement is part of a landing, which is limited in speed only.
     """
-    height_m = state.height_above_carpet_m
+    height_m = state.height_above_ground_m
     up_m = max(0.0, limits.ceiling_m - height_m)
     down_m = max(0.0, height_m - limits.floor_m)
     if isinstance(movement, MoveBy):

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from uav_bt.board import HELIPAD, ODOMETRY, SITE_MAP
+from uav_bt.board import MARK, ODOMETRY, SITE_MAP
 from uav_bt.board import numbers as keys
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.flight_notes import FlightNotes
@@ -88,7 +88,7 @@ class MissionNumbers:
     def _write_map(self, now_s: float) -> None:
         write, site_map = self._board.write, self._whereabouts.site_map
         mapped = site_map is not None and site_map.mark is not None
-        write(keys.MARK_KNOWN, float(mapped or self._board.value(HELIPAD) is not None))
+        write(keys.MARK_KNOWN, float(mapped or self._board.value(MARK) is not None))
         write(keys.LOCALISED, float(self._localised()))
         write(keys.OBJECTS_COUNT, UNKNOWN if site_map is None else len(site_map.objects))
         if site_map is not None and now_s - self._covered_s >= _COVERED_EVERY_S:

@@ -13,11 +13,11 @@ from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import ValueRangeError
 from uav_bt.mission.abort import Abort
-from uav_bt.mission.carpet_height import CarpetHeight
 from uav_bt.mission.contingencies import Contingencies
 from uav_bt.mission.descent import Descent, DescentEnd
 from uav_bt.mission.event_watch import EventWatch
 from uav_bt.mission.flown_tree import FlownTree, NextTree
+from uav_bt.mission.ground_height import GroundHeight
 from uav_bt.mission.hold_model import HoldConfig
 from uav_bt.mission.judge import Judge, Verdict
 from uav_bt.mission.limits import Limits
@@ -108,7 +108,7 @@ class MissionRunner:
         self._clock = clock
         self._timer = timer
         self._screening = Screening(drone.camera, judge_frame)
-        self._height = CarpetHeight()
+        self._height = GroundHeight()
         self._contingencies = Contingencies(limits)
         self._hold = PositionHold(self._config.hold, drone.airframe)
         self._flown = FlownTree(tree, next_tree, timer=timer)
@@ -304,7 +304,7 @@ class MissionRunner:
     def _write_board(self, observation: Observation, now_s: float) -> None:
         board, state = self._context.board, observation.state
         board.write(STATE, state, captured_s=state.captured_s)
-        board.write(HEIGHT, state.height_above_carpet_m, captured_s=state.captured_s)
+        board.write(HEIGHT, state.height_above_ground_m, captured_s=state.captured_s)
         board.write(ELAPSED, self._judge.elapsed(now_s))
         board.write(CAMERA, self._drone.camera)
         if observation.frame is not None:

@@ -137,7 +137,7 @@ class Screening:
             ("gimbal pitch", report.gimbal_pitch_rad, math.pi),
             ("altitude", report.altitude_m, config.height_m),
             ("height", report.height_m, config.height_m),
-            ("height above the carpet", report.height_above_carpet_m, config.height_m),
+            ("height above the ground", report.height_above_ground_m, config.height_m),
         ]
         if isinstance(report, DroneState):
             velocity = report.velocity

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from uav_bt.board import HELIPAD, ODOMETRY, SITE_MAP
+from uav_bt.board import MARK, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.mission.judge import Belief
 from uav_bt.types import Pose2D, wrap_angle
@@ -61,7 +61,7 @@ class Whereabouts:
 
     def _mark_m(self) -> float | None:
         """Return the distance of the landing mark, by its track or else by the fresh map."""
-        fix = self._board.value(HELIPAD)
+        fix = self._board.value(MARK)
         if fix is not None:
             return fix.range_m
         site_map = self._board.value(SITE_MAP)

@@ -25,7 +25,7 @@ from uav_bt.types import (
     DroneState,
     Frame,
     GimbalTo,
-    HelipadFix,
+    MarkFix,
     Movement,
     NearObstacles,
     Truth,
@@ -98,7 +98,7 @@ class FrameNote:
     attitude: Attitude = field(default_factory=Attitude)
     altitude_m: float = 0.0  # altitude above the take-off point
     height_m: float = 0.0  # height above the surface below
-    height_above_carpet_m: float = 0.0
+    height_above_ground_m: float = 0.0
 
     @classmethod
     def of(cls, frame: Frame) -> FrameNote:
@@ -155,7 +155,7 @@ class StatusNote:
             raise ValueRangeError(f"unknown node status '{min(unknown):.40}'")
 
 
-SCHEMA_VERSION: Final = 2  # version of the whole record; readers refuse a newer one
+SCHEMA_VERSION: Final = 3  # version of the whole record; readers refuse a newer one
 
 # Names of the two metadata records, written at the start and at the end of the flight.
 START: Final = "uav_bt.flight"
@@ -192,7 +192,7 @@ CLASS_MAP: Final = Channel(topic="/perception/class_map", content="RawImage", im
 RELATIVE_DEPTH: Final = Channel(topic="/perception/relative_depth", content="RawImage", image=True)
 METRIC_DEPTH: Final = Channel(topic="/perception/metric_depth", content="RawImage", image=True)
 CORRIDOR: Final = Channel(topic="/perception/corridor", content=Corridor)
-HELIPAD: Final = Channel(topic="/perception/helipad", content=HelipadFix)
+MARK: Final = Channel(topic="/perception/mark", content=MarkFix)
 # `near` of the site map, in every tick. The topic is older: the board once had a key for it.
 NEAR: Final = Channel(topic="/perception/obstacles", content=NearObstacles)
 SITE_MAP: Final = Channel(topic="/perception/site_map", content=SiteMapNote)
@@ -212,11 +212,19 @@ CHANNELS: Final[dict[str, Channel]] = {
     channel.topic: channel
     for channel in (
         *(CAMERA_IMAGE, CAMERA_FRAME, CALIBRATION),
-        *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, HELIPAD, NEAR, SITE_MAP),
+        *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, MARK, NEAR, SITE_MAP),
         *(STATE, POSE, TRANSFORM, TRUTH),
         *(TICK, COMMANDS, BOARD, ADVICE, TREE, TREE_STATUS, LOG),
     )
 }
+
+# Topics of records of an earlier schema version, and their present names.
+_FORMER_TOPICS: Final = {"/perception/helipad": MARK.topic}
+
+
+def present_topic(topic: str) -> str:
+    """Return the present name of a record's topic."""
+    return _FORMER_TOPICS.get(topic, topic)
 
 
 def schema_of(channel: Channel) -> tuple[str, bytes]:

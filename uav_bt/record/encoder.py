@@ -30,7 +30,7 @@ from uav_bt.types import CameraModel, ClassMap, DepthMap, GimbalTo, Movement, Ne
 # Board values with a separate channel, written when they are new.
 _VALUES: Final = {
     keys.CORRIDOR.name: channels.CORRIDOR,
-    keys.HELIPAD.name: channels.HELIPAD,
+    keys.MARK.name: channels.MARK,
     keys.ADVICE.name: channels.ADVICE,
 }
 _MAP_S: Final = 0.5  # seconds between site maps, which change with every view

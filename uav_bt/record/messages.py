@@ -13,7 +13,7 @@ from uav_bt.record.config import Quality
 from uav_bt.record.images import encode_image, encoding_of
 from uav_bt.types import Attitude, CameraModel, Pose
 
-WORLD: Final = "world"  # z up, origin in the carpet's middle
+WORLD: Final = "world"  # z up, origin in the ground's middle
 BODY: Final = "drone"  # x forward, y left, z up: the convention of viewers
 CAMERA_FRAME_ID: Final = "camera"  # OpenCV's: x right, y down, z forward
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
+from uav_bt import board as keys
 from uav_bt.errors import InputError
 from uav_bt.json_text import parse_json
 from uav_bt.lab.classes import LabClasses
@@ -29,11 +30,17 @@ from uav_bt.types import (
     DepthMap,
     DroneState,
     Frame,
-    HelipadFix,
+    MarkFix,
     NearObstacles,
     Truth,
 )
 from uav_bt.types.site_map import SiteMap
+
+# Board keys in records of an earlier schema version, and their present names.
+_FORMER_KEYS: Final = {
+    "helipad": keys.MARK.name,
+    "height_above_carpet_m": keys.HEIGHT.name,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +77,7 @@ class Moment:
     relative_depth: DepthMap | None = None
     metric_depth: DepthMap | None = None  # whole millimetres; NaN where unknown
     corridor: Corridor | None = None
-    helipad: HelipadFix | None = None
+    mark: MarkFix | None = None
     near: NearObstacles | None = None  # near obstacles of the site map
     site_map: SiteMap | None = None  # kept at most twice a second
     truth: Truth | None = None
@@ -112,7 +119,7 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], classes: La
         relative_depth=_depth(channels.RELATIVE_DEPTH, "relative_depth", found, board),
         metric_depth=_depth(channels.METRIC_DEPTH, "metric_depth", found, board),
         corridor=value(channels.CORRIDOR),
-        helipad=value(channels.HELIPAD),
+        mark=value(channels.MARK),
         near=value(channels.NEAR),
         site_map=None if site_map is None else site_map_of(site_map, classes),
         truth=value(channels.TRUTH),
@@ -124,6 +131,9 @@ def _board(found: Mapping[str, bytes]) -> dict[str, Any]:
     board = parse_json(found.get(channels.BOARD.topic, b"{}"))
     if not isinstance(board, dict):
         raise InputError(f"expected the board's keys, got {board!s:.80}")
+    for former, present in _FORMER_KEYS.items():
+        if former in board:
+            board.setdefault(present, board.pop(former))
     for key, entry in board.items():
         if not (isinstance(entry, dict) and "value" in entry):
             raise InputError(f"expected value and captured_s of board key '{key:.40}'")

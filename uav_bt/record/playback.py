@@ -29,7 +29,7 @@ _VALUES: Final[tuple[Key[Any], ...]] = (
     keys.RELATIVE_DEPTH,
     keys.METRIC_DEPTH,
     keys.CORRIDOR,
-    keys.HELIPAD,
+    keys.MARK,
 )
 
 
@@ -120,7 +120,7 @@ class Playback:
             if entry is not None:
                 board.write(plain, entry["value"], captured_s=entry["captured_s"])
         board.write(keys.STATE, moment.state, captured_s=moment.state.captured_s)
-        board.write(keys.HEIGHT, moment.state.height_above_carpet_m)
+        board.write(keys.HEIGHT, moment.state.height_above_ground_m)
         board.write(keys.CAMERA, self._reader.camera)
         if self._frame is not None:
             board.write(keys.FRAME, self._frame, captured_s=self._frame.captured_s)

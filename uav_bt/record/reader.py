@@ -100,7 +100,7 @@ class RecordReader:
                     name=record.name, media_type=record.media_type, data=record.data
                 )
             elif isinstance(record, Channel):
-                topics[record.id] = record.topic
+                topics[record.id] = channels.present_topic(record.topic)
             elif isinstance(record, Message):
                 first_ns = record.log_time if first_ns is None else first_ns
                 if record.log_time > first_ns:  # the tree is among the first messages
@@ -200,7 +200,7 @@ class RecordReader:
         last_ns = 0
         for record in self._scan:
             if isinstance(record, Channel):
-                topics[record.id] = record.topic
+                topics[record.id] = channels.present_topic(record.topic)
             elif isinstance(record, Message):
                 if record.log_time < last_ns - _NS:  # a second: the writer holds back less
                     raise FileError(

@@ -119,7 +119,7 @@ class BenchWorld:
                 velocity=velocity,
                 altitude_m=height_m,
                 height_m=height_m,
-                height_above_carpet_m=height_m,
+                height_above_ground_m=height_m,
                 gimbal_pitch_rad=gimbal_pitch_rad,
                 battery=battery_share,
                 link=link_share,
@@ -133,7 +133,7 @@ class BenchWorld:
         self.board[BATTERY_SHARE] = UNKNOWN if state.battery is None else state.battery
         self.board[LINK_SHARE] = UNKNOWN if state.link is None else state.link
         self.board[FLYING] = float(state.in_air)
-        self.board[HEIGHT] = state.height_above_carpet_m
+        self.board[HEIGHT] = state.height_above_ground_m
         self.board[CAMERA] = self.camera
         self.board[FRAME] = blank_frame(self.camera, state, index=self._frames)
         self._frames += 1

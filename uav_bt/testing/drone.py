@@ -72,7 +72,7 @@ def blank_frame(
         attitude=state.attitude,
         altitude_m=state.altitude_m,
         height_m=state.height_m,
-        height_above_carpet_m=state.height_above_carpet_m,
+        height_above_ground_m=state.height_above_ground_m,
     )
 
 
@@ -189,7 +189,7 @@ class ScriptedDrone:
             flying=flying,
             altitude_m=height_m,
             height_m=height_m,
-            height_above_carpet_m=height_m,
+            height_above_ground_m=height_m,
         )
 
     def _take_off(self) -> None:

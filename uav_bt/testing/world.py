@@ -108,7 +108,7 @@ def show(
             attitude=Attitude(yaw_rad=yaw_rad),
             altitude_m=height_m,
             height_m=height_m,
-            height_above_carpet_m=height_m,
+            height_above_ground_m=height_m,
             gimbal_pitch_rad=math.radians(gimbal_deg),
             movement=movement,
             velocity=velocity or BodyVelocity(),

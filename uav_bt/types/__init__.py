@@ -42,7 +42,7 @@ from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
 from uav_bt.types.surroundings import (
     MIN_VIEW_HEIGHT_M,
     HeldTurn,
-    HelipadFix,
+    MarkFix,
     NearObstacles,
 )
 
@@ -66,13 +66,13 @@ __all__ = [
     "Frame",
     "GimbalTo",
     "HeldTurn",
-    "HelipadFix",
     "Hover",
     "Land",
     "LandingMark",
     "MapMark",
     "MapMover",
     "MapObject",
+    "MarkFix",
     "MeasurementTimes",
     "MissionPhase",
     "MoveBy",

@@ -73,7 +73,7 @@ class Frame:
     attitude: Attitude = field(default_factory=Attitude)
     altitude_m: float = 0.0  # above the take-off point
     height_m: float = 0.0  # above the surface below
-    height_above_carpet_m: float = 0.0
+    height_above_ground_m: float = 0.0
 
     __repr__ = shapes_repr
 

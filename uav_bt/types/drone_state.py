@@ -115,7 +115,7 @@ class DroneState:
     # Above the surface below, by a rangefinder; without one, at a fixed distance from the altitude.
     height_m: float = 0.0
     # A drone reports it at a fixed distance from the altitude; the mission estimates it anew.
-    height_above_carpet_m: float = 0.0
+    height_above_ground_m: float = 0.0
     gimbal_pitch_rad: float = 0.0
     battery: float | None = 1.0  # 0 to 1; None before the drone has reported it
     link: float | None = 1.0  # quality of the radio link, rated by the drone, 0 to 1; None as above

@@ -66,8 +66,8 @@ class Truth:
     pose: Pose
     contacts: tuple[str, ...]  # geoms that the body touches now, including ground and pad
     clearance_m: float  # from the hull to the nearest box or mover, inf without any
-    inside_carpet: bool  # the body's centre
-    on_helipad: bool  # the body's centre is above the pad
+    inside_ground: bool  # the body's centre is above the ground, not beyond its edge
+    on_mark: bool  # the body's centre is above the pad
     landing_error_m: float | None  # horizontal, body centre to pad centre; None without a pad
     motors_on: bool
     gimbal_pitch_rad: float | None = None  # of the camera; None if unknown

@@ -101,7 +101,7 @@ class Pose2D:
 
 @dataclass(frozen=True, kw_only=True)
 class Pose(Pose2D):
-    """A pose in the world: z up, yaw counter-clockwise from +x, origin in the carpet's middle."""
+    """A pose in the world: z up, yaw counter-clockwise from +x, origin in the ground's middle."""
 
     z_m: float
 

@@ -1,4 +1,4 @@
-"""The helipad's fix, obstacles near the drone, and the held turn."""
+"""The mark's fix, obstacles near the drone, and the held turn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uav_bt.errors import ShapeError
 
 
 @dataclass(frozen=True, kw_only=True)
-class HelipadFix:
+class MarkFix:
     """Position of the landing mark, from the body's centre in the heading-aligned level plane.
 
     Attributes:
@@ -62,12 +62,12 @@ class NearObstacles:
     captured_s: float = -math.inf  # of the newest frame used
     # (K, 2), in the same frame: assumed places of obstacles of unknown range.
     assumed_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
-    # (E, 2), in the same frame: points of the carpet's edge.
+    # (E, 2), in the same frame: points of the ground's edge.
     edges_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
-    # (M,) Bearings of obstacles whose base was never seen, nearer than the nearest visible carpet:
+    # (M,) Bearings of obstacles whose base was never seen, nearer than the nearest visible ground:
     # from the heading, clockwise positive, one per degree.
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    # (L,) Bearings on which the carpet ends below the view.
+    # (L,) Bearings on which the ground ends below the view.
     unplaced_edges_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     # (N,) and (E,) Time since the last sighting of points and edges; empty: unknown.
     points_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
@@ -133,7 +133,7 @@ class NearObstacles:
         return int(np.count_nonzero(np.abs(self.unplaced_rad) < half_angle_rad))
 
     def ends_within(self, half_angle_rad: float) -> int:
-        """Return the number of bearings within an angle on which the carpet ends below the view."""
+        """Return the number of bearings within an angle on which the ground ends below the view."""
         return int(np.count_nonzero(np.abs(self.unplaced_edges_rad) < half_angle_rad))
 
 

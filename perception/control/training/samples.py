@@ -89,7 +89,7 @@ class FlightBuilder:
         self._poses.append((advice.captured_s, advice.x_m, advice.y_m, advice.yaw_rad))
         self._ego.append(
             (
-                advice.height_above_carpet_m,
+                advice.height_above_ground_m,
                 advice.gimbal_pitch_rad,
                 float(advice.turning),
                 float(advice.full_turns),
@@ -255,7 +255,7 @@ class ControlSamples:
             flight, place = self._flights[self._flight[at]], int(self._place[at])
             height_m, pitch_rad, turn, full_turns = flight.ego[place]
             ego = EgoState(
-                height_above_carpet_m=height_m,
+                height_above_ground_m=height_m,
                 gimbal_pitch_rad=pitch_rad,
                 turning=0 if unturned else int(turn),
                 full_turns=0 if unturned else int(full_turns),

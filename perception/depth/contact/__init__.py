@@ -1,1 +1,1 @@
-"""Depth of upright faces from their contact with the carpet."""
+"""Depth of upright faces from their contact with the ground."""

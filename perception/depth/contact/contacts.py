@@ -1,4 +1,4 @@
-"""Bases: the contact of obstacles with the carpet by azimuth, from a panorama of the class map."""
+"""Bases: the contact of obstacles with the ground by azimuth, from a panorama of the class map."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from uav_bt.types.arrays import Floats, Indices
 
 @dataclass(frozen=True, kw_only=True)
 class BaseConfig:
-    """Which pixels form a base on the carpet."""
+    """Which pixels form a base on the ground."""
 
     min_run_px: float = 2.0  # height of the side above a base; less is mask noise
-    gap_px: float = 2.0  # between carpet and side; networks blur the border into other classes
+    gap_px: float = 2.0  # between ground and side; networks blur the border into other classes
     max_rms_px: float = 1.5  # of a fitted base; with a larger error the seen base is used unfitted
     # A fitted base is extended by this multiple of its visible azimuth range, behind other boxes
     # and below the image's lower edge.
     reach: float = 1.0
-    # A box with its base cut off has a ragged upright edge with carpet beside it. A cut box needs
-    # at least this number of columns on carpet for a base.
+    # A box with its base cut off has a ragged upright edge with ground beside it. A cut box needs
+    # at least this number of columns on ground for a base.
     min_beside_cut: int = 10
     specks: float = 0.25  # a base is rejected if more than this share of its columns contradict it
     slack_px: float = 2.0  # a side may reach below its fitted base by this
@@ -95,7 +95,7 @@ class _Sight:
     first: Indices  # (N,) lowest row of the class in each column
     last: Indices  # (N,) uppermost row of the class in each column
     visible: Floats  # (N,) slope at the lowest row
-    base: Floats  # (N,) slope of the border with the carpet; NaN without carpet below
+    base: Floats  # (N,) slope of the border with the ground; NaN without ground below
     outside: NDArray[np.bool_]  # (N,) whether the image's edge cuts off the lower end
     cut: bool  # whether `outside` holds for many columns
 
@@ -139,16 +139,16 @@ def find_base(
 def _look(panorama: Panorama, runs: Runs, thing: int, ground: int, config: BaseConfig) -> _Sight:
     columns = np.flatnonzero(runs.first[thing] >= 0)
     first = runs.first[thing, columns].astype(np.intp)
-    carpet = rows_above(panorama, first, columns, ground, config.gap_px, step=-1)
+    ground_row = rows_above(panorama, first, columns, ground, config.gap_px, step=-1)
     depression = panorama.depression_rad
-    border = np.tan(0.5 * (depression[first] + depression[carpet]))
+    border = np.tan(0.5 * (depression[first] + depression[ground_row]))
     below = np.where(first > 0, panorama.ids[np.maximum(first - 1, 0), columns], OUTSIDE)
     return _Sight(
         columns=columns,
         first=first,
         last=runs.last[thing, columns].astype(np.intp),
         visible=np.tan(depression[first]),
-        base=np.where(carpet >= 0, border, np.nan),
+        base=np.where(ground_row >= 0, border, np.nan),
         outside=below == OUTSIDE,
         cut=bool(np.count_nonzero(below == OUTSIDE) > config.specks * columns.size),
     )
@@ -288,7 +288,7 @@ def _recall(
         return nothing
     azimuth = panorama.azimuth_rad[sight.columns[sight.outside]]
     visible = sight.visible[sight.outside]
-    # Remembered points beyond the carpet in view belong to obstacles behind.
+    # Remembered points beyond the ground in view belong to obstacles behind.
     behind_m = np.interp(remembered.azimuth_rad, azimuth, height_m / visible)
     mine = remembered.range_m <= behind_m + config.recall_m
     mine &= _distance(remembered.azimuth_rad, azimuth) <= config.recall_rad

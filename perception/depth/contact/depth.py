@@ -1,11 +1,11 @@
-"""Metric depth without a network, from a class map and the contact of obstacles with the carpet.
+"""Metric depth without a network, from a class map and the contact of obstacles with the ground.
 
-The carpet lies in the ground plane. The side of a box is a vertical face, and its lowest pixels
-meet the carpet at its base. A vertical line keeps its azimuth, so the base gives one horizontal
+The ground is a plane. The side of a box is a vertical face, and its lowest pixels
+meet the ground at its base. A vertical line keeps its azimuth, so the base gives one horizontal
 range for each azimuth, and with it the depth of every side pixel above. The sides of one box meet
-the carpet in one or two straight lines. These are fitted, which makes a base more accurate than one
+the ground in one or two straight lines. These are fitted, which makes a base more accurate than one
 pixel and extends it behind other boxes. A roof is a level face at the height of the side's upper
-edge; the height of the helipad is known.
+edge; the height of the mark is known.
 
 The class map is first remapped to a panorama of azimuth by depression, where vertical edges are
 columns. Unknown depth stays NaN: background, boxes with a base that is hidden or below the image's
@@ -66,7 +66,7 @@ class ContactDepth:
 
     depth: NDArray[np.float32]  # (H, W) metres along the optical axis; NaN where unknown
     at_most: NDArray[np.float32]  # (H, W) metres; upper bound of the depth, inf without one
-    known_share: float  # of the pixels of boxes, roofs and helipad, 0 to 1; 1 without such pixels
+    known_share: float  # of the pixels of boxes, roofs and mark, 0 to 1; 1 without such pixels
 
 
 def contact_depth(
@@ -78,7 +78,7 @@ def contact_depth(
     remembered: Remembered | None = None,
     network_m: NDArray[np.float32] | None = None,
 ) -> ContactDepth:
-    """Estimate the depth of carpet, boxes, roofs and helipad.
+    """Estimate the depth of ground, boxes, roofs and mark.
 
     Args:
         class_map: the class map.
@@ -90,7 +90,7 @@ def contact_depth(
 
     Raises:
         ShapeError: a map has another size than the view.
-        ValueRangeError: the lens is not above the carpet.
+        ValueRangeError: the lens is not above the ground.
     """
     estimation = ContactEstimation(class_map, ground or GroundPlane.of(view), config, remembered)
     if network_m is not None:
@@ -109,7 +109,7 @@ class ContactEstimation:
 
     Raises:
         ShapeError: the map has another size than the view.
-        ValueRangeError: the lens is not above the carpet.
+        ValueRangeError: the lens is not above the ground.
     """
 
     def __init__(

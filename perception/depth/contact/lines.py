@@ -1,4 +1,4 @@
-"""Fit of the line in which an upright box meets the carpet.
+"""Fit of the line in which an upright box meets the ground.
 
 The inverse horizontal range of a vertical plane is linear in the cosine and the sine of the
 azimuth. So is ``slope = height / range``, the tangent of the depression of the base. A box shows

@@ -33,7 +33,7 @@ def sides(  # noqa: PLR0917 - Numba passes arguments by position
         ids: (P,) class ids of the image.
         thing: the class id.
         rays: (3, P) rays of unit depth: forward, right, down.
-        height_m: height of the lens above the carpet.
+        height_m: height of the lens above the ground.
         azimuths_rad: azimuth of the panorama's first column, and step between columns.
         slopes: (2, A) slope of the base, and of the lowest visible pixel, by column; or NaN.
         fitted: (A,) columns whose slope comes from the fitted line.

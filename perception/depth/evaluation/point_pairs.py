@@ -162,7 +162,7 @@ def _picked(
     window = np.s_[
         max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1
     ]
-    # The carpet before a base is nearer, but does not hide it.
+    # The ground before a base is nearer, but does not hide it.
     others = (
         class_map.is_above_ground[window] & (ids[window] != ids[row, column]) & (face[window] == 0)
     )

@@ -1,8 +1,8 @@
 """Depth scores: scores of whole maps, and errors of lengths in metres.
 
 The measures of maps are the usual ones (Eigen et al., arXiv 1406.2283): relative error after median
-scaling, and errors in metres with the carpet's scale. They are computed separately for obstacles
-and carpet within reach, which a drone could hit. `draw_points` samples points for comparing ranges,
+scaling, and errors in metres with the ground's scale. They are computed separately for obstacles
+and ground within reach, which a drone could hit. `draw_points` samples points for comparing ranges,
 like those measured with a tape.
 """
 
@@ -23,7 +23,7 @@ from uav_bt.types import CameraModel, ClassMap
 from uav_bt.types.arrays import Floats32
 
 _MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # the paper's range of distances
-_MIN_CARPET_PX = 50  # pixels; with fewer an image gives no scale
+_MIN_GROUND_PX = 50  # pixels; with fewer an image gives no scale
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,11 +44,11 @@ class DepthScore:
     abs_rel: float  # relative, of all pixels but the background's within reach
     delta_1: float  # relative, share of those within a quarter of the truth
     obstacle_abs_rel: float  # relative, of obstacles within reach
-    carpet_abs_rel: float  # relative, of the carpet within reach
-    obstacle_error_m: float  # with the carpet's scale, mean of obstacles within reach
-    obstacle_median_m: float  # with the carpet's scale, mean over images of the median error
-    carpet_error_m: float  # with the carpet's scale, of the carpet
-    metric_error_m: float  # as it is, taken for metres: obstacles and carpet; of metric networks
+    ground_abs_rel: float  # relative, of the ground within reach
+    obstacle_error_m: float  # with the ground's scale, mean of obstacles within reach
+    obstacle_median_m: float  # with the ground's scale, mean over images of the median error
+    ground_error_m: float  # with the ground's scale, of the ground
+    metric_error_m: float  # as it is, taken for metres: obstacles and ground; of metric networks
 
 
 def score_depth(samples: Iterable[DepthSample]) -> DepthScore:
@@ -71,10 +71,10 @@ def score_depth(samples: Iterable[DepthSample]) -> DepthScore:
         abs_rel=means[0],
         delta_1=means[1],
         obstacle_abs_rel=means[2],
-        carpet_abs_rel=means[3],
+        ground_abs_rel=means[3],
         obstacle_error_m=means[4],
         obstacle_median_m=means[5],
-        carpet_error_m=means[6],
+        ground_error_m=means[6],
         metric_error_m=means[7],
     )
 
@@ -90,26 +90,26 @@ def _score_one(sample: DepthSample) -> tuple[float, ...]:
     roles = sample.roles
     near = (truth >= _MIN_RANGE_M) & (truth <= _MAX_RANGE_M)
     things = near & (roles != OUTSIDE)
-    obstacle, carpet = near & (roles == OBSTACLE), near & (roles == GROUND)
+    obstacle, ground = near & (roles == OBSTACLE), near & (roles == GROUND)
     if not things.any():
         return (float("nan"),) * 8
     scaled = predicted * np.median(truth[things] / predicted[things])
     relative = np.abs(scaled - truth) / truth
     ratio = np.maximum(scaled / truth, truth / scaled)
     metric = np.full_like(truth, np.nan)
-    seen = carpet & np.isfinite(sample.ground_m)
-    if np.count_nonzero(seen) >= _MIN_CARPET_PX:
+    seen = ground & np.isfinite(sample.ground_m)
+    if np.count_nonzero(seen) >= _MIN_GROUND_PX:
         metric = predicted * np.median(sample.ground_m[seen] / predicted[seen])
     error_m = np.abs(metric - truth)
     return (
         _mean(relative[things]),
         _mean((ratio < 1.25)[things]),
         _mean(relative[obstacle]),
-        _mean(relative[carpet]),
+        _mean(relative[ground]),
         _mean(error_m[obstacle]),
         float(np.median(error_m[obstacle])) if obstacle.any() else float("nan"),
-        _mean(error_m[carpet]),
-        _mean(np.abs(predicted - truth)[obstacle | carpet]),
+        _mean(error_m[ground]),
+        _mean(np.abs(predicted - truth)[obstacle | ground]),
     )
 
 
@@ -201,7 +201,7 @@ def _correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> flo
 class PointConfig:
     """Which points are sampled."""
 
-    each: int = 40  # points per image on obstacles, and as many on the carpet
+    each: int = 40  # points per image on obstacles, and as many on the ground
     inset_px: int = 2  # distance from the border of a class, where the point is ambiguous
     min_range_m: float = 0.3  # along the ray; the paper's range of distances
     max_range_m: float = 5.0
@@ -220,7 +220,7 @@ class MeasuredPoints:
 
     pixels: NDArray[np.intp]  # (N, 2) column, row
     range_m: NDArray[np.float64]  # (N,) true distance from the lens along the ray
-    obstacle: NDArray[np.bool_]  # (N,) True for obstacles, False for carpet
+    obstacle: NDArray[np.bool_]  # (N,) True for obstacles, False for ground
 
     def __len__(self) -> int:
         return len(self.range_m)

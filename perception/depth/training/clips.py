@@ -22,11 +22,11 @@ class ClipConfig:
     max_move_m: float = 0.5
     max_turn_rad: float = 0.35
     max_apart_s: float = 2.0  # integrated velocity drifts
-    min_height_m: float = 0.8  # above the carpet; frames before take-off are left out
+    min_height_m: float = 0.8  # above the ground; frames before take-off are left out
     # Single frames are sampled from every third frame: neighbours look alike, and `labelling`
     # labels only these.
     single_every: int = 3
-    odometry: bool = True  # measure motions on the carpet; otherwise from telemetry
+    odometry: bool = True  # measure motions on the ground; otherwise from telemetry
     # Limits of random rotations. Flights keep one gimbal angle, and a network would learn depth
     # from the row.
     pitch_rad: float = 0.07
@@ -103,7 +103,7 @@ class ClipSource:
         self._targets: list[tuple[int, int, NDArray[np.intp]]] = []
         self._aloft: list[NDArray[np.intp]] = []
         for number, (flight, track) in enumerate(zip(flights, self._tracks, strict=True)):
-            height_m = flight.footage.height_above_carpet_m
+            height_m = flight.footage.height_above_ground_m
             aloft = np.flatnonzero(height_m >= self._config.min_height_m)
             self._aloft.append(aloft[aloft % self._config.single_every == 0])
             for target in aloft:
@@ -113,7 +113,7 @@ class ClipSource:
         if not self.frame_count:
             raise ValueRangeError(
                 f"no frame of {len(self._flights)} flights was taken from "
-                f"{self._config.min_height_m} m or more above the carpet; fly higher"
+                f"{self._config.min_height_m} m or more above the ground; fly higher"
             )
 
     def __len__(self) -> int:
@@ -147,7 +147,7 @@ class ClipSource:
             & (moved_m <= config.max_move_m)
             & (turned_rad <= config.max_turn_rad)
             & (apart_s <= config.max_apart_s)
-            & (footage.height_above_carpet_m >= config.min_height_m)
+            & (footage.height_above_ground_m >= config.min_height_m)
         )
 
     def draw(self, rng: np.random.Generator) -> Clip:

@@ -1,6 +1,6 @@
 """Depth labels for a flight's frames without ground truth, from masks, telemetry and geometry.
 
-Two sources are combined. Obstacles are as far away as their contact with the carpet, seen now or
+Two sources are combined. Obstacles are as far away as their contact with the ground, seen now or
 earlier (`perception.depth.contact.depth`). Near obstacles with the base out of the image have the
 largest parallax between frames (`perception.depth.training.parallax`).
 """
@@ -31,7 +31,7 @@ from perception.odometry.camera_track import (
     camera_track,
     measured_motion,
 )
-from perception.odometry.carpet import CarpetOdometry
+from perception.odometry.ground import GroundOdometry
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.progress import Advance, silent
@@ -46,7 +46,7 @@ LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the
 class LabelConfig:
     """Which frames are labelled, and from which other frames."""
 
-    min_height_m: float = 0.8  # above the carpet; frames before take-off are left out
+    min_height_m: float = 0.8  # above the ground; frames before take-off are left out
     every: int = 3  # every third frame is labelled: neighbours look alike, and dense flow is slow
     others: int = 4  # number of other frames for parallax
     min_move_m: float = 0.04  # least distance of the camera to such a frame
@@ -77,7 +77,7 @@ def frames_of(footage: Footage) -> Iterator[Frame]:
             attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
             altitude_m=float(footage.altitude_m[place]),
             height_m=float(footage.height_m[place]),
-            height_above_carpet_m=float(footage.height_above_carpet_m[place]),
+            height_above_ground_m=float(footage.height_above_ground_m[place]),
         )
 
 
@@ -113,7 +113,7 @@ def contact_labels(
     width, height = LABEL_SIZE_PX
     depth = np.full((len(footage), height, width), np.nan, dtype=np.float16)
     bound = np.full((len(footage), height, width), np.inf, dtype=np.float16)
-    recent, odometry = RecentLayer(), CarpetOdometry()
+    recent, odometry = RecentLayer(), GroundOdometry()
     states = _states_of(footage)
     state = next(states)
     odometry.predict(state)
@@ -121,7 +121,7 @@ def contact_labels(
         while state.captured_s < frame.captured_s and (later := next(states, None)) is not None:
             state = later
             odometry.predict(state)
-        if frame.height_above_carpet_m >= config.min_height_m:
+        if frame.height_above_ground_m >= config.min_height_m:
             class_map = segmenter.segment(frame)
             view = view_of(frame, footage.camera, class_map.ids.shape[::-1])
             # The base of an obstacle too near to show it was seen from further away.
@@ -169,7 +169,7 @@ def add_parallax(
     config = config or LabelConfig()
     track = camera_track(footage)
     depth = labels.depth_m.copy()
-    aloft = footage.height_above_carpet_m >= config.min_height_m
+    aloft = footage.height_above_ground_m >= config.min_height_m
     for place in range(len(footage)):
         if aloft[place] and place % config.every == 0:
             found = _small(_parallax_of(footage, track, place, config))

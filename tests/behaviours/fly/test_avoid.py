@@ -250,7 +250,7 @@ def test_a_turn_draws_away_from_what_is_near() -> None:
     assert (turn.forward_mps, turn.right_mps) == pytest.approx((0.0, -0.075))
 
 
-def test_a_turn_keeps_off_the_edge_of_the_carpet() -> None:
+def test_a_turn_keeps_off_the_edge_of_the_ground() -> None:
     """It may be nearer than an obstacle."""
     bench = turning(Says(TURN_LEFT))
     for ahead_m, away_mps in ((0.35, 0.0), (0.25, -0.075)):

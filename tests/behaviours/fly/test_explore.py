@@ -191,7 +191,7 @@ def test_the_policy_sees_the_frames_telemetry() -> None:
 
     assert (view.camera.width_px, view.camera.height_px) == (32, 18)
     assert view.gimbal_pitch_rad == pytest.approx(-0.4363, abs=1e-4)
-    assert view.height_above_carpet_m == 1.4
+    assert view.height_above_ground_m == 1.4
     assert view.turning == 0
     assert view.tie_break == again.tie_break
 

@@ -9,15 +9,15 @@ import pytest
 
 from behaviours.fly.helipad_center import HelipadCenter
 from tests.behaviours.leaf_world import halted_proposals
-from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
+from uav_bt.board import FRAME, MARK, PHASE, STATE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import show
 from uav_bt.tree import Status
 from uav_bt.types import (
     GimbalTo,
-    HelipadFix,
     LandingMark,
+    MarkFix,
     MoveBy,
     MovementState,
     MovementStatus,
@@ -42,7 +42,7 @@ def look(
     movement = MovementStatus(id=ended, state=word) if ended is not None else None
     show(bench, seconds=seconds, height_m=height_m, gimbal_deg=gimbal_deg, movement=movement)
     if offset_m is not None:
-        bench.board[HELIPAD] = HelipadFix(
+        bench.board[MARK] = MarkFix(
             captured_s=bench.clock.now(),
             forward_m=offset_m[0] + CAMERA_FORWARD_M,
             right_m=offset_m[1],
@@ -50,7 +50,7 @@ def look(
             detected=True,
         )
     else:
-        del bench.board[HELIPAD]
+        del bench.board[MARK]
     return bench.tick()
 
 
@@ -172,7 +172,7 @@ def test_a_look_from_before_the_movement_ended_does_not_count() -> None:
         gimbal_deg=-90.0,
         movement=MovementStatus(id=1, state=MovementState.DONE),
     )
-    bench.board[HELIPAD] = HelipadFix(
+    bench.board[MARK] = MarkFix(
         captured_s=bench.clock.now() - 0.15, forward_m=0.6, right_m=0.0, height_m=0.4, detected=True
     )
     bench.tick()
@@ -191,7 +191,7 @@ def test_only_what_is_seen_from_above_counts(why: str) -> None:
         gimbal_deg=-60.0 if why == "gimbal" else -90.0,
         movement=MovementStatus(id=1, state=MovementState.DONE),
     )
-    bench.board[HELIPAD] = HelipadFix(
+    bench.board[MARK] = MarkFix(
         captured_s=bench.clock.now(),
         forward_m=0.6,
         right_m=0.0,
@@ -266,7 +266,7 @@ def test_lost_for_too_long_is_a_failure() -> None:
     assert search(bench, 3.9, height_m=2.3) is Status.RUNNING
     assert search(bench, 0.2, height_m=2.3) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
-    assert bench.feedback == "helipad lost"
+    assert bench.feedback == "mark lost"
 
 
 def test_without_telemetry_it_stops() -> None:
@@ -301,7 +301,7 @@ def tagged(heading_deg: float | None, wanted: str) -> LeafBench:
     look(bench, None, height_m=1.5)
     movement = MovementStatus(id=1, state=MovementState.DONE)
     show(bench, seconds=1.0, height_m=1.7, gimbal_deg=-90.0, movement=movement)
-    bench.board[HELIPAD] = HelipadFix(
+    bench.board[MARK] = MarkFix(
         captured_s=bench.clock.now(),
         forward_m=CAMERA_FORWARD_M,
         right_m=0.0,

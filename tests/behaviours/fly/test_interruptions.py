@@ -10,7 +10,7 @@ import pytest
 
 from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT
 from tests.paper_lab import paper_map
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
@@ -22,7 +22,7 @@ from uav_bt.testing.drone import ScriptedDroneConfig
 from uav_bt.testing.faults import Fault, FaultyDrone
 from uav_bt.testing.world import Says, ground
 from uav_bt.tree import Leaf, NodeRegistry, Status, parse_tree
-from uav_bt.types import HelipadFix, MoveBy
+from uav_bt.types import MarkFix, MoveBy
 from uav_bt.types.mission_rules import LandOn
 
 MISSION = """
@@ -45,14 +45,14 @@ NEAREST_AHEAD_M = 1.0  # nearer ground is below the view ahead
 
 
 def sense(drone: ScriptedDrone) -> type[Leaf]:
-    """Return a leaf that sees carpet everywhere and the pad where the drone took off."""
+    """Return a leaf that sees ground everywhere and the pad where the drone took off."""
 
     class Sense(Leaf):
         """Perceive."""
 
         condition = True
         reads = (FRAME, STATE, CAMERA)
-        writes = (CLASS_MAP, HELIPAD)
+        writes = (CLASS_MAP, MARK)
         seen_s = 0.0
 
         def update(self) -> Status:
@@ -65,14 +65,14 @@ def sense(drone: ScriptedDrone) -> type[Leaf]:
             detected = ahead or frame.gimbal_pitch_rad < math.radians(-80)
             if detected:
                 self.seen_s = frame.captured_s
-            fix = HelipadFix(
+            fix = MarkFix(
                 captured_s=self.seen_s,
                 forward_m=x_m * math.cos(heading) - y_m * math.sin(heading),
                 right_m=-x_m * math.sin(heading) - y_m * math.cos(heading),
                 height_m=0.4,
                 detected=detected,
             )
-            self.write(HELIPAD, fix, self.seen_s)
+            self.write(MARK, fix, self.seen_s)
             return Status.SUCCESS
 
     return Sense

@@ -12,7 +12,7 @@ from behaviours.fly.land import EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
 from tests.behaviours.leaf_world import halted_proposals
 from tests.paper_lab import BACKGROUND, BOXES, CARPET
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, PHASE, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import ground, live, show
 from uav_bt.tree import Status
@@ -20,8 +20,8 @@ from uav_bt.types import (
     BodyVelocity,
     FlyingState,
     GimbalTo,
-    HelipadFix,
     LandingMark,
+    MarkFix,
     MoveBy,
     MovementState,
     MovementStatus,
@@ -147,7 +147,7 @@ def test_an_emergency_landing_takes_a_mat_for_what_it_is() -> None:
 def above_mark(forward_m: float, right_m: float) -> LeafBench:
     """Return a bench whose landing begins with a fix of the mark, from the body's centre."""
     bench = bench_with_lens(0.15)
-    bench.board[HELIPAD] = HelipadFix(
+    bench.board[MARK] = MarkFix(
         captured_s=bench.clock.now(),
         forward_m=forward_m,
         right_m=right_m,
@@ -236,7 +236,7 @@ def test_looks_down_before_it_judges() -> None:
     ("leaf", "ended"), [(EmergencyLand, Status.FAILURE), (LandHere, Status.SUCCESS)]
 )
 def test_moves_to_the_spot_and_lands(leaf: type[EmergencyLand | LandHere], ended: Status) -> None:
-    """Only the right quarter of the view is carpet: there, then down."""
+    """Only the right quarter of the view is ground: there, then down."""
     ids = ground()
     ids[:, :20] = BACKGROUND
     bench = LeafBench(leaf, radius_m=0.15)
@@ -254,7 +254,7 @@ def test_moves_to_the_spot_and_lands(leaf: type[EmergencyLand | LandHere], ended
 
 
 def test_right_above_a_spot_it_needs_no_step() -> None:
-    """Carpet all around: down."""
+    """Ground all around: down."""
     bench = LeafBench(EmergencyLand, radius_m=0.1)
     live(bench, gimbal_deg=-90.0)
     assert not isinstance(bench.proposed, MoveBy)
@@ -264,7 +264,7 @@ def test_right_above_a_spot_it_needs_no_step() -> None:
 
 
 @pytest.mark.parametrize("missing", [None, FRAME, CLASS_MAP, CAMERA])
-def test_without_carpet_in_view_it_lands_after_a_while(missing: object) -> None:
+def test_without_ground_in_view_it_lands_after_a_while(missing: object) -> None:
     """It looks for a few seconds, blind or not; then anywhere is better than nowhere."""
     bench = LeafBench(EmergencyLand, look_s=2.0)
 

@@ -26,7 +26,7 @@ def from_above() -> Frame:
         index=0,
         captured_s=0.0,
         gimbal_pitch_rad=-math.pi / 2,
-        height_above_carpet_m=HEIGHT_M,
+        height_above_ground_m=HEIGHT_M,
     )
 
 
@@ -38,20 +38,20 @@ def spot(
     return (found.forward_m, found.right_m) if found else None
 
 
-def all_carpet() -> NDArray[np.uint8]:
+def all_ground() -> NDArray[np.uint8]:
     return np.full((91, 161), CARPET, dtype=np.uint8)
 
 
-def test_on_open_carpet_the_spot_is_right_below() -> None:
+def test_on_open_ground_the_spot_is_right_below() -> None:
     """As near to the body's centre, behind the camera, as the view allows to know."""
-    found = spot(all_carpet(), radius_m=0.1)
+    found = spot(all_ground(), radius_m=0.1)
 
     assert found == pytest.approx((0.0, 0.0), abs=1.5 / PX_PER_M)
 
 
 def test_the_spot_keeps_clear_of_a_box() -> None:
     """Half of the view is a roof: the spot is on the other side, a radius away from it."""
-    ids = all_carpet()
+    ids = all_ground()
     ids[:, :95] = BOXES[0]
 
     found = spot(ids)
@@ -61,18 +61,18 @@ def test_the_spot_keeps_clear_of_a_box() -> None:
     assert found[1] == pytest.approx(edge_m + 0.25, abs=1.5 / PX_PER_M)
 
 
-def test_the_pad_is_as_good_as_the_carpet() -> None:
-    """An emergency landing may end on the helipad."""
+def test_the_pad_is_as_good_as_the_ground() -> None:
+    """An emergency landing may end on the mark."""
     assert spot(np.full((91, 161), HELIPAD_H, dtype=np.uint8)) is not None
 
 
 def test_unknown_ground_beyond_the_view_does_not_count() -> None:
     """A disc that does not fit into the view is not taken."""
-    assert spot(all_carpet(), radius_m=0.45 * 91 / PX_PER_M) is not None
-    assert spot(all_carpet(), radius_m=0.55 * 91 / PX_PER_M) is None
+    assert spot(all_ground(), radius_m=0.45 * 91 / PX_PER_M) is not None
+    assert spot(all_ground(), radius_m=0.55 * 91 / PX_PER_M) is None
 
 
-def test_no_carpet_no_spot() -> None:
+def test_no_ground_no_spot() -> None:
     """Nothing but background below."""
     assert spot(np.zeros((91, 161), dtype=np.uint8)) is None
 
@@ -159,7 +159,7 @@ def test_from_below_the_top_only_the_ground_counts() -> None:
         index=0,
         captured_s=0.0,
         gimbal_pitch_rad=-math.pi / 2,
-        height_above_carpet_m=0.4,
+        height_above_ground_m=0.4,
     )
     ids = np.full((91, 161), HELIPAD_BOX, dtype=np.uint8)
     view = paper_map(ids=ids, captured_s=0.0)

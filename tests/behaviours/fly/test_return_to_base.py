@@ -22,10 +22,11 @@ from tests.behaviours.leaf_world import (
     map_with,
     steering_bench,
 )
-from tests.behaviours.path.test_passages import MARK, corner
+from tests.behaviours.path.test_passages import MARK as MARK_M
+from tests.behaviours.path.test_passages import corner
 from tests.behaviours.path.test_survey import where
 from uav_bt.answers import Done, FollowLeg
-from uav_bt.board import HELIPAD, ODOMETRY, PHASE, SITE_MAP, STATE
+from uav_bt.board import MARK, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, show
@@ -34,7 +35,7 @@ from uav_bt.types import (
     BodyVelocity,
     Clearances,
     GimbalTo,
-    HelipadFix,
+    MarkFix,
     MoveBy,
     NearObstacles,
     Velocity,
@@ -60,9 +61,9 @@ def fly(
     """Tick with the pad ahead and right, seen some time ago; None: never seen."""
     show(bench, seconds=seconds, yaw_rad=yaw_rad)
     now_s = bench.clock.now()
-    del bench.board[HELIPAD]
+    del bench.board[MARK]
     if pad is not None:
-        bench.board[HELIPAD] = HelipadFix(
+        bench.board[MARK] = MarkFix(
             captured_s=now_s - unseen_s,
             forward_m=pad[0],
             right_m=pad[1],
@@ -106,7 +107,7 @@ def velocity(bench: LeafBench) -> Velocity:
 
 
 def test_searches_under_the_policy() -> None:
-    """Without a helipad in view it advances as exploring does, the camera ahead."""
+    """Without a mark in view it advances as exploring does, the camera ahead."""
     bench = searching(Says(ADVANCE))
     fly(bench, seconds=0.3)
 
@@ -316,7 +317,7 @@ def test_a_policy_that_judges_the_approach_searches_as_well() -> None:
 def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_policy(
     approach: str,
 ) -> None:
-    """A student knows views of one pitch; lowered, a view shows it carpet where the edge is."""
+    """A student knows views of one pitch; lowered, a view shows it ground where the edge is."""
     bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0, approach=approach)
     edge = replace(
         drawn_map(pose=(0.0, 1.8, math.pi / 2), passed=None),
@@ -375,7 +376,7 @@ def test_a_pad_missed_for_a_moment_is_still_approached() -> None:
 
 def test_a_pad_is_approached_for_as_long_as_the_board_carries_it() -> None:
     """One number says how old a track may be: the board's."""
-    assert HELIPAD.max_age_s == 20.0
+    assert MARK.max_age_s == 20.0
     bench = approaching()
     fly(bench, (2.4, 0.0), unseen_s=19.8)
     assert velocity(bench).forward_mps > 0.0
@@ -496,7 +497,7 @@ UNPLACED_RAD = (0.1, 0.12)
 
 
 def test_the_camera_follows_the_pad_down() -> None:
-    """It shows the carpet before the pad, but is not so steep that bases would be mistaken."""
+    """It shows the ground before the pad, but is not so steep that bases would be mistaken."""
     bench = approaching((1.2, 0.0))
     assert bench.pointed is not None
     assert -50.0 < math.degrees(bench.pointed.pitch_rad) < -35.0
@@ -595,7 +596,7 @@ def test_almost_above_the_pad_a_map_that_is_stale_permits_nothing() -> None:
     bench.clock.advance(5.0)
     for _ in range(12):
         show(bench)
-        bench.board[HELIPAD] = HelipadFix(
+        bench.board[MARK] = MarkFix(
             captured_s=bench.clock.now(), forward_m=0.4, right_m=0.0, height_m=0.4, detected=True
         )
         bench.tick()
@@ -710,7 +711,7 @@ def test_where_all_ground_was_seen_and_no_way_is_known_the_policy_makes_a_detour
 def test_a_drone_that_does_not_get_on_gives_up() -> None:
     """Neither the map nor the policy leads it out of its corner. The mission lands then."""
     bench, shut = searching(Says(TURN_RIGHT)), corner(0.4)
-    mark, status, seconds = shut.pose.to_body(*MARK), Status.RUNNING, 0.0
+    mark, status, seconds = shut.pose.to_body(*MARK_M), Status.RUNNING, 0.0
     while status is Status.RUNNING and seconds < 90.0:
         here = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
         bench.board[ODOMETRY] = MotionEstimate(
@@ -804,7 +805,7 @@ def test_the_camera_follows_a_mat_further_down_than_a_box() -> None:
     bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0)
     for _ in range(2):
         show(bench)
-        bench.board[HELIPAD] = HelipadFix(
+        bench.board[MARK] = MarkFix(
             captured_s=bench.clock.now(),
             forward_m=1.45,
             right_m=0.0,

@@ -29,7 +29,7 @@ def test_variables_and_board_keys_are_filled_in() -> None:
 
 
 def test_a_name_without_a_value_is_unknown() -> None:
-    bench = LeafBench(Say, text="{nothing} and {@helipad} {@phase}", level="warning")
+    bench = LeafBench(Say, text="{nothing} and {@mark} {@phase}", level="warning")
     assert bench.tick() is Status.SUCCESS
     (event,) = bench.notes.events
     assert (event.kind, event.text) == (EventKind.WARNING, "unknown and unknown unknown")

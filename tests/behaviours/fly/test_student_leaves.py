@@ -20,7 +20,7 @@ from uav_bt.board import (
     CORRIDOR,
     FRAME,
     HELD_TURN,
-    HELIPAD,
+    MARK,
     PHASE,
     RECENT_VIEWS,
     SITE_MAP,
@@ -33,7 +33,7 @@ from uav_bt.types import (
     BodyVelocity,
     Corridor,
     HeldTurn,
-    HelipadFix,
+    MarkFix,
     MoveBy,
     NearObstacles,
     PastView,
@@ -129,7 +129,7 @@ def test_advice_says_what_the_policy_decides_and_where() -> None:
     advice, frame = bench.board[ADVICE], bench.board[FRAME]
     assert (advice.frame_index, advice.captured_s) == (frame.index, frame.captured_s)
     assert (advice.x_m, advice.y_m, advice.yaw_rad) == (1.0, 2.0, 0.3)
-    assert (advice.height_above_carpet_m, advice.turning) == (1.5, 0)
+    assert (advice.height_above_ground_m, advice.turning) == (1.5, 0)
     assert advice.answer == advice.fresh == replace(ADVANCE, free_m=0.9)
     assert bench.proposed is None
 
@@ -211,13 +211,13 @@ def test_what_lies_behind_may_be_left() -> None:
     assert room(obstacle=(-0.3, 0.0)) is Status.SUCCESS
 
 
-def off_the_carpet(pad: tuple[float, float] | None = None) -> Status:
-    """Return the status of the condition without carpet in view, with or without a pad."""
+def off_the_ground(pad: tuple[float, float] | None = None) -> Status:
+    """Return the status of the condition without ground in view, with or without a pad."""
     bench = LeafBench(CorridorClear)
     show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
     now_s = bench.clock.now()
     if pad is not None:
-        bench.board[HELIPAD] = HelipadFix(
+        bench.board[MARK] = MarkFix(
             captured_s=now_s, forward_m=pad[0], right_m=pad[1], height_m=0.4, detected=True
         )
     bench.board[CORRIDOR] = Corridor(
@@ -231,16 +231,16 @@ def off_the_carpet(pad: tuple[float, float] | None = None) -> Status:
 
 
 def test_where_the_ground_ends_is_no_room() -> None:
-    assert off_the_carpet() is Status.FAILURE
+    assert off_the_ground() is Status.FAILURE
 
 
 @pytest.mark.parametrize("pad", [(1.5, 0.1), (-0.1, 0.3)])
-def test_on_the_way_to_the_pad_the_carpet_may_end_behind_it(pad: tuple[float, float]) -> None:
-    assert off_the_carpet(pad) is Status.SUCCESS
+def test_on_the_way_to_the_pad_the_ground_may_end_behind_it(pad: tuple[float, float]) -> None:
+    assert off_the_ground(pad) is Status.SUCCESS
 
 
 def test_on_another_way_it_may_not() -> None:
-    assert off_the_carpet((1.0, 1.0)) is Status.FAILURE
+    assert off_the_ground((1.0, 1.0)) is Status.FAILURE
 
 
 def test_an_unknown_corridor_is_none_to_fly_in() -> None:
@@ -274,7 +274,7 @@ EDGE = Blocked(yaw_rad=0.5, ground_ends=True, free_m=1.0, reason="edge")
 
 def fly(bench: LeafBench, pad: tuple[float, float], *, seconds: float = 0.3) -> Status:
     show(bench, seconds=seconds)
-    bench.board[HELIPAD] = HelipadFix(
+    bench.board[MARK] = MarkFix(
         captured_s=bench.clock.now(), forward_m=pad[0], right_m=pad[1], height_m=0.4, detected=True
     )
     return bench.tick()
@@ -306,7 +306,7 @@ def test_turns_away_where_the_policy_finds_an_obstacle() -> None:
     assert bench.proposed == Velocity(yaw_rate_radps=0.6)
 
 
-def test_a_pad_near_the_carpets_end_is_flown_to() -> None:
+def test_a_pad_near_the_grounds_end_is_flown_to() -> None:
     assert speed(approaching(Says(EDGE))) > 0.3
 
 
@@ -391,12 +391,12 @@ def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
 ) -> None:
     """Further away something hides it."""
     bench = approaching(Says(FREE, NO_WAY))
-    fix = HelipadFix(
+    fix = MarkFix(
         captured_s=bench.clock.now(), forward_m=range_m, right_m=0.0, height_m=0.4, detected=False
     )
     for _ in range(3):
         show(bench, seconds=0.6)
-        bench.board[HELIPAD] = fix
+        bench.board[MARK] = fix
         bench.tick()
     assert speed(bench) == pytest.approx(forward_mps)
 

@@ -1,4 +1,4 @@
-"""Where the camera looks on the way to the helipad."""
+"""Where the camera looks on the way to the mark."""
 
 from __future__ import annotations
 

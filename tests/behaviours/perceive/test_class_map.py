@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.perceive.class_map import FindHelipad, Segment
+from behaviours.perceive.class_map import FindMark, Segment
 from tests.behaviours.leaf_world import replace_tree
 from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import view_of
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, ODOMETRY, SITE_MAP, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.plugins import make_mark_finder
@@ -26,13 +26,13 @@ from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 
 class Counts:
-    """A segmenter that sees carpet everywhere and keeps the frames it was given."""
+    """A segmenter that sees ground everywhere and keeps the frames it was given."""
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
 
     def segment(self, frame: Frame) -> ClassMap:
-        """Return carpet."""
+        """Return ground."""
         self.frames.append(frame)
         return paper_map(ids=ground(), captured_s=frame.captured_s)
 
@@ -91,11 +91,11 @@ def test_the_stage_is_timed() -> None:
     assert len(bench.leaf.mission.stage_times_s["segmentation"]) == 3
 
 
-# --- FindHelipad ----------------------------------------------------------------------------------
+# --- FindMark ----------------------------------------------------------------------------------
 
 
 def pad_map(column: int = 112, row: int = 40) -> np.ndarray:
-    """Return a 224x112 map of carpet with a pad seen from ahead, its H centred there."""
+    """Return a 224x112 map of ground with a pad seen from ahead, its H centred there."""
     ids = np.ones((112, 224), dtype=np.uint8)
     ids[row - 5 : row + 6, column - 12 : column + 13] = HELIPAD_H
     ids[row + 6 : row + 20, column - 12 : column + 13] = HELIPAD_BOX
@@ -103,7 +103,7 @@ def pad_map(column: int = 112, row: int = 40) -> np.ndarray:
 
 
 def finding() -> LeafBench:
-    bench = LeafBench(FindHelipad)
+    bench = LeafBench(FindMark)
     bench.camera = pinhole(640, 360)
     return bench
 
@@ -113,11 +113,11 @@ def test_a_map_that_was_begun_anew_drops_the_carried_pad() -> None:
     bench = finding()
     live(bench, ids=pad_map())
     live(bench)
-    assert not bench.board[HELIPAD].detected
-    carried = bench.board[HELIPAD]
+    assert not bench.board[MARK].detected
+    carried = bench.board[MARK]
     bench.board[SITE_MAP] = replace(drawn_map(), restarts=1, captured_s=bench.clock.now())
     bench.tick()
-    assert bench.board[HELIPAD] is carried  # the last written fix; nothing was written since
+    assert bench.board[MARK] is carried  # the last written fix; nothing was written since
 
 
 def test_a_pad_in_view_gets_a_fix() -> None:
@@ -125,7 +125,7 @@ def test_a_pad_in_view_gets_a_fix() -> None:
     bench = finding()
     assert live(bench, ids=pad_map()) is Status.SUCCESS
 
-    fix = bench.board[HELIPAD]
+    fix = bench.board[MARK]
     camera = bench.camera.resized(224, 112)
     below_axis = math.atan((40 - camera.cy_px) / camera.fy_px)
     expected_m = (1.5 - 0.4) / math.tan(math.radians(30) + below_axis) + camera.forward_offset_m
@@ -154,7 +154,7 @@ def test_a_tag_is_found_in_the_image_without_a_class_map() -> None:
     bench.board[FRAME] = replace(shown, index=99, captured_s=bench.clock.now())
     bench.tick()
 
-    fix = bench.board[HELIPAD]
+    fix = bench.board[MARK]
     assert fix.detected
     assert fix.forward_m - TAG_CAMERA.forward_offset_m == pytest.approx(1.2, abs=0.01)
     assert (fix.height_m, fix.heading_deg) == (0.0, pytest.approx(30.0, abs=1.0))
@@ -175,20 +175,20 @@ def test_without_images_a_tag_is_seen_by_the_drones_sight() -> None:
     bench.mark, bench.sight = TAG, TagSight()  # type: ignore[assignment]  # only `mark` is asked
     live(bench)
 
-    fix = bench.board[HELIPAD]
+    fix = bench.board[MARK]
     assert fix.forward_m == pytest.approx(bench.board[FRAME].index)
     assert fix.heading_deg == pytest.approx(5.0)
 
 
 def test_a_mat_is_found_at_its_own_height() -> None:
     """The same pixels lie further away on a mat of 0.05 m than on a box of 0.4 m: 1.45 to 1.1."""
-    bench = LeafBench(FindHelipad)
+    bench = LeafBench(FindMark)
     bench.mark = replace(default_mark(), height_m=0.05)
     bench.camera = pinhole(640, 360)
     live(bench, ids=pad_map())
-    mat, box_bench = bench.board[HELIPAD], finding()
+    mat, box_bench = bench.board[MARK], finding()
     live(box_bench, ids=pad_map())
-    box, offset_m = box_bench.board[HELIPAD], bench.camera.forward_offset_m
+    box, offset_m = box_bench.board[MARK], bench.camera.forward_offset_m
 
     assert (mat.height_m, box.height_m) == (0.05, 0.4)
     ratio = (mat.forward_m - offset_m) / (box.forward_m - offset_m)
@@ -199,7 +199,7 @@ def test_a_pad_that_leaves_the_view_is_carried() -> None:
     """The fix stays, moves with the drone, and says that it is not seen now and since when."""
     bench = finding()
     live(bench, ids=pad_map())
-    seen = bench.board[HELIPAD]
+    seen = bench.board[MARK]
     for _ in range(10):
         bench.clock.advance(0.1)
         bench.observe(
@@ -207,14 +207,14 @@ def test_a_pad_that_leaves_the_view_is_carried() -> None:
                 captured_s=bench.clock.now(),
                 flying=FlyingState.FLYING,
                 velocity=BodyVelocity(forward_mps=0.5),
-                height_above_carpet_m=1.5,
+                height_above_ground_m=1.5,
                 gimbal_pitch_rad=math.radians(-30),
             )
         )
         bench.board[CLASS_MAP] = paper_map(ids=ground(), captured_s=bench.clock.now())
         bench.tick()
 
-    fix = bench.board[HELIPAD]
+    fix = bench.board[MARK]
     assert not fix.detected
     assert fix.captured_s == seen.captured_s
     assert seen.forward_m - fix.forward_m == pytest.approx(0.475, abs=0.01)
@@ -226,7 +226,7 @@ def test_no_pad_no_fix() -> None:
     bench = finding()
 
     assert live(bench) is Status.SUCCESS
-    assert HELIPAD not in bench.board
+    assert MARK not in bench.board
 
 
 @pytest.mark.parametrize("missing", [STATE, FRAME, CLASS_MAP, CAMERA])
@@ -237,7 +237,7 @@ def test_without_its_inputs_it_finds_nothing(missing: object) -> None:
     del bench.board[missing]  # type: ignore[arg-type]
 
     assert bench.tick() is Status.SUCCESS
-    assert HELIPAD not in bench.board
+    assert MARK not in bench.board
 
 
 def test_a_class_map_of_another_frame_is_not_placed() -> None:
@@ -248,7 +248,7 @@ def test_a_class_map_of_another_frame_is_not_placed() -> None:
     bench.hover(gimbal_pitch_rad=math.radians(-60))
 
     assert bench.tick() is Status.SUCCESS
-    assert HELIPAD not in bench.board
+    assert MARK not in bench.board
 
 
 def test_below_the_pads_height_there_is_no_fix() -> None:
@@ -256,7 +256,7 @@ def test_below_the_pads_height_there_is_no_fix() -> None:
     bench = finding()
     live(bench, ids=pad_map(), height_m=0.3)
 
-    assert HELIPAD not in bench.board
+    assert MARK not in bench.board
 
 
 def test_a_pad_out_of_view_stays_where_the_ground_says_it_is() -> None:
@@ -265,7 +265,7 @@ def test_a_pad_out_of_view_stays_where_the_ground_says_it_is() -> None:
     for error_mps in (0.0, -0.5):
         bench = finding()
         live(bench, ids=pad_map())
-        before = bench.board[HELIPAD]
+        before = bench.board[MARK]
         for _ in range(5):
             bench.clock.advance(0.1)
             bench.observe(
@@ -284,7 +284,7 @@ def test_a_pad_out_of_view_stays_where_the_ground_says_it_is() -> None:
                 tracked_s=pose.time_s,
             )
             bench.tick()
-        places.append(bench.board[HELIPAD].right_m - before.right_m)
+        places.append(bench.board[MARK].right_m - before.right_m)
 
     assert places == [pytest.approx(-0.225, abs=0.03), pytest.approx(0.0, abs=0.03)]
 
@@ -292,15 +292,15 @@ def test_a_pad_out_of_view_stays_where_the_ground_says_it_is() -> None:
 def test_a_pads_track_is_kept_by_the_next_tree() -> None:
     bench = finding()
     live(bench, ids=pad_map())
-    replace_tree(bench, FindHelipad())
-    del bench.board[HELIPAD]
+    replace_tree(bench, FindMark())
+    del bench.board[MARK]
     live(bench)
-    assert HELIPAD in bench.board
+    assert MARK in bench.board
 
 
 def test_perception_commands_nothing() -> None:
     """Neither a movement nor the gimbal."""
-    bench = LeafBench(FindHelipad)
+    bench = LeafBench(FindMark)
     live(bench)
 
     assert (bench.proposed, bench.pointed) == (None, None)

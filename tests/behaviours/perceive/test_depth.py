@@ -47,7 +47,7 @@ class Network:
         view = CameraView(
             camera=CAMERA.resized(80, 64),
             pitch_rad=frame.gimbal_pitch_rad,
-            height_m=max(frame.height_above_carpet_m, 0.1),
+            height_m=max(frame.height_above_ground_m, 0.1),
         )
         depth = np.nan_to_num(ground_depth(view), nan=50.0) * np.float32(UNIT)
         return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
@@ -82,7 +82,7 @@ def fly(
             captured_s=now,
             flying=FlyingState.FLYING,
             velocity=BodyVelocity(forward_mps=speed_mps),
-            height_above_carpet_m=height_m,
+            height_above_ground_m=height_m,
             gimbal_pitch_rad=PITCH_RAD,
         )
     )
@@ -93,7 +93,7 @@ def fly(
         index=frame.index,
         captured_s=now,
         gimbal_pitch_rad=PITCH_RAD,
-        height_above_carpet_m=height_m,
+        height_above_ground_m=height_m,
     )
     shown = np.full(SIZE[::-1], CARPET, dtype=np.uint8) if ids is None else ids
     bench.board[CLASS_MAP] = ClassMap(ids=shown, classes=classes, captured_s=now)
@@ -224,7 +224,7 @@ def test_a_frame_of_another_aspect_than_its_camera_is_refused(estimating: LeafBe
         index=7,
         captured_s=estimating.clock.now(),
         gimbal_pitch_rad=PITCH_RAD,
-        height_above_carpet_m=1.5,
+        height_above_ground_m=1.5,
     )
     estimating.board[FRAME] = square
     estimating.board[CLASS_MAP] = paper_map(
@@ -253,7 +253,7 @@ def test_a_misspelt_source_is_refused_at_setup() -> None:
 
 
 def box_ahead() -> np.ndarray:
-    """Return a map of carpet with things in its middle columns."""
+    """Return a map of ground with things in its middle columns."""
     ids = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
     ids[10:80, 100:124] = BOXES[3]
     return ids
@@ -285,19 +285,19 @@ def test_a_corridor_is_built_from_this_frames_depth() -> None:
     assert corridor.time_to_impact_s == pytest.approx((corridor.free_distance_m - 0.12) / 0.5)
 
 
-def test_the_carpet_is_no_obstacle_and_background_only_where_asked() -> None:
-    carpet = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
+def test_the_ground_is_no_obstacle_and_background_only_where_asked() -> None:
+    ground = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
     nothing = np.full(SIZE[::-1], BACKGROUND, dtype=np.uint8)
     sides = {}
     for name, ids, background in (
-        ("carpet", carpet, True),
+        ("ground", ground, True),
         ("hidden", nothing, False),
         ("shown", nothing, True),
     ):
         bench = LeafBench(BuildCorridor, background=background)
         show_depth(bench, 0.4, ids)
         sides[name] = bench.board[CORRIDOR].nearest_side
-    assert sides["carpet"] is None
+    assert sides["ground"] is None
     assert sides["hidden"] is None
     assert sides["shown"] is not None
 

@@ -1,4 +1,4 @@
-"""Class maps of known geometry: boxes' fronts and carpet, cast ray by ray."""
+"""Class maps of known geometry: boxes' fronts and ground, cast ray by ray."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ Box = tuple[float, float, float]  # front face: metres ahead of the camera, its 
 def cast(
     boxes: Sequence[Box] = (),
     *,
-    carpet_m: float = FOR_EVER,
+    ground_m: float = FOR_EVER,
     slant: float = 0.0,
     camera: CameraModel = CAMERA,
     pitch_rad: float = PITCH_RAD,
     height_m: float = HEIGHT_M,
     thing: int = BOXES[2],
 ) -> NDArray[np.uint8]:
-    """Ray-cast boxes' fronts and carpet as far as forward + slant * right < carpet_m."""
+    """Ray-cast boxes' fronts and ground as far as forward + slant * right < ground_m."""
     rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
     pixels = np.stack([columns, rows], axis=-1)
     ground = ground_points(pixels, camera, pitch_rad, height_m)
     ids = np.full(rows.shape, BACKGROUND, dtype=np.uint8)
-    ids[ground[..., 0] + slant * ground[..., 1] < carpet_m] = CARPET
+    ids[ground[..., 0] + slant * ground[..., 1] < ground_m] = CARPET
     rays = pixel_rays(pixels, camera, pitch_rad)
     for ahead_m, left_m, right_m in boxes:
         scale = ahead_m / rays[..., 0]
@@ -59,7 +59,7 @@ def view(
         class_map=paper_map(ids=ids, captured_s=0.0),
         camera=camera,
         gimbal_pitch_rad=PITCH_RAD,
-        height_above_carpet_m=HEIGHT_M,
+        height_above_ground_m=HEIGHT_M,
         tie_break=tie_break,
         **seen,
     )

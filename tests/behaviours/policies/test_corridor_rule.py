@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from behaviours.policies.corridor_rule import CorridorRule, CorridorRuleConfig, carpet_reach
+from behaviours.policies.corridor_rule import CorridorRule, CorridorRuleConfig, ground_reach
 from tests.behaviours.leaf_world import map_with
 from tests.behaviours.policies.cast_world import CAMERA, cast, view
 from uav_bt.answers import Advance, Blocked
@@ -24,9 +24,9 @@ CONFIG = CorridorRuleConfig(
     turn_rad=math.radians(30),
     front_margin_m=0.6,
     edge_margin_m=0.7,
-    carpet_half_width_m=0.4,
-    carpet_share=0.7,
-    carpet_range_m=4.0,
+    ground_half_width_m=0.4,
+    ground_share=0.7,
+    ground_range_m=4.0,
     side_margin_m=0.55,
     margin_relief_m=0.06,
     max_full_turns=3,
@@ -88,9 +88,9 @@ def test_too_little_room_is_no_step(free_m: float) -> None:
     assert not decision.ground_ends
 
 
-def test_the_carpets_end_shortens_the_step() -> None:
+def test_the_grounds_end_shortens_the_step() -> None:
     """The step ends the edge's margin before it, from the body's centre."""
-    decision = decide(ids=cast(carpet_m=1.45))
+    decision = decide(ids=cast(ground_m=1.45))
 
     assert isinstance(decision, Advance)
     assert decision.forward_m == pytest.approx(1.45 + 0.15 - 0.7, abs=0.06)
@@ -136,8 +136,8 @@ def test_a_front_intrusion_is_turned_away_from_by_the_view(
 
 @pytest.mark.parametrize(("slant", "sign"), [(0.6, -1), (-0.6, 1)])
 def test_the_edge_is_turned_along(slant: float, sign: int) -> None:
-    """Where the carpet ends aslant, the turn goes to where more of it lies."""
-    decision = decide(ids=cast(carpet_m=1.2, slant=slant))
+    """Where the ground ends aslant, the turn goes to where more of it lies."""
+    decision = decide(ids=cast(ground_m=1.2, slant=slant))
 
     assert isinstance(decision, Blocked)
     assert (decision.reason, decision.ground_ends) == ("edge", True)
@@ -145,8 +145,8 @@ def test_the_edge_is_turned_along(slant: float, sign: int) -> None:
 
 
 def test_a_corner_is_named() -> None:
-    """An intrusion and the carpet's end."""
-    decision = decide(corridor(0.4, "front"), cast(carpet_m=0.0))
+    """An intrusion and the ground's end."""
+    decision = decide(corridor(0.4, "front"), cast(ground_m=0.0))
 
     assert isinstance(decision, Blocked)
     assert (decision.reason, decision.ground_ends) == ("corner", True)
@@ -190,15 +190,15 @@ def test_full_turns_ask_for_less() -> None:
     free_m=st.floats(0.0, 5.0),
     full_turns=st.integers(0, 9),
     turning=st.sampled_from([-1, 0, 1]),
-    carpet_m=st.floats(0.0, 5.0),
+    ground_m=st.floats(0.0, 5.0),
 )
 def test_a_step_never_reaches_an_obstacle(
-    free_m: float, full_turns: int, turning: int, carpet_m: float
+    free_m: float, full_turns: int, turning: int, ground_m: float
 ) -> None:
     """Whatever the relief: half a body's length and a little remain."""
     decision = decide(
         corridor(free_m, "front"),
-        cast(carpet_m=carpet_m),
+        cast(ground_m=ground_m),
         full_turns=full_turns,
         turning=turning,
     )
@@ -210,22 +210,22 @@ def test_a_step_never_reaches_an_obstacle(
         assert decision.yaw_rad != 0.0
 
 
-# --- the carpet's reach ---------------------------------------------------------------------------
+# --- the ground's reach ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("carpet_m", [1.4, 2.0, 3.1])
-def test_the_reach_is_where_the_ground_ends(carpet_m: float) -> None:
+@pytest.mark.parametrize("ground_m", [1.4, 2.0, 3.1])
+def test_the_reach_is_where_the_ground_ends(ground_m: float) -> None:
     """To a step of the scan and a row of the image."""
-    seen = view(cast(carpet_m=carpet_m))
+    seen = view(cast(ground_m=ground_m))
 
-    assert carpet_reach(seen.class_map.roles, seen, CONFIG) == pytest.approx(carpet_m, abs=0.1)
+    assert ground_reach(seen.class_map.roles, seen, CONFIG) == pytest.approx(ground_m, abs=0.1)
 
 
-def test_boxes_stand_on_carpet() -> None:
-    """A box hides the carpet behind it; the carpet does not end there."""
+def test_boxes_stand_on_ground() -> None:
+    """A box hides the ground behind it; the ground does not end there."""
     seen = view(cast([(1.5, -3.0, 3.0)], camera=CAMERA))
 
-    assert carpet_reach(seen.class_map.roles, seen, CONFIG) == math.inf
+    assert ground_reach(seen.class_map.roles, seen, CONFIG) == math.inf
 
 
 @pytest.mark.parametrize(

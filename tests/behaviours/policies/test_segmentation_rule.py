@@ -29,14 +29,14 @@ CONFIG = SegmentationRuleConfig(
     step_m=0.3,
     turn_rad=math.radians(30),
     obstacle_threshold_px=900.0,
-    carpet_threshold_px=1600.0,
+    ground_threshold_px=1600.0,
     obstacle_range_m=1.9,
     obstacle_half_angle_rad=math.radians(22),
-    carpet_range_m=1.75,
-    carpet_half_angle_rad=math.radians(18),
+    ground_range_m=1.75,
+    ground_half_angle_rad=math.radians(18),
     hysteresis=0.75,
     obstacle_relief=0.35,
-    carpet_relief=0.2,
+    ground_relief=0.2,
     max_full_turns=3,
     margin_m=0.42,
     tie_ratio=0.1,
@@ -46,8 +46,8 @@ RULE = SegmentationRule(CONFIG)
 # --- the rule's table -----------------------------------------------------------------------------
 
 
-def test_open_carpet_is_advanced_over() -> None:
-    """Carpet without end and nothing on it: a step ahead, no turn."""
+def test_open_ground_is_advanced_over() -> None:
+    """Ground without end and nothing on it: a step ahead, no turn."""
     decision = RULE.decide(view(cast()))
 
     assert decision == Advance(forward_m=0.3, reason="clear")
@@ -72,9 +72,9 @@ def test_a_box_dead_ahead_is_left_to_the_random_draw(tie_break: float, side: int
 
 
 @pytest.mark.parametrize(("slant", "side"), [(0.6, -1), (-0.6, 1)])
-def test_the_carpets_edge_is_turned_along(slant: float, side: int) -> None:
-    """Where the carpet ends aslant, the turn goes to where more of it lies."""
-    decision = RULE.decide(view(cast(carpet_m=1.35, slant=slant)))
+def test_the_grounds_edge_is_turned_along(slant: float, side: int) -> None:
+    """Where the ground ends aslant, the turn goes to where more of it lies."""
+    decision = RULE.decide(view(cast(ground_m=1.35, slant=slant)))
 
     assert isinstance(decision, Blocked)
     assert decision.reason == "edge"
@@ -83,8 +83,8 @@ def test_the_carpets_edge_is_turned_along(slant: float, side: int) -> None:
 
 @pytest.mark.parametrize(("tie_break", "side"), [(0.1, -1), (0.9, 1)])
 def test_a_corner_is_turned_round_in(tie_break: float, side: int) -> None:
-    """An obstacle and no carpet: right about, the random draw chooses the side."""
-    ids = cast(carpet_m=0.0)
+    """An obstacle and no ground: right about, the random draw chooses the side."""
+    ids = cast(ground_m=0.0)
     ids[:, 80:120] = BOXES[0]
 
     decision = RULE.decide(view(ids, tie_break=tie_break))
@@ -93,9 +93,9 @@ def test_a_corner_is_turned_round_in(tie_break: float, side: int) -> None:
     assert decision.yaw_rad == pytest.approx(side * math.pi)
 
 
-def test_what_stands_on_the_carpet_counts_as_carpet() -> None:
-    """A box or the pad in view hides carpet that is there all the same."""
-    narrow_strip = cast(carpet_m=1.3)
+def test_what_stands_on_the_ground_counts_as_ground() -> None:
+    """A box or the pad in view hides ground that is there all the same."""
+    narrow_strip = cast(ground_m=1.3)
     assert RULE.decide(view(narrow_strip)).reason == "edge"
 
     behind_a_pad = np.where(narrow_strip == BACKGROUND, HELIPAD_BOX, narrow_strip).astype(np.uint8)
@@ -129,7 +129,7 @@ def test_boxes_beside_the_way_do_not_block() -> None:
 
 
 def with_obstacle_pixels(count: int, camera: CameraModel = CAMERA) -> NDArray[np.uint8]:
-    """Open carpet with `count` obstacle pixels in the high rectangle, from its lower left up."""
+    """Open ground with `count` obstacle pixels in the high rectangle, from its lower left up."""
     ids = cast(camera=camera)
     high, _ = RULE.rectangles(view(ids, camera=camera))
     region = high.of(ids)
@@ -169,7 +169,7 @@ def test_thresholds_scale_with_the_map(size_px: tuple[int, int], share: float) -
 
 @pytest.mark.parametrize("size_px", [(112, 56), (448, 224), (640, 360)])
 @pytest.mark.parametrize(
-    ("boxes", "carpet_m"),
+    ("boxes", "ground_m"),
     [
         ([], FOR_EVER),
         ([(1.2, -0.9, 0.1)], FOR_EVER),
@@ -179,13 +179,13 @@ def test_thresholds_scale_with_the_map(size_px: tuple[int, int], share: float) -
     ],
 )
 def test_the_decision_does_not_depend_on_the_map_size(
-    size_px: tuple[int, int], boxes: Sequence[Box], carpet_m: float
+    size_px: tuple[int, int], boxes: Sequence[Box], ground_m: float
 ) -> None:
     """The same scene at another resolution gives the same decision."""
     camera = CAMERA.resized(*size_px)
-    other = RULE.decide(view(cast(boxes, carpet_m=carpet_m, camera=camera), camera=camera))
+    other = RULE.decide(view(cast(boxes, ground_m=ground_m, camera=camera), camera=camera))
 
-    assert other == RULE.decide(view(cast(boxes, carpet_m=carpet_m)))
+    assert other == RULE.decide(view(cast(boxes, ground_m=ground_m)))
 
 
 # --- the turn under way ---------------------------------------------------------------------------
@@ -193,24 +193,24 @@ def test_the_decision_does_not_depend_on_the_map_size(
 
 @pytest.mark.parametrize("turning", [1, -1])
 @pytest.mark.parametrize(
-    ("boxes", "carpet_m"),
+    ("boxes", "ground_m"),
     [([(1.2, -0.9, 0.1)], FOR_EVER), ([(1.2, -0.1, 0.9)], FOR_EVER), ([], 1.0), ([], 0.0)],
 )
-def test_a_turn_keeps_its_direction(turning: int, boxes: Sequence[Box], carpet_m: float) -> None:
+def test_a_turn_keeps_its_direction(turning: int, boxes: Sequence[Box], ground_m: float) -> None:
     """Whatever comes into view, a turn under way goes on the same way until the way is free."""
-    decision = RULE.decide(view(cast(boxes, carpet_m=carpet_m), turning=turning))
+    decision = RULE.decide(view(cast(boxes, ground_m=ground_m), turning=turning))
 
     assert decision.yaw_rad == pytest.approx(turning * CONFIG.turn_rad)
 
 
 @pytest.mark.parametrize("turning", [1, -1])
 def test_a_turn_ends_when_the_way_is_free(turning: int) -> None:
-    """Open carpet ends it."""
+    """Open ground ends it."""
     assert isinstance(RULE.decide(view(cast(), turning=turning)), Advance)
 
 
 def test_full_turns_in_vain_lower_the_demands() -> None:
-    """After each full turn a little more obstacle and less carpet will do, up to a limit."""
+    """After each full turn a little more obstacle and less ground will do, up to a limit."""
     crowded = view(with_obstacle_pixels(1200))
     assert isinstance(RULE.decide(crowded), Blocked)
     assert isinstance(RULE.decide(replace(crowded, full_turns=1)), Advance)
@@ -224,7 +224,7 @@ def test_full_turns_in_vain_lower_the_demands() -> None:
 
 
 def remembered(*points: tuple[float, float], unplaced_deg: Sequence[float] = ()) -> PolicyView:
-    """Open carpet, and points remembered: forward and right of the body's centre."""
+    """Open ground, and points remembered: forward and right of the body's centre."""
     return replace(
         view(cast()),
         site_map=map_with(
@@ -274,18 +274,18 @@ def test_an_obstacle_of_unknown_range_ahead_blocks() -> None:
 def test_the_rectangles_follow_pitch_and_height(
     pitch_deg: float, height_m: float, size_px: tuple[int, int]
 ) -> None:
-    """Their upper edges see the carpet at the configured ranges, their sides the angles."""
+    """Their upper edges see the ground at the configured ranges, their sides the angles."""
     camera = CAMERA.resized(*size_px)
     look = replace(
         view(cast(camera=camera), camera=camera),
         gimbal_pitch_rad=math.radians(pitch_deg),
-        height_above_carpet_m=height_m,
+        height_above_ground_m=height_m,
     )
     cfg = CONFIG
     for rectangle, range_m, half_angle_rad in zip(
         RULE.rectangles(look),
-        (cfg.obstacle_range_m, cfg.carpet_range_m),
-        (cfg.obstacle_half_angle_rad, cfg.carpet_half_angle_rad),
+        (cfg.obstacle_range_m, cfg.ground_range_m),
+        (cfg.obstacle_half_angle_rad, cfg.ground_half_angle_rad),
         strict=True,
     ):
         assert rectangle.bottom == camera.height_px
@@ -305,7 +305,7 @@ def test_the_rectangles_follow_pitch_and_height(
 def test_the_rectangles_never_leave_the_map(pitch_deg: float, height_m: float) -> None:
     """Whatever pitch and height: inside the map and not empty."""
     look = replace(
-        view(cast()), gimbal_pitch_rad=math.radians(pitch_deg), height_above_carpet_m=height_m
+        view(cast()), gimbal_pitch_rad=math.radians(pitch_deg), height_above_ground_m=height_m
     )
     for rectangle in RULE.rectangles(look):
         assert 0 <= rectangle.top < rectangle.bottom <= CAMERA.height_px

@@ -30,7 +30,7 @@ from uav_bt.types.dead_reckoning import OdometryPose
 NET = ControlNetConfig(
     width_px=32, height_px=16, channels=(4, 8), bottleneck=4, embedding=8, hidden=8
 )
-GO = (3.0, 0.0, 0.7, -3.0, 0.9)  # advance, clockwise, step, carpet ends, free
+GO = (3.0, 0.0, 0.7, -3.0, 0.9)  # advance, clockwise, step, ground ends, free
 
 
 @pytest.fixture
@@ -158,7 +158,7 @@ def test_without_remembered_views_it_says_what_is_missing(policy_saying: Any) ->
 def test_telemetry_that_is_no_number_is_no_decision(policy_saying: Any) -> None:
     policy = policy_saying(*GO)
     with pytest.raises(ValueRangeError, match="must be finite numbers"):
-        policy.decide(replace(seen(), height_above_carpet_m=math.nan))
+        policy.decide(replace(seen(), height_above_ground_m=math.nan))
 
 
 def test_a_tree_names_its_network_behind_a_colon(policy_saying: Any, tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def test_the_lens_rises_with_the_nose_and_the_gimbal_holds_its_pitch() -> None:
         captured_s=0.0,
         gimbal_pitch_rad=-0.5,
         attitude=Attitude(pitch_rad=0.1, roll_rad=0.3, yaw_rad=1.0),
-        height_above_carpet_m=1.5,
+        height_above_ground_m=1.5,
     )
     seen = view_of(frame, CAMERA, (82, 42), roll_rad=0.01)
 
@@ -128,8 +128,8 @@ def test_impossible_views_are_refused(wrong: dict[str, float]) -> None:
         CameraView(**({"camera": CAMERA, "pitch_rad": 0.0, "height_m": 1.0} | wrong))
 
 
-def test_a_thousand_carpet_points_agree_with_the_twin() -> None:
-    """The carpet rendered by the twin lies within 1 mm of the ground plane."""
+def test_a_thousand_ground_points_agree_with_the_twin() -> None:
+    """The ground rendered by the twin lies within 1 mm of the ground plane."""
     generator = np.random.default_rng(11)
     poses = sample_flight_poses(load_scene("val-a"), generator, 14)
     camera = anafi_camera(640, 360).resized(224, 112)

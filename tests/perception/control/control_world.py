@@ -40,7 +40,7 @@ def advice(index: int, answer: Answer, **changed: object) -> Advice:
         "x_m": 0.04 * index,
         "y_m": 0.0,
         "yaw_rad": 0.0,
-        "height_above_carpet_m": 1.5,
+        "height_above_ground_m": 1.5,
         "gimbal_pitch_rad": -0.5,
         "turning": 0,
         "full_turns": 0,

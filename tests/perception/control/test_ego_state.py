@@ -12,12 +12,12 @@ from uav_bt.types.dead_reckoning import OdometryPose
 
 NOW = OdometryPose(time_s=10.0, x_m=2.0, y_m=1.0, yaw_rad=math.pi / 2)  # it looks along y
 EGO = EgoState(
-    height_above_carpet_m=1.7, gimbal_pitch_rad=math.radians(-20), turning=-1, full_turns=2
+    height_above_ground_m=1.7, gimbal_pitch_rad=math.radians(-20), turning=-1, full_turns=2
 )
 
 
 def test_the_usual_stand_is_nought() -> None:
-    usual = EgoState(height_above_carpet_m=1.5, gimbal_pitch_rad=math.radians(-30))
+    usual = EgoState(height_above_ground_m=1.5, gimbal_pitch_rad=math.radians(-30))
     assert state_vector(usual, [NOW, NOW]) == pytest.approx([0.0] * 9, abs=1e-6)
 
 
@@ -35,7 +35,7 @@ def test_an_earlier_view_is_told_from_the_body_now() -> None:
 
 
 def test_more_full_turns_than_the_rules_relieve_say_no_more() -> None:
-    many = EgoState(height_above_carpet_m=1.5, gimbal_pitch_rad=-0.5, full_turns=9)
+    many = EgoState(height_above_ground_m=1.5, gimbal_pitch_rad=-0.5, full_turns=9)
     assert state_vector(many, [NOW])[3] == 1.0
 
 

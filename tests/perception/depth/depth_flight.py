@@ -42,7 +42,7 @@ def _in_world(pose: CameraPose) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def known_flight(count: int = 12, *, yaw_noise_rad: float = 0.0, seed: int = 0) -> KnownFlight:
-    """Fly a bend over the carpet of a training scene, ten frames a second."""
+    """Fly a bend over the ground of a training scene, ten frames a second."""
     scene = load_scene("train-a")
     times = 0.1 * np.arange(count)
     yaw = 0.9 + 0.25 * times  # counter-clockwise, as the world has it
@@ -75,7 +75,7 @@ def known_flight(count: int = 12, *, yaw_noise_rad: float = 0.0, seed: int = 0) 
         attitude_rad=told[0],
         altitude_m=z - 0.45,
         height_m=z,
-        height_above_carpet_m=z,
+        height_above_ground_m=z,
         state_s=times,
         state_attitude_rad=told[1],
         velocity_mps=np.stack([c * vx + s * vy, s * vx - c * vy, -vz], axis=1),

@@ -45,7 +45,7 @@ def frame(drawn: View, **changes: Any) -> Frame:
         "index": 0,
         "captured_s": 3.0,
         "gimbal_pitch_rad": PITCH_RAD,
-        "height_above_carpet_m": 1.5,
+        "height_above_ground_m": 1.5,
     }
     return Frame(**(given | changes))
 
@@ -83,8 +83,8 @@ def test_a_network_of_another_size_is_resized(drawn: View) -> None:
 
     assert made.depth is not None
     assert made.depth.depth.shape == (112, 224)
-    carpet = drawn.ids == CARPET
-    assert np.median(np.abs(made.depth.depth - drawn.depth)[carpet]) < 0.02
+    ground = drawn.ids == CARPET
+    assert np.median(np.abs(made.depth.depth - drawn.depth)[ground]) < 0.02
 
 
 def test_contact_needs_no_network_and_leaves_the_unknown_unknown(drawn: View) -> None:
@@ -130,9 +130,9 @@ def test_fused_is_never_further_than_the_ground_allows(drawn: View) -> None:
     ("changes", "word"),
     [
         ({"image": np.zeros((90, 160, 3), dtype=np.uint8)}, "black"),
-        ({"height_above_carpet_m": 0.0}, "no height"),
-        ({"height_above_carpet_m": -0.2}, "no height"),
-        ({"height_above_carpet_m": math.nan}, "telemetry"),
+        ({"height_above_ground_m": 0.0}, "no height"),
+        ({"height_above_ground_m": -0.2}, "no height"),
+        ({"height_above_ground_m": math.nan}, "telemetry"),
         ({"gimbal_pitch_rad": math.nan}, "telemetry"),
         ({"captured_s": 9.0}, "class map is of another frame"),
     ],
@@ -162,7 +162,7 @@ def test_a_network_that_says_nothing_usable_is_refused_by_name(drawn: View, sour
 
 
 def test_without_a_scale_contact_remains(drawn: View) -> None:
-    """The pad's top needs no carpet: its height is known."""
+    """The pad's top needs no ground: its height is known."""
     ids = np.where(drawn.ids == CARPET, BACKGROUND, drawn.ids).astype(np.uint8)
     ids[60:70, 100:120] = HELIPAD_H
     bare = paper_map(ids=ids, captured_s=3.0)
@@ -170,7 +170,7 @@ def test_without_a_scale_contact_remains(drawn: View) -> None:
     fused = maker("fused").make(frame(drawn), bare, CAMERA, relative(drawn))
 
     assert network.depth is None
-    assert network.refusal == "no scale: too little carpet"
+    assert network.refusal == "no scale: too little ground"
     assert fused.refusal == network.refusal
     assert fused.depth is not None
     assert np.isfinite(fused.depth.depth).sum() == 200

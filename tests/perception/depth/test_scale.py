@@ -1,4 +1,4 @@
-"""The scale of relative depth: on known depth, from the carpet, and without carpet."""
+"""The scale of relative depth: on known depth, from the ground, and without ground."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.scale import (
     AdaptiveScale,
-    CarpetSample,
+    GroundSample,
     Scale,
     ScaleConfig,
     ScaleFilter,
@@ -26,7 +26,7 @@ VIEW = CameraView(camera=CAMERA, pitch_rad=math.radians(-28), height_m=1.5)
 RNG_SEED = 4
 
 
-def carpet_ids() -> np.ndarray:
+def ground_ids() -> np.ndarray:
     return np.full((112, 224), CARPET, dtype=np.uint8)
 
 
@@ -37,16 +37,16 @@ def predicted(scale: float = 2.5, shift_m: float = 0.0) -> np.ndarray:
 
 def sample(
     relative: np.ndarray, ids: np.ndarray | None = None, config: ScaleConfig | None = None
-) -> CarpetSample | None:
+) -> GroundSample | None:
     generator = np.random.default_rng(RNG_SEED)
-    shown = carpet_ids() if ids is None else ids
+    shown = ground_ids() if ids is None else ids
     return sample_ground(relative, shown == CARPET, ground_depth(VIEW), generator, config)
 
 
 # --- sampling -------------------------------------------------------------------------------------
 
 
-def test_fifty_different_carpet_pixels_are_drawn() -> None:
+def test_fifty_different_ground_pixels_are_drawn() -> None:
     drawn = sample(predicted())
 
     assert drawn is not None
@@ -64,9 +64,9 @@ def test_the_same_seed_draws_the_same_pixels() -> None:
     assert (first.pixels == again.pixels).all()
 
 
-def test_pixels_keep_their_distance_to_the_carpets_border_not_to_the_images() -> None:
-    """4 of 112 rows are the paper's 10 of 256; the carpet goes on below the image."""
-    ids = carpet_ids()
+def test_pixels_keep_their_distance_to_the_grounds_border_not_to_the_images() -> None:
+    """4 of 112 rows are the paper's 10 of 256; the ground goes on below the image."""
+    ids = ground_ids()
     ids[:, 100:] = BOXES[2]
     generator = np.random.default_rng(0)
     drawn = sample_ground(
@@ -80,7 +80,7 @@ def test_pixels_keep_their_distance_to_the_carpets_border_not_to_the_images() ->
     assert rows.max() == 111
 
 
-def test_far_carpet_and_impossible_predictions_are_left_out() -> None:
+def test_far_ground_and_impossible_predictions_are_left_out() -> None:
     relative = predicted()
     relative[:, :112] = np.nan
     relative[60:, 112:] = -1.0
@@ -94,7 +94,7 @@ def test_far_carpet_and_impossible_predictions_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("rows", [0, 8])
-def test_too_little_carpet_is_no_sample(rows: int) -> None:
+def test_too_little_ground_is_no_sample(rows: int) -> None:
     """A strip that is narrower than twice the margin has no inner pixels."""
     ids = np.full((112, 224), BACKGROUND, dtype=np.uint8)
     ids[50 : 50 + rows] = CARPET
@@ -154,7 +154,7 @@ def test_confidence_falls_with_scatter_and_with_few_points() -> None:
     assert few.confidence < 0.8
 
 
-def test_without_carpet_the_scale_carries_on_for_a_while_and_then_is_none() -> None:
+def test_without_ground_the_scale_carries_on_for_a_while_and_then_is_none() -> None:
     estimator = AdaptiveScale()
     assert estimator.update(None, 0.0) is None
     first = estimator.update(sample(predicted()), 0.1)

@@ -33,7 +33,7 @@ def frame(pitch_rad: float) -> Frame:
         index=1,
         captured_s=1.0,
         gimbal_pitch_rad=pitch_rad,
-        height_above_carpet_m=1.5,
+        height_above_ground_m=1.5,
     )
 
 
@@ -59,7 +59,7 @@ def test_the_nearest_long_run_of_a_role_counts() -> None:
             [1, 3, 1, 3, 3, 0],  # a speck, then an obstacle that begins at sample 3
             [NO_ROLE, 3, 3, 1, 1, 1],  # its base is below the image
             [1, 1, 1, 1, 1, 3],  # too short
-            [1, 1, 0, 0, 3, 3],  # an edge at sample 2, then an obstacle behind the carpet's end
+            [1, 1, 0, 0, 3, 3],  # an edge at sample 2, then an obstacle behind the ground's end
         ],
         dtype=np.uint8,
     )

@@ -250,7 +250,7 @@ def mapped(
             index=index,
             captured_s=time_s,
             gimbal_pitch_rad=PITCH_RAD,
-            height_above_carpet_m=height_m,
+            height_above_ground_m=height_m,
         )
         class_map = paper_map(ids=class_ids(place, height_m), captured_s=time_s)
         view = View.of(class_map, frame, CAMERA, pose)

@@ -37,7 +37,7 @@ HEIGHT_M = 1.5
 Ids = NDArray[np.uint8]
 
 
-def carpet() -> Ids:
+def bare_ground() -> Ids:
     return np.full((112, 224), CARPET, dtype=np.uint8)
 
 
@@ -51,8 +51,8 @@ def draw_box(ids: Ids, forward_m: float, left_m: float, right_m: float) -> Ids:
     return ids
 
 
-def end_carpet(ids: Ids, forward_m: float) -> Ids:
-    """Put background where carpet is further ahead of the camera than that."""
+def end_ground(ids: Ids, forward_m: float) -> Ids:
+    """Put background where ground is further ahead of the camera than that."""
     rows, columns = np.mgrid[: ids.shape[0], : ids.shape[1]]
     rays = pixel_rays(np.stack([columns, rows], axis=-1), CAMERA, PITCH_RAD)
     beyond = rays[..., 2] * forward_m < HEIGHT_M * rays[..., 0]
@@ -66,7 +66,7 @@ def frame(time_s: float, pitch_rad: float = PITCH_RAD) -> Frame:
         index=0,
         captured_s=time_s,
         gimbal_pitch_rad=pitch_rad,
-        height_above_carpet_m=HEIGHT_M,
+        height_above_ground_m=HEIGHT_M,
     )
 
 
@@ -119,11 +119,11 @@ def bases(ids: Ids) -> Bases:
 
 @pytest.mark.parametrize("forward_m", [1.6, 2.2, 3.0])
 @pytest.mark.parametrize(("left_m", "right_m"), [(-0.3, 0.2), (0.3, 0.9)])
-def test_a_base_is_where_the_box_meets_the_carpet(
+def test_a_base_is_where_the_box_meets_the_ground(
     forward_m: float, left_m: float, right_m: float
 ) -> None:
     """Within one pixel of the row, and as wide as the box; none of it is hidden."""
-    found = bases(draw_box(carpet(), forward_m, left_m, right_m))
+    found = bases(draw_box(bare_ground(), forward_m, left_m, right_m))
 
     # At the outline's ends a bearing may pass it and meet the face further up: behind, not before.
     pixel_m = 1.5 * (forward_m**2 + HEIGHT_M**2) / HEIGHT_M / CAMERA.fy_px
@@ -138,17 +138,17 @@ def test_a_base_is_where_the_box_meets_the_carpet(
 
 
 def test_what_floats_before_the_background_has_no_base() -> None:
-    """The box has no carpet below it."""
-    ids = draw_box(carpet(), 2.2, -0.3, 0.2)
+    """The box has no ground below it."""
+    ids = draw_box(bare_ground(), 2.2, -0.3, 0.2)
     ids[ids == CARPET] = BACKGROUND
 
     assert bases(ids).placed_m.shape == (0, 2)
     assert bases(ids).hidden_m.shape == (0, 2)
 
 
-def test_the_carpet_ends_where_background_follows_it() -> None:
+def test_the_ground_ends_where_background_follows_it() -> None:
     """Across the view 2.5 m ahead, but not behind a box: the base of a box is not an edge."""
-    ids = end_carpet(draw_box(carpet(), 1.8, -0.3, 0.2), 2.5)
+    ids = end_ground(draw_box(bare_ground(), 1.8, -0.3, 0.2), 2.5)
 
     edges_m = bases(ids).edges_m
 
@@ -159,8 +159,8 @@ def test_the_carpet_ends_where_background_follows_it() -> None:
 
 
 def test_an_edge_nearer_than_the_view_has_bearings_and_no_place() -> None:
-    """The view begins with background: the carpet ends somewhere before."""
-    found = bases(end_carpet(carpet(), 0.8))
+    """The view begins with background: the ground ends somewhere before."""
+    found = bases(end_ground(bare_ground(), 0.8))
 
     assert found.edges_m.shape == (0, 2)
     assert len(found.hidden_edges_m) > 40
@@ -168,8 +168,8 @@ def test_an_edge_nearer_than_the_view_has_bearings_and_no_place() -> None:
 
 
 def test_specks_have_no_base() -> None:
-    """A few obstacle pixels on the carpet are a mistake of the mask."""
-    ids = carpet()
+    """A few obstacle pixels on the ground are a mistake of the mask."""
+    ids = bare_ground()
     ids[60:62, 100:104] = BOXES[0]
 
     assert bases(ids).placed_m.shape == (0, 2)
@@ -182,7 +182,7 @@ def test_no_sample_lies_behind_the_camera(half_view_deg: int) -> None:
     wide = CameraModel(
         width_px=224, height_px=112, fx_px=focal_px, fy_px=focal_px, cx_px=111.5, cy_px=55.5
     )
-    scan = scan_ground(paper_map(ids=carpet(), captured_s=0.0), frame(0.0, -1.0), wide)
+    scan = scan_ground(paper_map(ids=bare_ground(), captured_s=0.0), frame(0.0, -1.0), wide)
     ranges_m = np.hypot(*np.moveaxis(scan.level_m, -1, 0))
 
     assert (scan.level_m[..., 0] > 0.0).all()
@@ -191,13 +191,13 @@ def test_no_sample_lies_behind_the_camera(half_view_deg: int) -> None:
 
 def test_no_obstacle_no_bases() -> None:
     """Empty results keep their shape."""
-    assert bases(carpet()).placed_m.shape == (0, 2)
-    assert bases(carpet()).hidden_m.shape == (0, 2)
+    assert bases(bare_ground()).placed_m.shape == (0, 2)
+    assert bases(bare_ground()).hidden_m.shape == (0, 2)
 
 
 def test_a_box_nearer_than_the_view_hides_its_base() -> None:
-    """It gives the nearest carpet in view on its bearings, and no base."""
-    found = bases(draw_box(carpet(), 0.8, 0.2, 0.6))
+    """It gives the nearest ground in view on its bearings, and no base."""
+    found = bases(draw_box(bare_ground(), 0.8, 0.2, 0.6))
 
     assert found.placed_m.shape == (0, 2)
     bearings = np.arctan2(found.hidden_m[:, 1], found.hidden_m[:, 0])
@@ -214,7 +214,7 @@ def test_a_base_is_remembered_after_it_left_the_view() -> None:
     """Flown past and turned away from, the box is still where it was."""
     flight = Flight()
     flight.predict(state(0.0, forward_mps=0.5))
-    flight.look(draw_box(carpet(), 2.0, 0.4, 0.8), 0.0)
+    flight.look(draw_box(bare_ground(), 2.0, 0.4, 0.8), 0.0)
     for tick in range(1, 31):
         flight.predict(state(0.1 * tick, forward_mps=0.5))
     flight.predict(state(3.1, yaw_rad=math.pi / 2))
@@ -231,7 +231,7 @@ def test_a_base_is_remembered_after_it_left_the_view() -> None:
 def test_seen_again_a_point_is_kept_once() -> None:
     """Ten looks at one box leave as many points as one look."""
     once, often = Flight(), Flight()
-    ids = draw_box(carpet(), 2.0, -0.4, 0.4)
+    ids = draw_box(bare_ground(), 2.0, -0.4, 0.4)
     for flight, looks in ((once, 1), (often, 10)):
         for tick in range(looks):
             flight.predict(state(0.1 * tick))
@@ -240,14 +240,14 @@ def test_seen_again_a_point_is_kept_once() -> None:
     assert len(often.points().points_m) == len(once.points().points_m) > 5
 
 
-def test_carpet_seen_in_its_place_forgets_a_point() -> None:
+def test_ground_seen_in_its_place_forgets_a_point() -> None:
     """Mistakes and moved obstacles are dropped."""
     flight = Flight()
     flight.predict(state(0.0))
-    flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    flight.look(draw_box(bare_ground(), 2.0, -0.4, 0.4), 0.0)
 
     flight.predict(state(0.1))
-    flight.look(carpet(), 0.1)
+    flight.look(bare_ground(), 0.1)
 
     assert flight.points().points_m.shape == (0, 2)
     assert flight.points().nearest_m == math.inf
@@ -257,7 +257,7 @@ def test_old_points_are_forgotten() -> None:
     """Dead reckoning drifts, so every point is dropped after its time."""
     flight = Flight(RecentLayerConfig(max_age_s=5.0))
     flight.predict(state(0.0))
-    flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    flight.look(draw_box(bare_ground(), 2.0, -0.4, 0.4), 0.0)
 
     flight.predict(state(5.0))
     assert len(flight.points().points_m) > 0
@@ -266,10 +266,10 @@ def test_old_points_are_forgotten() -> None:
     assert len(flight.points().points_m) == 0
 
 
-def test_the_end_of_the_carpet_is_remembered_longer() -> None:
+def test_the_end_of_the_ground_is_remembered_longer() -> None:
     """A decimetre matters less there; and it does not count among the obstacles."""
     flight = Flight(RecentLayerConfig(max_age_s=5.0, edge_age_s=9.0))
-    ids = draw_box(carpet(), 1.8, -0.3, 0.2)
+    ids = draw_box(bare_ground(), 1.8, -0.3, 0.2)
     ids[:60][ids[:60] == CARPET] = BACKGROUND
     flight.predict(state(0.0))
     flight.look(ids, 0.0)
@@ -288,7 +288,7 @@ def test_far_bases_are_not_remembered() -> None:
     """Beyond the range a pixel is worth too many centimetres."""
     flight = Flight(view=ViewConfig(max_range_m=2.0))
     flight.predict(state(0.0))
-    flight.look(draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
+    flight.look(draw_box(bare_ground(), 2.1, -0.4, 0.4), 0.0)
 
     assert len(flight.points().points_m) == 0
 
@@ -297,11 +297,11 @@ def test_looking_down_adds_nothing_and_forgets_nothing() -> None:
     """Straight down a roof is nearer than any base."""
     flight = Flight()
     flight.predict(state(0.0))
-    flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    flight.look(draw_box(bare_ground(), 2.0, -0.4, 0.4), 0.0)
     before = flight.points().points_m
 
     flight.predict(state(0.1))
-    flight.look(carpet(), 0.1, pitch_rad=-math.pi / 2)
+    flight.look(bare_ground(), 0.1, pitch_rad=-math.pi / 2)
 
     assert np.array_equal(flight.points().points_m, before)
     assert flight.points().captured_s == pytest.approx(0.1)
@@ -314,7 +314,7 @@ def test_an_unexplained_near_box_is_a_bearing() -> None:
     """Its bearings, from the body's centre, turn as the drone does."""
     flight = Flight(NEAR_BOX)
     flight.predict(state(0.0, yaw_rad=3.0))
-    flight.look(draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    flight.look(draw_box(bare_ground(), 0.8, 0.2, 0.6), 0.0)
 
     found = flight.points()
     assert len(found.unplaced_rad) > 5
@@ -330,7 +330,7 @@ def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
     """At the assumed ranges, for the assumed time; no longer, since it was never seen there."""
     flight = Flight(NEAR_BOX)
     flight.predict(state(0.0))
-    flight.look(draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    flight.look(draw_box(bare_ground(), 0.8, 0.2, 0.6), 0.0)
 
     found = flight.points()
     assert len(found.points_m) == 0
@@ -346,18 +346,18 @@ def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
     assert len(flight.points().assumed_m) == 0
 
 
-def test_carpet_at_the_lower_edge_ends_what_is_assumed_before_it() -> None:
+def test_ground_at_the_lower_edge_ends_what_is_assumed_before_it() -> None:
     """The view begins further away than the first assumed range; a tall box would reach into it."""
     flight = Flight(NEAR_BOX)
     flight.predict(state(0.0))
-    flight.look(draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    flight.look(draw_box(bare_ground(), 0.8, 0.2, 0.6), 0.0)
     assumed = flight.points().assumed_m
     flight.predict(state(0.1, yaw_rad=math.pi))
-    flight.look(carpet(), 0.1)
+    flight.look(bare_ground(), 0.1)
     assert len(flight.points().assumed_m) == len(assumed)  # it looks elsewhere
 
     flight.predict(state(0.2))
-    flight.look(carpet(), 0.2)
+    flight.look(bare_ground(), 0.2)
     assert len(flight.points().assumed_m) == 0
 
 
@@ -365,10 +365,10 @@ def test_a_remembered_base_explains_the_near_box() -> None:
     """The base seen from further away is the same box: its range is known."""
     flight = Flight()
     flight.predict(state(0.0, forward_mps=1.0))
-    flight.look(draw_box(carpet(), 1.8, -0.3, 0.3), 0.0)
+    flight.look(draw_box(bare_ground(), 1.8, -0.3, 0.3), 0.0)
     for tick in range(1, 11):
         flight.predict(state(0.1 * tick, forward_mps=1.0))
-    ids = carpet()
+    ids = bare_ground()
     ids[:, 90:134] = BOXES[0]
     flight.look(ids, 1.0)
 
@@ -384,8 +384,9 @@ def test_the_pad_is_no_obstacle() -> None:
     """The drone flies above it."""
     flight = Flight()
     flight.predict(state(0.0))
+    ids = draw_box(bare_ground(), 2.0, -0.4, 0.4)
     flight.look(
-        np.where(draw_box(carpet(), 2.0, -0.4, 0.4) == CARPET, 1, HELIPAD_BOX).astype(np.uint8),
+        np.where(ids == CARPET, 1, HELIPAD_BOX).astype(np.uint8),
         0.0,
     )
 
@@ -474,7 +475,7 @@ def test_an_edge_that_was_never_seen_is_told_by_its_bearings() -> None:
     """Its bearings turn with the drone, and an obstacle is not made of it."""
     flight = Flight()
     flight.predict(state(0.0))
-    flight.look(end_carpet(carpet(), 0.8), 0.0)
+    flight.look(end_ground(bare_ground(), 0.8), 0.0)
 
     found = flight.points()
 
@@ -488,10 +489,10 @@ def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
     """Flown up to, it is where it was seen to be."""
     flight = Flight()
     flight.predict(state(0.0, forward_mps=0.5))
-    flight.look(end_carpet(carpet(), 2.0), 0.0)
+    flight.look(end_ground(bare_ground(), 2.0), 0.0)
     for tick in range(1, 25):
         flight.predict(state(0.1 * tick, forward_mps=0.5))
-    flight.look(end_carpet(carpet(), 0.8), 2.4)
+    flight.look(end_ground(bare_ground(), 0.8), 2.4)
 
     found = flight.points()
 
@@ -503,7 +504,7 @@ def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
 def test_all_can_be_forgotten() -> None:
     flight = Flight()
     flight.predict(state(0.0))
-    flight.look(draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
+    flight.look(draw_box(bare_ground(), 2.0, -0.2, 0.2), 0.0)
     assert len(flight.points().points_m)
     flight.recent.forget()
     after = flight.points()
@@ -515,7 +516,7 @@ def test_a_shorter_life_makes_nothing_older() -> None:
     """What may move is soon forgotten, and was seen lately all the same."""
     flight = Flight()
     flight.predict(state(0.0))
-    flight.look(draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
+    flight.look(draw_box(bare_ground(), 2.0, -0.2, 0.2), 0.0)
     flight.recent.forget_trails(2.5, np.array([[2.2, 0.0, 1.0]]))
     flight.predict(state(1.0))
     assert np.allclose(flight.points().points_age_s, 1.0)

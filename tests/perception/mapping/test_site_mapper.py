@@ -20,7 +20,7 @@ from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET, CLASSES, paper_map
-from uav_bt.types import BodyVelocity, ClassMap, Frame, HelipadFix, Pose2D
+from uav_bt.types import BodyVelocity, ClassMap, Frame, MarkFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
 
@@ -87,7 +87,7 @@ def fly(mapper: SiteMapper, drift: Drift = no_drift, *, from_s: float = 0.0) -> 
             index=index,
             captured_s=time_s,
             gimbal_pitch_rad=PITCH_RAD,
-            height_above_carpet_m=HEIGHT_M,
+            height_above_ground_m=HEIGHT_M,
         )
         mapper.follow(motion(pose))
         look(mapper, paper_map(ids=ids, captured_s=time_s), frame, pose)
@@ -119,7 +119,7 @@ def test_bases_stand_on_the_boxes_outlines() -> None:
         assert nearest < 0.08
 
 
-def test_edges_lie_on_the_carpets_edge() -> None:
+def test_edges_lie_on_the_grounds_edge() -> None:
     found = fly(SiteMapper(CLASSES))[-1]
     x, y = np.abs(found.edges_m).T
     off_m = np.minimum(np.abs(x - 2.5), np.abs(y - 2.0))
@@ -127,7 +127,7 @@ def test_edges_lie_on_the_carpets_edge() -> None:
     assert np.percentile(off_m, 95) < 0.08
 
 
-def test_ground_is_where_carpet_is_and_outside_where_it_is_not() -> None:
+def test_the_map_has_ground_where_it_was_seen_and_outside_elsewhere() -> None:
     found = fly(SiteMapper(CLASSES))[-1]
     places = np.abs(found.places_m())
     inside = (places[..., 0] < 2.3) & (places[..., 1] < 1.8)
@@ -194,15 +194,13 @@ def test_the_mark_corrects_and_is_remembered() -> None:
     still = OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)
     mapper.follow(motion(still))
     mapper.see_mark(
-        HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True)
+        MarkFix(captured_s=0.0, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True)
     )
     for tenths in range(1, 600):
         drifted = OdometryPose(time_s=tenths / 10, x_m=0.1, y_m=0.0, yaw_rad=0.0)
         mapper.follow(motion(drifted))
         mapper.see_mark(
-            HelipadFix(
-                captured_s=tenths / 10, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True
-            )
+            MarkFix(captured_s=tenths / 10, forward_m=1.0, right_m=0.5, height_m=0.4, detected=True)
         )
     found = mapper.map(motion(drifted))
     assert found.mark is not None
@@ -220,7 +218,7 @@ def sighted(
         here = motion(OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0))
         mapper.follow(here)
         mapper.see_mark(
-            HelipadFix(
+            MarkFix(
                 captured_s=time_s,
                 forward_m=1.0,
                 right_m=right_m,
@@ -246,7 +244,7 @@ def test_the_map_keeps_the_direction_of_the_marks_upper_edge(
     mapper.follow(here)
     for captured_s in (0.0, 0.1):
         mapper.see_mark(
-            HelipadFix(
+            MarkFix(
                 captured_s=captured_s,
                 forward_m=1.0,
                 right_m=0.0,
@@ -260,8 +258,8 @@ def test_the_map_keeps_the_direction_of_the_marks_upper_edge(
     assert mark.yaw_rad == (None if yaw_deg is None else pytest.approx(math.radians(yaw_deg)))
 
 
-def show_carpet(mapper: SiteMapper, time_s: float) -> SiteMap:
-    """Let the mapper see only carpet, from 0.6 m behind its origin; return the map then."""
+def show_ground(mapper: SiteMapper, time_s: float) -> SiteMap:
+    """Let the mapper see only ground, from 0.6 m behind its origin; return the map then."""
     pose = OdometryPose(time_s=time_s, x_m=-0.6, y_m=0.0, yaw_rad=0.0)
     mapper.follow(motion(pose))
     frame = Frame(
@@ -269,7 +267,7 @@ def show_carpet(mapper: SiteMapper, time_s: float) -> SiteMap:
         index=0,
         captured_s=time_s,
         gimbal_pitch_rad=PITCH_RAD,
-        height_above_carpet_m=HEIGHT_M,
+        height_above_ground_m=HEIGHT_M,
     )
     nothing = paper_map(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
     look(mapper, nothing, frame, pose)
@@ -310,7 +308,7 @@ def test_a_mark_that_was_carried_away_is_found_elsewhere() -> None:
     """Ground was seen where it was."""
     mapper, views = SiteMapper(CLASSES), MarkPlaceConfig().moved_views
     sighted(mapper, 0.5, from_s=0.0, views=20)
-    show_carpet(mapper, 3.0)
+    show_ground(mapper, 3.0)
     last = sighted(mapper, -1.0, from_s=4.0, views=views)[-1]
     assert last.y_m == pytest.approx(-1.0, abs=0.02)
     assert last.moved_m == pytest.approx(1.5, abs=0.02)
@@ -332,7 +330,7 @@ def hover(
             index=index,
             captured_s=time_s,
             gimbal_pitch_rad=at.pitch_rad,
-            height_above_carpet_m=at.z_m + float(rng.normal(0.0, height_std_m)),
+            height_above_ground_m=at.z_m + float(rng.normal(0.0, height_std_m)),
         )
         class_map = paper_map(ids=view.ids, captured_s=time_s)
         look(mapper, class_map, frame, pose)
@@ -364,6 +362,6 @@ def test_time_without_views_does_not_count_against_the_map() -> None:
         CLASSES, SiteMapperConfig(contradiction=ContradictionConfig(judged_points=5.0))
     )
     fly(mapper)
-    found = show_carpet(mapper, len(flown()) * STEP_S + 10.0)
+    found = show_ground(mapper, len(flown()) * STEP_S + 10.0)
     assert found.restarts == 0
     assert found.contradicted_s < 1.0

@@ -19,6 +19,6 @@ def view_of_classes(
         index=0,
         captured_s=0.0,
         gimbal_pitch_rad=math.radians(pitch_deg),
-        height_above_carpet_m=height_m,
+        height_above_ground_m=height_m,
     )
     return MarkView(frame=frame, camera=camera, class_map=class_map)

@@ -65,5 +65,5 @@ def view_of(
         index=0,
         captured_s=0.0,
         gimbal_pitch_rad=math.radians(pitch_deg),
-        height_above_carpet_m=camera_m,
+        height_above_ground_m=camera_m,
     )

@@ -29,7 +29,7 @@ SCENE = Scene(name="pad", helipad=Helipad(position_m=(0.0, 0.0), yaw_deg=20), bo
 def found(
     ids: np.ndarray, pitch_deg: float, height_m: float, mark: LandingMark | None = None
 ) -> MarkSighting | None:
-    """Return what one class map shows, the camera so high above the carpet."""
+    """Return what one class map shows, the camera so high above the ground."""
     seen = view_of_classes(paper_map(ids), CAMERA, pitch_deg=pitch_deg, height_m=height_m)
     return HelipadFinder(mark or default_mark()).find(seen)
 

@@ -27,7 +27,7 @@ WIDTH_PX, HEIGHT_PX = 224, 112
 Ids = NDArray[np.uint8]
 
 
-def carpet(width_px: int = WIDTH_PX, height_px: int = HEIGHT_PX) -> Ids:
+def bare_ground(width_px: int = WIDTH_PX, height_px: int = HEIGHT_PX) -> Ids:
     return np.full((height_px, width_px), CARPET, dtype=np.uint8)
 
 
@@ -48,7 +48,7 @@ def detect(ids: Ids, **config: float) -> HelipadDetection | None:
 
 def test_finds_a_pad() -> None:
     """The centroid is the H's, the confidence high, the area counted."""
-    found = detect(draw_pad(carpet(), 90, 50))
+    found = detect(draw_pad(bare_ground(), 90, 50))
 
     assert found is not None
     assert (found.column_px, found.row_px) == pytest.approx((89.5, 49.5))
@@ -57,15 +57,15 @@ def test_finds_a_pad() -> None:
     assert not found.cut_by_edge
 
 
-def test_sees_nothing_on_bare_carpet() -> None:
+def test_sees_nothing_on_bare_ground() -> None:
     """No pixel of either class: nothing found."""
-    assert detect(carpet()) is None
+    assert detect(bare_ground()) is None
 
 
 @pytest.mark.parametrize("alone", [HELIPAD_H, HELIPAD_BOX])
 def test_one_half_of_the_pair_is_not_enough(alone: int) -> None:
     """A patch of one class without the other is a mistake of the mask."""
-    ids = carpet()
+    ids = bare_ground()
     ids[40:60, 80:110] = alone
 
     assert detect(ids) is None
@@ -73,7 +73,7 @@ def test_one_half_of_the_pair_is_not_enough(alone: int) -> None:
 
 def test_halves_far_apart_do_not_pair() -> None:
     """An H and stripes at opposite ends of the view do not belong together."""
-    ids = carpet()
+    ids = bare_ground()
     ids[45:55, 20:40] = HELIPAD_H
     ids[45:60, 180:200] = HELIPAD_BOX
 
@@ -82,7 +82,7 @@ def test_halves_far_apart_do_not_pair() -> None:
 
 def test_a_small_gap_is_forgiven() -> None:
     """Masks have ragged borders: a gap of a fraction of the H still pairs, with less confidence."""
-    joined, apart = carpet(), carpet()
+    joined, apart = bare_ground(), bare_ground()
     for ids, gap in ((joined, 0), (apart, 4)):
         ids[40:56, 80:110] = HELIPAD_H
         ids[56 + gap : 76 + gap, 80:110] = HELIPAD_BOX
@@ -96,7 +96,7 @@ def test_a_small_gap_is_forgiven() -> None:
 
 def test_the_pair_wins_over_larger_distractors() -> None:
     """Larger patches of either class, each without the other, are passed by."""
-    ids = draw_pad(carpet(), 60, 50, size=6)
+    ids = draw_pad(bare_ground(), 60, 50, size=6)
     ids[20:60, 150:200] = HELIPAD_H
     ids[90:110, 100:215] = HELIPAD_BOX
 
@@ -108,7 +108,7 @@ def test_the_pair_wins_over_larger_distractors() -> None:
 
 def test_the_compact_pair_wins_over_a_scatter() -> None:
     """Specks of H joined by a thread do not fill their hull; the compact pair scores higher."""
-    ids = draw_pad(carpet(), 60, 50, size=6)
+    ids = draw_pad(bare_ground(), 60, 50, size=6)
     cv2.line(ids, (150, 20), (200, 60), HELIPAD_H, 1)
     cv2.line(ids, (200, 20), (150, 60), HELIPAD_H, 1)
     ids[60:75, 150:200] = HELIPAD_BOX
@@ -121,7 +121,7 @@ def test_the_compact_pair_wins_over_a_scatter() -> None:
 
 def test_a_scatter_alone_is_refused() -> None:
     """Scattered pixels as in the previous test are not a pad, even without a better pair."""
-    ids = carpet()
+    ids = bare_ground()
     cv2.line(ids, (150, 20), (200, 60), HELIPAD_H, 1)
     cv2.line(ids, (200, 20), (150, 60), HELIPAD_H, 1)
     ids[60:75, 150:200] = HELIPAD_BOX
@@ -131,7 +131,7 @@ def test_a_scatter_alone_is_refused() -> None:
 
 def test_specks_are_too_small() -> None:
     """A few pixels of both classes are noise."""
-    ids = carpet()
+    ids = bare_ground()
     ids[50:52, 100:103] = HELIPAD_H
     ids[52:54, 100:103] = HELIPAD_BOX
 
@@ -140,7 +140,7 @@ def test_specks_are_too_small() -> None:
 
 def test_an_occluded_pad_is_still_found() -> None:
     """A box in front hides half of the pad: the visible half is found, its centroid shifted."""
-    ids = draw_pad(carpet(), 90, 50)
+    ids = draw_pad(bare_ground(), 90, 50)
     ids[:, 92:] = BOXES[0]
 
     found = detect(ids)
@@ -151,7 +151,7 @@ def test_an_occluded_pad_is_still_found() -> None:
 
 def test_looking_down_the_ring_of_the_box_pairs() -> None:
     """From above the box is a ring around the H."""
-    ids = carpet()
+    ids = bare_ground()
     ids[30:80, 80:130] = HELIPAD_BOX
     ids[36:74, 86:124] = HELIPAD_H
 
@@ -168,7 +168,7 @@ def test_looking_down_the_ring_of_the_box_pairs() -> None:
 )
 def test_a_pad_cut_by_the_border_is_trusted_less(column: int, row: int) -> None:
     """Whichever border cuts the H, the detection says so and its score is halved."""
-    ids = carpet()
+    ids = bare_ground()
     cv2.rectangle(ids, (column - 14, row - 9), (column + 14, row + 9), HELIPAD_BOX, cv2.FILLED)
     cv2.rectangle(ids, (column - 10, row - 5), (column + 10, row + 5), HELIPAD_H, cv2.FILLED)
 
@@ -182,7 +182,7 @@ def test_a_pad_cut_by_the_border_is_trusted_less(column: int, row: int) -> None:
 @pytest.mark.parametrize("factor", [1, 2, 4])
 def test_thresholds_follow_the_map_size(factor: int) -> None:
     """The same view at another size gives the same answer, in that size's pixels."""
-    small = draw_pad(carpet(), 90, 50, size=3)
+    small = draw_pad(bare_ground(), 90, 50, size=3)
     large = np.kron(small, np.ones((factor, factor), dtype=np.uint8))
 
     reference, found = detect(small), detect(large)

@@ -12,7 +12,7 @@ from perception.marks.tracker import MarkTracker, MarkTrackerConfig
 from tests.uav_bt.types.circle_flight import TICK_S, Flight, state
 from uav_bt.errors import ValueRangeError
 from uav_bt.landing_marks import MarkSighting
-from uav_bt.types import HelipadFix
+from uav_bt.types import MarkFix
 
 
 def see(
@@ -25,7 +25,7 @@ def see(
     return tracker.update(sighting, captured_s=captured_s)
 
 
-def known(fix: HelipadFix | None) -> HelipadFix:
+def known(fix: MarkFix | None) -> MarkFix:
     assert fix is not None
     return fix
 

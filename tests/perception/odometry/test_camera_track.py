@@ -1,4 +1,4 @@
-"""The camera's movement: from telemetry, and measured on the carpet."""
+"""The camera's movement: from telemetry, and measured on the ground."""
 
 from dataclasses import replace
 
@@ -34,7 +34,7 @@ def _footage(count: int = 3) -> Footage:
         attitude_rad=rng.random((count, 3)),
         altitude_m=line,
         height_m=line,
-        height_above_carpet_m=line,
+        height_above_ground_m=line,
         state_s=np.arange(5.0),
         state_attitude_rad=rng.random((5, 3)),
         velocity_mps=rng.random((5, 3)),
@@ -109,7 +109,7 @@ def test_smoothing_keeps_the_turn_and_loses_noise(noisy: KnownFlight, flight: Kn
     assert np.std(smooth - exact) < 0.75 * np.std(raw - exact)
 
 
-def test_the_carpet_tells_the_movement_better_than_noisy_telemetry(noisy: KnownFlight) -> None:
+def test_the_ground_tells_the_movement_better_than_noisy_telemetry(noisy: KnownFlight) -> None:
     track = camera_track(noisy.footage)
     told, measured = [], []
     for origin, target in ((1, 4), (2, 6), (3, 7), (8, 4), (9, 5)):

@@ -40,7 +40,7 @@ def test_a_leap_of_telemetry_is_its_error() -> None:
 
 
 def test_a_turn_that_no_image_showed_is_believed() -> None:
-    """Looking beyond the carpet the drone turns by a right angle; then the ground is back."""
+    """Looking beyond the ground the drone turns by a right angle; then the ground is back."""
     heading = Heading()
     for step in range(16):
         heading.see(0.1 * step, None, STEP_S)

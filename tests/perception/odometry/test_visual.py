@@ -1,4 +1,4 @@
-"""Dead reckoning corrected by the carpet, in pictures of the twin with telemetry that drifts."""
+"""Dead reckoning corrected by the ground, in pictures of the twin with telemetry that drifts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.odometry.carpet import CarpetOdometry
+from perception.odometry.ground import GroundOdometry
 from perception.odometry.visual import (
     GroundView,
     OdometryConfig,
@@ -48,9 +48,9 @@ def fly(
     blind: bool = False,
     yaw_off_rad: Callable[[int], float] = lambda _: 0.0,
     height_off_m: Callable[[int], float] = lambda _: 0.0,
-) -> CarpetOdometry:
+) -> GroundOdometry:
     """Show the images of poses, 0.1 s apart, with the reported velocity and errors."""
-    odometry = CarpetOdometry()
+    odometry = GroundOdometry()
     for index, view in enumerate(
         render_views(LAB, poses, size_px=SIZE_PX, profile=Profile.named("lab"))
     ):
@@ -68,7 +68,7 @@ def fly(
             index=index,
             captured_s=time_s,
             gimbal_pitch_rad=PITCH_RAD,
-            height_above_carpet_m=HEIGHT_M + height_off_m(index),
+            height_above_ground_m=HEIGHT_M + height_off_m(index),
         )
         odometry.see(paper_map(ids=view.ids, captured_s=time_s), frame, CAMERA)
     return odometry
@@ -79,7 +79,7 @@ def pose(x_m: float, y_m: float, yaw_rad: float = 0.0) -> CameraPose:
 
 
 def test_a_drone_that_stands_still_stays_where_it_is() -> None:
-    """Telemetry says it drifts by 0.15 m; the carpet says it does not."""
+    """Telemetry says it drifts by 0.15 m; the ground says it does not."""
     odometry = fly([pose(-1.0, 0.0)] * 16, BodyVelocity(forward_mps=0.06, right_mps=-0.08))
 
     assert odometry.now is not None
@@ -96,7 +96,7 @@ def test_a_drift_that_telemetry_does_not_feel_is_found() -> None:
 
 
 def test_a_height_that_is_wrong_does_not_pass_for_a_way_ahead() -> None:
-    """By half a percent too low: the carpet would have come nearer by half a centimetre."""
+    """By half a percent too low: the ground would have come nearer by half a centimetre."""
     odometry = fly([pose(-1.0, 0.0)] * 2, BodyVelocity(), height_off_m=lambda index: -0.008 * index)
 
     assert odometry.now is not None
@@ -153,20 +153,20 @@ def test_turning_about_the_camera_moves_nothing() -> None:
     assert math.hypot(lens[0] - offset_m, lens[1]) < 0.03
 
 
-def test_without_a_view_of_the_carpet_telemetry_stays() -> None:
+def test_without_a_view_of_the_ground_telemetry_stays() -> None:
     odometry = fly([pose(-1.0, 0.0)] * 6, BodyVelocity(forward_mps=0.2), blind=True)
 
     assert odometry.now is not None
     assert odometry.now.x_m == pytest.approx(0.1)
 
 
-def test_the_border_of_the_carpet_is_left_out() -> None:
-    """A corner of a box that touches carpet in the image moves otherwise than the carpet does."""
+def test_the_border_of_the_ground_is_left_out() -> None:
+    """A corner of a box that touches ground in the image moves otherwise than the ground does."""
     here = pose(-1.0, 0.0)
     (view,) = render_views(LAB, [here], size_px=SIZE_PX, profile=Profile.named("lab"))
     ids = np.zeros_like(view.ids)
     ids[100:103] = CARPET  # a strip that is all border
-    odometry = CarpetOdometry()
+    odometry = GroundOdometry()
     told = BodyVelocity(forward_mps=0.1)
     for index in range(6):
         time_s = index * STEP_S
@@ -176,7 +176,7 @@ def test_the_border_of_the_carpet_is_left_out() -> None:
             index=index,
             captured_s=time_s,
             gimbal_pitch_rad=PITCH_RAD,
-            height_above_carpet_m=HEIGHT_M,
+            height_above_ground_m=HEIGHT_M,
         )
         odometry.see(paper_map(ids=ids, captured_s=time_s), frame, CAMERA)
     assert odometry.estimate is not None
@@ -184,7 +184,7 @@ def test_the_border_of_the_carpet_is_left_out() -> None:
 
 
 def test_before_the_first_telemetry_there_is_no_pose() -> None:
-    odometry = CarpetOdometry()
+    odometry = GroundOdometry()
 
     assert odometry.now is None
     assert odometry.at(1.0) is None
@@ -228,7 +228,7 @@ def test_a_velocity_that_is_only_late_is_no_error_of_telemetry() -> None:
     slides_s = [max(0.0, time_s - 0.6) for time_s in times_s]
     mps = [min(0.3, 1.2 * slid_s) for slid_s in slides_s]
     slid_m = [0.6 * min(slid_s, 0.25) ** 2 + 0.3 * max(0.0, slid_s - 0.25) for slid_s in slides_s]
-    odometry, errors_mps = CarpetOdometry(), []
+    odometry, errors_mps = GroundOdometry(), []
     views = render_views(LAB, [pose(-1.0, -place_m) for place_m in slid_m], size_px=SIZE_PX)
     for index, view in enumerate(views):
         measured = max(0, index // 2 * 2 - 2)
@@ -243,7 +243,7 @@ def test_a_velocity_that_is_only_late_is_no_error_of_telemetry() -> None:
             index=index,
             captured_s=times_s[index],
             gimbal_pitch_rad=PITCH_RAD,
-            height_above_carpet_m=HEIGHT_M,
+            height_above_ground_m=HEIGHT_M,
         )
         odometry.see(paper_map(ids=view.ids, captured_s=times_s[index]), frame, CAMERA)
         assert odometry.estimate is not None

@@ -31,7 +31,7 @@ def paint(ids: Image, rng: np.random.Generator) -> Image:
 
 
 def layout(rng: np.random.Generator, width: int, height: int) -> Image:
-    """Return a map: wall above, carpet below, two boxes and a pad with its H."""
+    """Return a map: wall above, ground below, two boxes and a pad with its H."""
     ids = np.full((height, width), BACKGROUND, dtype=np.uint8)
     ids[height // 3 :] = CARPET
     side = height // 3

@@ -44,7 +44,7 @@ def test_only_the_largest_piece_of_an_object_stays() -> None:
     assert (kept == 4).sum() == 15 * 15
 
 
-def test_background_and_carpet_keep_all_their_pieces() -> None:
+def test_background_and_ground_keep_all_their_pieces() -> None:
     ids = np.full((40, 40), 1, dtype=np.uint8)
     ids[:5, :5] = 0
     ids[20:30, 20:30] = 0
@@ -91,7 +91,7 @@ def test_what_is_too_large_or_between_two_classes_or_exempt_is_no_hole() -> None
     np.testing.assert_array_equal(filled, ids)
 
 
-def test_a_thing_before_the_carpet_is_no_hole() -> None:
+def test_a_thing_before_the_ground_is_no_hole() -> None:
     ids = np.ones((60, 60), dtype=np.uint8)
     ids[20:25, 20:25] = 4
     np.testing.assert_array_equal(clean.filled_holes(ids, inside=(4,), area_px=100), ids)

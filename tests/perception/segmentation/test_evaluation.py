@@ -13,7 +13,7 @@ def _map(*rows: list[int]) -> np.ndarray:
 
 
 def test_known_value() -> None:
-    """Carpet: 2 right of 3 predicted and 3 exact, so 2 / 4; box 1: 1 of 2 and 1, so 1 / 2."""
+    """Ground: 2 right of 3 predicted and 3 exact, so 2 / 4; box 1: 1 of 2 and 1, so 1 / 2."""
     exact = _map([1, 1, 1], [4, 0, 0])
     predicted = _map([1, 1, 4], [4, 1, 0])
     score = evaluation.score_segmentation([(predicted, exact)], CLASSES)

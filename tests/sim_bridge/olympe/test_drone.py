@@ -357,7 +357,7 @@ def test_events_become_a_state() -> None:
     assert state.velocity.right_mps == pytest.approx(0.0)
     assert state.velocity.down_mps == -0.1
     assert (state.altitude_m, state.height_m) == (1.5, pytest.approx(1.55))
-    assert state.height_above_carpet_m == pytest.approx(1.95)
+    assert state.height_above_ground_m == pytest.approx(1.95)
     assert state.gimbal_pitch_rad == pytest.approx(math.radians(-30))
     assert (state.battery, state.link) == (0.63, 0.8)
     assert not state.pilot_has_control
@@ -498,7 +498,7 @@ def test_only_the_newest_frame_is_seen_with_what_was_true_then() -> None:
     assert frame.captured_s == pytest.approx(-0.15)
     assert frame.gimbal_pitch_rad == pytest.approx(-0.5)
     assert (frame.altitude_m, frame.height_m) == (1.1, 0.7)
-    assert frame.height_above_carpet_m == pytest.approx(1.15)
+    assert frame.height_above_ground_m == pytest.approx(1.15)
     assert drone.observe().frame is frame
 
 

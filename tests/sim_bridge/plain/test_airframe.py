@@ -107,9 +107,9 @@ def test_a_box_stops_it_and_the_contact_ends_with_the_retreat() -> None:
 
 def test_with_motors_off_it_falls_and_rests_on_what_is_below() -> None:
     for scene, place, contact, rests_m in (
-        (PAD, (0.1, 0.1), "helipad", 0.4),
+        (PAD, (0.1, 0.1), "mark", 0.4),
         (PAD, (-0.95, 0.0), "box-2", 0.5),
-        (PAD, (0.0, -1.0), "carpet", 0.0),
+        (PAD, (0.0, -1.0), "ground", 0.0),
         (PAD, (0.0, -2.5), "floor", -0.004),
     ):
         for body in bodies(scene):
@@ -123,11 +123,11 @@ def test_with_motors_off_it_falls_and_rests_on_what_is_below() -> None:
 
 
 def test_it_does_not_rest_on_an_edge() -> None:
-    """With its centre beside the box it ends on the ground; across the carpet's edge it stays."""
+    """With its centre beside the box it ends on the ground; across the ground's edge it stays."""
     for body in bodies(BOXES):
         body.place(-0.68, 0.0, 0.56, 0.0)
         advance(body, 3.0, None)
-        assert "carpet" in body.contacts()
+        assert "ground" in body.contacts()
     _, body = bodies(OPEN)
     body.place(6.05, 0.0, STANDING_M, 0.0)
     assert advance(body, 1.0, None).x_m == pytest.approx(6.05, abs=1e-3)
@@ -145,7 +145,7 @@ def test_a_mover_pushes_a_standing_drone_away(shape: str) -> None:
         advance(body, CONTROL_STEP_S, None)
         touched |= set(body.contacts())
         assert body.clearance_m() > 0.0 or "mover-1" in body.contacts()
-    assert touched == {"carpet", "mover-1"}
+    assert touched == {"ground", "mover-1"}
     front_m = traffic.at(2.0)[0].pose.x_m + 0.2
     assert body.motion().x_m - front_m == pytest.approx(0.12, abs=0.02)
 
@@ -195,7 +195,7 @@ def test_the_room_of_a_lab_stops_it() -> None:
     assert set(rows.names) == names
     assert len(rows.names) == model.model.ngeom - 1
     for place, push, contact in (
-        ((0.0, 0.3, 0.6), None, "carpet"),
+        ((0.0, 0.3, 0.6), None, "ground"),
         ((0.0, 0.3, 4.0), (0.0, 0.0, 1.0), "ceiling"),
         ((0.0, 0.3, 3.0), (2.0, 0.0, 0.0), "wall-4"),
     ):
@@ -209,7 +209,7 @@ def test_a_ground_with_an_outline_carries_it(tmp_path: Path) -> None:
     folder = write_lab(tmp_path / "hall", LAB.replace("size_m: [6, 4]", OUTLINE))
     scene = scene_of(folder, "take_off: {from: [-2.0, -1.0]}\n")
     for body in bodies(scene):
-        for place_m, below in (((-1.0, 1.0), "carpet"), ((2.0, -1.0), "carpet")):
+        for place_m, below in (((-1.0, 1.0), "ground"), ((2.0, -1.0), "ground")):
             body.place(*place_m, 0.5, 0.3)
             assert advance(body, 1.5, None).z_m == pytest.approx(STANDING_M, abs=2e-3)
             assert body.contacts() == (below,)
@@ -239,7 +239,7 @@ movers:
         plain.place_movers(traffic.at(CONTROL_STEP_S * step))
         advance(plain, CONTROL_STEP_S, None)
         touched |= set(plain.contacts())
-    assert touched == {"carpet", "mover-1"}
+    assert touched == {"ground", "mover-1"}
     assert plain.motion().x_m > 0.2
 
 

@@ -72,7 +72,7 @@ def test_a_camera_straight_down_inside_a_corner_of_boxes_sees_the_ground() -> No
     assert depth_m[28, 56] == pytest.approx(1.3)
 
 
-def test_a_scene_without_boxes_and_helipad_shows_its_ground() -> None:
+def test_a_scene_without_boxes_and_mark_shows_its_ground() -> None:
     scene = Scene(name="empty", take_off=TakeOffSpec(position_m=(0.0, 0.0)))
     pose = CameraPose(x_m=0.0, y_m=0.0, z_m=1.5, yaw_rad=0.0, pitch_rad=-math.pi / 2)
     ids, depth_m = Caster(scene, SIZE).cast(pose)

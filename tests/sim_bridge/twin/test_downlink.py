@@ -25,7 +25,7 @@ def measured(value: float) -> Telemetry:
         velocity=BodyVelocity(forward_mps=value),
         altitude_m=value,
         height_m=value,
-        height_above_carpet_m=value,
+        height_above_ground_m=value,
     )
 
 

@@ -67,14 +67,14 @@ def test_a_second_connection_starts_the_flight_anew(make_twin: MakeTwin) -> None
 def test_take_off_climbs_to_a_metre_and_hovers(make_twin: MakeTwin) -> None:
     """From the pad at 0.4 m: spin-up, climb to 1.0 m above the start, hover within 4.5 s."""
     drone = make_twin()
-    assert drone.observe().state.height_above_carpet_m == pytest.approx(0.45, abs=0.01)
+    assert drone.observe().state.height_above_ground_m == pytest.approx(0.45, abs=0.01)
     fly(drone, TakeOff(), 0.5)
     assert drone.observe().state.flying is FlyingState.TAKING_OFF
     state = fly(drone, TakeOff(), 4.0).state
     assert state.flying is FlyingState.HOVERING
     assert state.altitude_m == pytest.approx(1.0, abs=0.03)
     assert state.height_m == pytest.approx(1.05, abs=0.03)
-    assert state.height_above_carpet_m == pytest.approx(1.45, abs=0.03)
+    assert state.height_above_ground_m == pytest.approx(1.45, abs=0.03)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_landing_stops_the_motors_on_the_pad(make_twin: MakeTwin) -> None:
     assert state.flying is FlyingState.LANDED
     now = truth(drone)
     assert not now.motors_on
-    assert now.on_helipad
+    assert now.on_mark
     assert now.landing_error_m < 0.03
     assert now.pose.z_m == pytest.approx(0.45, abs=0.01)
 
@@ -257,7 +257,7 @@ def test_a_frame_is_drawn_once_and_carries_the_telemetry_of_its_capture(
     fly(drone, TakeOff(), 1.7)
     seen = drone.observe()
     assert seen.frame is not None
-    assert seen.frame.height_above_carpet_m < seen.state.height_above_carpet_m
+    assert seen.frame.height_above_ground_m < seen.state.height_above_ground_m
 
 
 def test_a_pilot_interrupts_and_is_not_interfered_with(make_twin: MakeTwin) -> None:
@@ -336,7 +336,7 @@ def test_a_hover_wanders_but_not_away(make_twin: MakeTwin, profile: str, reach_m
         state = fly(drone, Hover(), 1.0).state
         now = truth(drone).pose
         far = max(far, math.hypot(now.x_m - start.x_m, now.y_m - start.y_m))
-        altitude_errors.append(state.height_above_carpet_m - now.z_m)
+        altitude_errors.append(state.height_above_ground_m - now.z_m)
     assert 0.01 < far < reach_m
     assert 0.003 < np.std(altitude_errors) < 0.1
     assert np.abs(altitude_errors).max() < 0.25

@@ -56,7 +56,7 @@ def test_each_kind_is_found_where_it_stands(kind: str, height_m: float) -> None:
             index=0,
             captured_s=0.0,
             gimbal_pitch_rad=pose.pitch_rad,
-            height_above_carpet_m=CAMERA_M,
+            height_above_ground_m=CAMERA_M,
         )
         class_map = paper_map(ids=view.ids, captured_s=0.0)
         camera = anafi_camera(640, 360)

@@ -127,9 +127,9 @@ def test_movers_are_read_and_written_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "line", "message"),
     [
-        ("[0.0, 1.2]]", "[2.9, 1.2]]", 5, "mover-1: its path leaves the carpet at [2.9, 1.2]"),
+        ("[0.0, 1.2]]", "[2.9, 1.2]]", 5, "mover-1: its path leaves the ground at [2.9, 1.2]"),
         ("[2.0, -1.0]]", "[1.6, 1.6]]", 6, "mover-2: its path leads through box-1 from"),
-        ("[2.0, -1.0]]", "[-2.3, -1.4]]", 6, "mover-2: its path leads through the helipad"),
+        ("[2.0, -1.0]]", "[-2.3, -1.4]]", 6, "mover-2: its path leads through the landing mark"),
         ("[0.0, 1.2]]", "[-1.8, 0.9]]", 5, "mover-1: its path comes within 0.25 m of the take-off"),
         ("speed_mps: 0.5", "speed_mps: 1.5", 5, "speed_mps must be 0.2 to 1.0, got 1.5"),
         ("pattern: 3", "pattern: 9", 5, "pattern must be 1 to 8, got 9"),
@@ -288,7 +288,7 @@ def test_the_height_above_what_lies_below_counts_a_cart(
     state, truth = drone.observe().state, truth_of(drone)
     (mover,) = truth.movers
     assert abs(truth.pose.x_m - mover.pose.x_m) < 0.3, "the drone is above the cart"
-    assert state.height_above_carpet_m - state.height_m == pytest.approx(0.5, abs=0.05)
+    assert state.height_above_ground_m - state.height_m == pytest.approx(0.5, abs=0.05)
 
 
 def test_a_scene_without_movers_has_none_in_its_truth(make_twin: MakeTwin) -> None:

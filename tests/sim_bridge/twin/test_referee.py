@@ -76,35 +76,35 @@ def test_standing_with_turning_motors_is_a_contact_with_the_surface(make_twin: M
     drone.clock.sleep_until(0.2)
     assert referee_of(drone).truth().contacts == ()
     fly(drone, TakeOff(), 0.5)
-    assert referee_of(drone).truth().contacts == ("helipad",)
+    assert referee_of(drone).truth().contacts == ("mark",)
 
 
 def test_landing_beside_the_pad_is_measured(make_twin: MakeTwin, wall_scene: str) -> None:
-    """At 1 m from the pad: not on the pad, error 1 m, inside the carpet."""
+    """At 1 m from the pad: not on the pad, error 1 m, inside the ground."""
     drone = make_twin(scene=wall_scene, airborne=True)
     fly(drone, MoveBy(id=1, forward_m=1.0), 3.0)
     fly(drone, Land(), 6.0)
     end = referee_of(drone).truth()
     assert not end.motors_on
-    assert not end.on_helipad
-    assert end.inside_carpet
+    assert not end.on_mark
+    assert end.inside_ground
     assert end.landing_error_m == pytest.approx(1.0, abs=0.05)
     assert end.pose.z_m == pytest.approx(0.05, abs=0.01)
 
 
-def test_leaving_the_carpet_is_seen(make_twin: MakeTwin, wall_scene: str) -> None:
+def test_leaving_the_ground_is_seen(make_twin: MakeTwin, wall_scene: str) -> None:
     """The position of the body's centre counts."""
     drone = make_twin(scene=wall_scene, airborne=True)
     fly(drone, MoveBy(id=1, forward_m=-1.3), 4.0)
-    assert not referee_of(drone).truth().inside_carpet
+    assert not referee_of(drone).truth().inside_ground
 
 
-def test_the_carpet_of_a_larger_place_ends_later(make_twin: MakeTwin, tmp_path: Path) -> None:
+def test_the_ground_of_a_larger_place_ends_later(make_twin: MakeTwin, tmp_path: Path) -> None:
     """A point 3.2 m from the middle is outside the paper's carpet, but inside one of 8 m."""
     path = tmp_path / "wide.yaml"
     path.write_text("ground: {size_m: [8, 4]}\nhelipad: {position_m: [3.2, 0]}\n", encoding="utf-8")
     referee = referee_of(make_twin(scene=str(path)))
-    assert referee.truth().inside_carpet
+    assert referee.truth().inside_ground
     assert referee.ground().size_m == (8.0, 4.0)
 
 

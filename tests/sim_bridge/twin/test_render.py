@@ -53,7 +53,7 @@ def test_ids_and_depth_agree_with_ray_casting(name: str) -> None:
 
 
 @pytest.mark.parametrize("size", [(640, 360), (320, 180), (224, 112), (320, 256)])
-def test_carpet_corners_appear_where_the_camera_model_projects_them(size: tuple[int, int]) -> None:
+def test_ground_corners_appear_where_the_camera_model_projects_them(size: tuple[int, int]) -> None:
     """The corners are within a pixel of their projections, at resized sizes, too."""
     scene = Scene(name="bare", helipad=Helipad(position_m=(0.0, 0.0), size_m=(0.1, 0.1, 0.05)))
     camera = anafi_camera(640, 360).resized(*size)
@@ -68,7 +68,7 @@ def test_carpet_corners_appear_where_the_camera_model_projects_them(size: tuple[
     assert (rows.min(), rows.max()) == (0, size[1] - 1)
 
 
-def test_a_larger_carpet_is_the_same_weave_at_the_same_scale() -> None:
+def test_a_larger_ground_is_the_same_weave_at_the_same_scale() -> None:
     """The number of motifs per metre and the similarity of neighbouring pixels are the same."""
     paper, hall = (textures.carpet(size) for size in ((5.0, 4.0), (10.0, 10.0)))
     assert (paper.shape, hall.shape) == ((1024, 1280, 3), (2560, 2560, 3))
@@ -80,7 +80,7 @@ def test_a_larger_carpet_is_the_same_weave_at_the_same_scale() -> None:
         assert alike[0] == pytest.approx(alike[1], abs=0.06)
 
 
-def test_a_known_carpet_point_has_the_depth_of_its_projection() -> None:
+def test_a_known_ground_point_has_the_depth_of_its_projection() -> None:
     """A point on the ground 2 m ahead equals the back-projection of its pixel and depth."""
     scene = Scene(name="bare", helipad=Helipad(position_m=(-2.0, -1.5)))
     camera, place = anafi_camera(*SIZE), pose(-1.0, 0.0, 1.5, 0.0, -27.0)

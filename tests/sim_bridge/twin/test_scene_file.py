@@ -107,12 +107,17 @@ def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
         ("pattern: 2", "pattern: 9", 5, "pattern must be 1 to 8, got 9"),
         ("pattern: 2", "pattern: 1.5", 5, "boxes[1].pattern: expected a whole number, got '1.5'"),
         ("pattern: 2, ", "", 5, "boxes[1]: lacks the key 'pattern'"),
-        ("[1.4, 0.9]", "[2.4, 0.9]", 5, "outside the carpet"),
-        ("[-1.9, -1.4], yaw", "[-2.4, -1.4], yaw", 2, "the helipad at [-2.4, -1.4] stands outside"),
+        ("[1.4, 0.9]", "[2.4, 0.9]", 5, "outside the ground"),
+        (
+            "[-1.9, -1.4], yaw",
+            "[-2.4, -1.4], yaw",
+            2,
+            "the landing mark at [-2.4, -1.4] stands",
+        ),
         ("name: mine", "ground: {size_m: [6, 13]}", 1, "must be 2 to 12 m a side, got [6.0, 13.0]"),
-        ("name: mine", "ground: {size_m: [3, 3]}", 2, "the carpet ends at x = +-1.5, y = +-1.5"),
+        ("name: mine", "ground: {size_m: [3, 3]}", 2, "the ground ends at x = +-1.5, y = +-1.5"),
         ("[1.4, 0.9]", "[0.6, 0.9]", 5, "box-2 overlaps box-1"),
-        ("[1.4, 0.9]", "[-1.7, -1.2]", 5, "overlaps the helipad"),
+        ("[1.4, 0.9]", "[-1.7, -1.2]", 5, "overlaps the landing mark"),
         ("[1.4, 0.9]", "[1.4]", 5, "boxes[1].position_m: expected a list of 2, got a list of 1"),
         ("[1.4, 0.9]", "[1.4, yes]", 5, "boxes[1].position_m[1]: expected a number, got 'yes'"),
         ("[1.4, 0.9]", "[1.4, !!float x]", 5, "could not convert string to float: 'x', got 'x'"),
@@ -133,7 +138,7 @@ def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
             "take_off.from: expected 'helipad' or 'random' or a list, got 'heliport'",
         ),
         ("from: helipad", "from: random", 7, "draws the yaw too"),
-        ("from: helipad", "from: [4.0, 0.0]", 7, "outside the carpet"),
+        ("from: helipad", "from: [4.0, 0.0]", 7, "outside the ground"),
         ("from: helipad", "from: [0.4, 0.7]", 7, "within 0.25 m of box-1"),
         ("name: mine", "name: [mine]", 1, "name: expected a text, got a list of 1"),
         ("name: mine", "name: mine\nname: yours", 2, "given twice"),
@@ -212,7 +217,7 @@ def test_absent_empty_and_binary_files_are_refused(tmp_path: Path) -> None:
         load_scene(tmp_path / "nowhere.yaml")
     with pytest.raises(UnknownNameError, match="did you mean 'val-a'"):
         load_scene("vall-a")
-    with pytest.raises(SceneError, match="has no helipad to take off from"):
+    with pytest.raises(SceneError, match="has no landing mark to take off from"):
         load_scene(written(tmp_path, "# nothing\n"))
     with pytest.raises(SceneError, match="mapping"):
         load_scene(written(tmp_path, "- 1\n"))
@@ -261,5 +266,5 @@ def test_a_scene_without_a_helipad_is_varied_and_looked_at(tmp_path: Path) -> No
 def test_a_random_take_off_needs_no_helipad(tmp_path: Path) -> None:
     scene = load_scene(written(tmp_path, "take_off: {from: random}"))
     assert start_pose(scene, seed=1) != start_pose(scene, seed=2)
-    with pytest.raises(SceneError, match="has no helipad to take off from: give take_off a place"):
+    with pytest.raises(SceneError, match="to take off from: give take_off a place"):
         load_scene(written(tmp_path, "take_off: {from: helipad}"))

@@ -25,7 +25,7 @@ def drawn(seed: int = 0, *, layout: bool = True) -> object:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_a_drawn_layout_can_be_flown_in(seed: int) -> None:
-    """Boxes are on the carpet, apart from each other and the pad, with the usual heights."""
+    """Boxes are on the ground, apart from each other and the pad, with the usual heights."""
     scene = varied_scene(SCENE, np.random.default_rng(seed), name="drawn", layout=True)
     assert layout_problem(scene.helipad, scene.boxes, scene.ground) is None
     assert [box.pattern for box in scene.boxes] == [box.pattern for box in SCENE.boxes]
@@ -72,7 +72,7 @@ def test_on_the_helipad_the_body_stands_on_its_top() -> None:
     assert pose.yaw_rad == pytest.approx(math.radians(scene.take_off.yaw_deg))
 
 
-def test_random_starts_are_on_free_carpet_and_follow_the_seed() -> None:
+def test_random_starts_are_on_free_ground_and_follow_the_seed() -> None:
     """Starts are away from boxes, pad and edge; the same seed gives the same start."""
     scene = replace(load_scene("train-a"), take_off=TakeOffSpec(random=True))
     places = [start_pose(scene, seed) for seed in range(30)]
@@ -86,14 +86,14 @@ def test_random_starts_are_on_free_carpet_and_follow_the_seed() -> None:
 
 
 def test_a_given_place_is_taken_as_it_is() -> None:
-    """It keeps its yaw and is on the carpet."""
+    """It keeps its yaw and is on the ground."""
     spec = TakeOffSpec(position_m=(0.3, -0.4), yaw_deg=90.0)
     pose = start_pose(Scene(name="x", helipad=Helipad(position_m=(-1, 1)), take_off=spec), 0)
     assert (pose.x_m, pose.y_m, pose.z_m) == pytest.approx((0.3, -0.4, 0.05))
     assert pose.yaw_rad == pytest.approx(math.pi / 2)
 
 
-def test_a_full_carpet_has_no_random_start() -> None:
+def test_a_full_ground_has_no_random_start() -> None:
     """The error names the scene and a remedy."""
     boxes = tuple(
         BoxSpec(pattern=k + 1, position_m=(-1.8 + 1.2 * k, 0.0), size_m=(0.8, 3.6, 1.0))

@@ -19,7 +19,7 @@ SIZE = (160, 90)
 
 
 def test_sampled_poses_are_where_a_drone_could_be() -> None:
-    """Poses are above the carpet, clear of boxes, at flight height, with pitches as in flight."""
+    """Poses are above the ground, clear of boxes, at flight height, with pitches as in flight."""
     scene = load_scene("test-a")
     poses = sample_flight_poses(scene, np.random.default_rng(0), 210)
     for pose in poses:

@@ -68,13 +68,13 @@ def ticks(drone: ScriptedDrone, listeners: Sequence[TickListener], count: int) -
 
 def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
     lab = film.lab_map_of(SceneDrone())
-    assert lab.carpet_size_m == (5.0, 4.0)
+    assert lab.ground_size_m == (5.0, 4.0)
     (box,) = lab.boxes
     assert (box.x_m, box.y_m, box.size_m) == (1.0, 0.5, (0.4, 0.3, 1.9))
     assert box.yaw_rad == pytest.approx(math.radians(20))
     assert box.colour == tuple(CLASSES.colours[CLASSES.id_of("box_3")])
     assert np.allclose(box.corners(), SCENE.boxes[0].footprint.corners())
-    assert (lab.helipad.x_m, lab.helipad.y_m) == (-1.5, -1.0)
+    assert (lab.mark.x_m, lab.mark.y_m) == (-1.5, -1.0)
     (mover,) = lab.movers
     assert mover.round
     assert mover.path_m == ((0.0, -1.0), (0.0, 1.0), (-1.0, 1.0), (0.0, -1.0))
@@ -101,7 +101,7 @@ def test_the_map_of_a_lab_with_kinds_has_their_outlines_and_parts() -> None:
         (TakeOffSpec(position_m=(0.0, 0.0)), Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)),
         (TakeOffSpec(random=True), None),
     ],
-    ids=["from the helipad", "from a point", "random"],
+    ids=["from the mark", "from a point", "random"],
 )
 def test_the_map_has_the_take_off_pose(take_off: TakeOffSpec, expected: Pose2D | None) -> None:
     scene = replace(SCENE, movers=(), take_off=take_off)
@@ -212,7 +212,7 @@ def test_the_film_marks_the_corridor_that_the_tree_asks_for(tmp_path: Path) -> N
         index=0,
         captured_s=0.0,
         gimbal_pitch_rad=0.0,
-        height_above_carpet_m=1.5,
+        height_above_ground_m=1.5,
     )
     depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=0.0)
     ids = paper_map(ids=np.full((28, 56), CLASSES.id_of("box_1"), np.uint8), captured_s=0.0)

@@ -93,7 +93,7 @@ class ScriptedConfig:
     speed_limit_mps: float = 0.0
 
 
-ELSEWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)  # no referee, and nobody looks for a helipad
+ELSEWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)  # no referee, and nobody looks for a mark
 SCRIPTED = app.FlightOptions(drone="scripted", judge=ELSEWHERE)
 
 
@@ -646,7 +646,7 @@ def test_the_twin_hovers_looks_around_and_lands_on_its_pad(
 
 def test_each_stage_of_perception_is_timed(looked: tuple[FlightReport, Path]) -> None:
     report = looked[0]
-    assert set(report.perception_ms) == {"segmentation", "helipad"}
+    assert set(report.perception_ms) == {"segmentation", "mark"}
     assert report.tick_ms is not None
     for summary in (report.tick_ms, *report.perception_ms.values()):
         assert summary is not None

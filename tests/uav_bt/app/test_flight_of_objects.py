@@ -42,7 +42,7 @@ class Peek(Leaf):
     def update(self) -> Status:
         state = self.read(STATE).value
         if state is not None:
-            self.heights_m.append(state.height_above_carpet_m)
+            self.heights_m.append(state.height_above_ground_m)
         if len(self.heights_m) > self.port_value("ticks"):
             return Status.SUCCESS
         self.propose(Hover())
@@ -67,7 +67,7 @@ class Careful:
 MISSION = """
 <root BTCPP_format="4"><BehaviorTree ID="Tour">
   <ReactiveSequence>
-    <Segment/> <FindHelipad/> <TrackMotion/> <MapSite/>
+    <Segment/> <FindMark/> <TrackMotion/> <MapSite/>
     <Sequence>
       <TakeOff height_m="1.2"/> <Peek ticks="2"/>
       <Fallback> <Explore/> <Avoid/> </Fallback>

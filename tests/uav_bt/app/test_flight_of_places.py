@@ -18,7 +18,7 @@ from uav_bt.types import Pose2D
 
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="Main">
 <BehaviorTree ID="Main"><ReactiveSequence>
-<Rules land_on="any"/><Segment/><FindHelipad/><TrackMotion/><MapSite/>
+<Rules land_on="any"/><Segment/><FindMark/><TrackMotion/><MapSite/>
 <Sequence><TakeOff/>
 <LoopString queue="file:rounds.csv" value="{p}">
 <Sequence><GoTo to="{p}"/><TakePhoto label="{p}"/></Sequence>

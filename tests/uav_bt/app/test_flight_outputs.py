@@ -81,7 +81,7 @@ def test_report_and_record_are_two_files() -> None:
 # --- the output folder ----------------------------------------------------------------------------
 
 PHOTOS = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveSequence name="m">
-<Segment/><FindHelipad/><TrackMotion/><MapSite/>
+<Segment/><FindMark/><TrackMotion/><MapSite/>
 <Sequence name="s">
   <TakeOff/><Say text="up after {@elapsed_s} s"/>
   <TakePhoto label="first" pitch_deg="-45"/><HelipadCenter/><Land/>

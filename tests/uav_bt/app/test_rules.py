@@ -122,7 +122,7 @@ def test_a_site_file_states_an_area(tmp_path: Path) -> None:
 
 
 def test_a_mission_that_lands_on_a_mark_needs_one(no_pad: Path) -> None:
-    with pytest.raises(InputError, match="scene 'open' has no helipad") as error:
+    with pytest.raises(InputError, match="scene 'open' has no landing mark") as error:
         put_together("", scene=no_pad)
     assert '<Rules land_on="any"/>' in str(error.value)
     assert put_together('<Rules land_on="ground"/>', scene=no_pad).area is None
@@ -151,7 +151,7 @@ def fly(text: str, **how: Any) -> app.FlownMission:
 def test_a_place_without_a_mark_is_flown_in(no_pad: Path) -> None:
     flown = fly(mission('<Rules land_on="any"/>', SHORT), scene=no_pad)
     assert (flown.outcome, flown.reason) == ("success", "landed")
-    assert (flown.landing_error_m, flown.time_to_find_helipad_s) == (None, None)
+    assert (flown.landing_error_m, flown.time_to_find_mark_s) == (None, None)
     assert flown.time_to_land_s is None
 
 
@@ -205,7 +205,7 @@ class Dash(Leaf):
 
 @pytest.mark.parametrize("area", [AHEAD, ""])
 def test_a_drone_stays_in_its_area(no_pad: Path, tmp_path: Path, area: str) -> None:
-    """Six seconds at 0.8 m/s would lead 4.8 m ahead, beyond the carpet."""
+    """Six seconds at 0.8 m/s would lead 4.8 m ahead, beyond the ground."""
     leaves = tmp_path / "dash.py"
     leaves.write_text(DASH, encoding="utf-8")
     body = "<TakeOff/><Dash/><ForceSuccess><EmergencyLand/></ForceSuccess>"

@@ -140,7 +140,7 @@ def test_the_flight_height_of_a_site_holds_after_the_take_off(tmp_path: Path) ->
     class Heights:
         def on_tick(self, record: TickRecord) -> None:
             if record.phase == MissionPhase.EXPLORE and record.override is None:
-                heights.append(record.observation.state.height_above_carpet_m)
+                heights.append(record.observation.state.height_above_ground_m)
 
     options = app.FlightOptions(
         scene="val-a",

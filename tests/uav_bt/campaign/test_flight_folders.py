@@ -12,7 +12,7 @@ from uav_bt.campaign.flight import fly_task
 from uav_bt.campaign.plan import FlightTask
 
 BODY = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveSequence name="m">
-<Segment/><FindHelipad/><TrackMotion/><MapSite/>
+<Segment/><FindMark/><TrackMotion/><MapSite/>
 <Sequence name="s"><TakeOff/>{}<HelipadCenter/><Land/></Sequence>
 </ReactiveSequence></BehaviorTree></root>"""
 

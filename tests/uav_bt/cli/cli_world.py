@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from uav_bt.cli.root import uav_bt
 
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
-"""Take-off and landing on the helipad, without a network: some seconds of flight."""
+"""Take-off and landing on the mark, without a network: some seconds of flight."""
 
 
 def run(*arguments: object) -> Result:

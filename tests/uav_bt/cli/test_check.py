@@ -263,6 +263,23 @@ def test_a_new_mission_is_written_once_and_is_good(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("leaf", "words"),
     [
+        ("FindHelipad", "unknown node 'FindHelipad'; it was replaced by FindMark"),
+        ("HelipadKnown", "unknown node 'HelipadKnown'; it was replaced by MarkKnown"),
+        ('CorridorClear carpet_m="0.6"', "'carpet_m'; it was replaced by ground_m"),
+        ('Say text="{@height_above_carpet_m}"', "it was replaced by height_above_ground_m"),
+        ('Say text="{@helipad}"', "no key 'helipad'; it was replaced by mark"),
+    ],
+)
+def test_names_of_the_papers_lab_name_their_successors(
+    leaf: str, words: str, tmp_path: Path
+) -> None:
+    tree = tree_file(tmp_path, f"<Sequence>\n<{leaf}/>\n</Sequence>")
+    assert_refused(run("check", tree), f"{tree}:4:", words)
+
+
+@pytest.mark.parametrize(
+    ("leaf", "words"),
+    [
         ('Segment model="unett"', ["'model': unknown segmentation model 'unett'; did you mean"]),
         ('Segment model="nofile.onnx"', ["nofile.onnx: there is no such network"]),
         ('Segment model="text.onnx"', ["text.onnx: is not a readable ONNX network"]),

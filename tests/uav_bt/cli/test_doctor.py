@@ -121,9 +121,9 @@ def test_a_site_changes_the_flight_height(tmp_path: Path) -> None:
     record = tmp_path / "flight.mcap"
     tree = tree_file(tmp_path, EXPLORING)
     result = run("fly", tree, *SMALL, "--site", site, "--record", record)
-    assert result.exit_code == 1, result.output  # it lands beside the helipad
+    assert result.exit_code == 1, result.output  # it lands beside the mark
     heights_m = [
-        moment.state.height_above_carpet_m
+        moment.state.height_above_ground_m
         for moment in RecordReader(record).moments()
         if moment.board["phase"]["value"] == "explore"
     ]

@@ -79,7 +79,7 @@ def test_figures_that_nobody_knows_are_dashes() -> None:
         "images_with_edges": 0,
         "median_edge_m": None,
         "points": 0,
-        "tables": {"distance": [{"method": "contact", "what": "carpet", "error": error}]},
+        "tables": {"distance": [{"method": "contact", "what": "ground", "error": error}]},
     }
     lines = list(depth_report(result))
     assert lines[-1].split() == ["contact", *"------"]

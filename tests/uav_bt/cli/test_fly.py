@@ -213,12 +213,12 @@ def test_a_place_that_cannot_be_is_refused_with_its_line(
     ("text", "words"),
     [
         ("boxes: [", ["not valid YAML"]),
-        ("", [":1:", "has no helipad to take off from"]),
+        ("", [":1:", "has no landing mark to take off from"]),
         ("helipad: {position_m: [0, 0], colour: red}", [":1:", "helipad.colour: unknown key"]),
         (PAD + "boxs: []", [":2:", "did you mean 'boxes'"]),
         (
             PAD + "boxes:\n  - {pattern: 1, position_m: [2.4, 0], size_m: [0.4, 0.4, 1]}",
-            [":3:", "outside the carpet"],
+            [":3:", "outside the ground"],
         ),
         (
             PAD + "boxes:\n  - {pattern: 9, position_m: [1, 0], size_m: [0.4, 0.4, 1]}",
@@ -471,7 +471,7 @@ def test_watch_refuses_what_a_changing_tree_does_not_go_with(
 
 
 WATCHED = """<ReactiveSequence>
-<Segment/><FindHelipad/><TrackMotion/><MapSite/>
+<Segment/><FindMark/><TrackMotion/><MapSite/>
 <Sequence>
 <TakeOff height_m="{height}" gimbal_deg="-42"/><HoverFor name="{name}" seconds="{seconds}"/><Land/>
 </Sequence>

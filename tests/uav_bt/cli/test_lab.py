@@ -136,8 +136,8 @@ def test_scenes_has_a_line_for_each() -> None:
     result = run("lab", "scenes")
     assert result.exit_code == 0
     assert [line.split()[0] for line in result.stdout.splitlines()] == list(scene_names())
-    assert "8 boxes, 0.60 to 2.15 m high (5 reach 1.5 m), helipad at (-1.6, 1.2)" in result.stdout
-    assert "take-off from the helipad, yaw -20 deg" in result.stdout
+    assert "0.60 to 2.15 m high (5 reach 1.5 m), landing mark at (-1.6, 1.2)" in result.stdout
+    assert "take-off from the landing mark, yaw -20 deg" in result.stdout
 
 
 def test_a_scene_is_drawn(tmp_path: Path) -> None:

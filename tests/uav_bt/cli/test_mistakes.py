@@ -93,7 +93,7 @@ MISTAKES = [
     ("fly mission.xml --camera absent.yaml", "there is no such camera file"),
     ("fly mission.xml --camera broken.yaml", "broken.yaml:1"),
     ("fly mission.xml --scene absent.yaml", "there is no such scene file"),
-    ("fly mission.xml --scene empty.yaml", "empty.yaml:1: .*helipad"),
+    ("fly mission.xml --scene empty.yaml", "empty.yaml:1: .*mark"),
     ("fly empty.xml", "empty.xml"),
     ("fly binary.xml", "binary.xml"),
     ("fly photos", "photos"),

@@ -38,10 +38,10 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
     for words in (
         "frames          2",
         "camera          the ANAFI's video, 69 deg wide (none given)",
-        "telemetry       1.5 m above the carpet, camera at -30 deg, assumed for all frames",
+        "telemetry       1.5 m above the ground, camera at -30 deg, assumed for all frames",
         "metric depth    in ",
         "none in 1: the frame is black",
-        "helipad         seen in 0 frames",
+        "mark            seen in 0 frames",
         "segmentation    ",
         "all             ",
         "skipped 3.png: is not a readable image",
@@ -53,7 +53,7 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
     told = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
     assert [line["image"] for line in told] == ["1.png", "2.png"]
     assert told[1]["refusal"] == "the frame is black"
-    assert {"depth", "corridor", "helipad", "ms"} <= told[0].keys()
+    assert {"depth", "corridor", "mark", "ms"} <= told[0].keys()
 
 
 def test_a_break_exits_with_1_and_sums_up(

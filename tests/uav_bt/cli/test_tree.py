@@ -47,9 +47,9 @@ def test_nodes_as_json_has_an_object_for_each() -> None:
         for info in json.loads(run("tree", "nodes", "--format", "json").stdout)
     }
     assert set(infos) == set(NodeRegistry.installed())
-    (find,) = json.loads(run("tree", "nodes", "FindHelipad", "--format", "json").stdout)
-    assert find == infos["FindHelipad"]
-    assert (find["kind"], find["builtin"], "helipad" in find["writes"]) == ("Action", False, True)
+    (find,) = json.loads(run("tree", "nodes", "FindMark", "--format", "json").stdout)
+    assert find == infos["FindMark"]
+    assert (find["kind"], find["builtin"], "mark" in find["writes"]) == ("Action", False, True)
     (msec,) = infos["Timeout"]["ports"]
     assert msec == {
         "name": "msec",

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tests.paper_lab import paper_map
-from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH, MISSION_KEYS
+from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, MARK, METRIC_DEPTH, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import LabMap, MapItem
@@ -24,7 +24,7 @@ from uav_bt.types import (
     DepthMap,
     DroneState,
     FlyingState,
-    HelipadFix,
+    MarkFix,
     Observation,
     Pose,
     Truth,
@@ -32,9 +32,9 @@ from uav_bt.types import (
 
 CAMERA = pinhole(64, 36)
 LAB = LabMap(
-    carpet_size_m=(5.0, 4.0),
+    ground_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),
-    helipad=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
+    mark=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
 )
 
 
@@ -46,17 +46,15 @@ class World:
         self.board = Blackboard(self.clock, MISSION_KEYS)
         self.index = 0
 
-    def see(self, *, helipad: bool = True) -> None:
-        """Put a class map and a helipad fix on the board."""
+    def see(self, *, mark: bool = True) -> None:
+        """Put a class map and a mark fix on the board."""
         now_s = self.clock.now()
         ids = np.zeros((28, 56), dtype=np.uint8)
         ids[14:] = 1
         self.board.write(CLASS_MAP, paper_map(ids=ids, captured_s=now_s), captured_s=now_s)
-        if helipad:
-            fix = HelipadFix(
-                captured_s=now_s, forward_m=1.2, right_m=0.3, height_m=0.4, detected=True
-            )
-            self.board.write(HELIPAD, fix, captured_s=now_s)
+        if mark:
+            fix = MarkFix(captured_s=now_s, forward_m=1.2, right_m=0.3, height_m=0.4, detected=True)
+            self.board.write(MARK, fix, captured_s=now_s)
 
     def see_depth(self) -> None:
         """Put metric depth and a corridor on the board."""
@@ -92,7 +90,7 @@ class World:
             flying=FlyingState.FLYING,
             attitude=Attitude(yaw_rad=yaw_rad),
             velocity=BodyVelocity(forward_mps=forward_mps),
-            height_above_carpet_m=1.5,
+            height_above_ground_m=1.5,
             gimbal_pitch_rad=-0.5,
         )
         self.board.write(ELAPSED, time_s)
@@ -123,8 +121,8 @@ def _truth(time_s: float, pose: Pose) -> Truth:
         pose=pose,
         contacts=(),
         clearance_m=0.8,
-        inside_carpet=True,
-        on_helipad=False,
+        inside_ground=True,
+        on_mark=False,
         landing_error_m=2.0,
         motors_on=True,
     )
@@ -145,7 +143,7 @@ def flight_report(outcome: str = "success", reason: str = "landed") -> FlightRep
         explore_distance_m=9.59,
         total_distance_m=12.96,
         search_distance_m=0.4,
-        time_to_find_helipad_s=5.6,
+        time_to_find_mark_s=5.6,
         time_to_land_s=None,
         landing_error_m=0.0235,
         min_clearance_m=0.734,

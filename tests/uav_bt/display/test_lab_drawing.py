@@ -8,13 +8,13 @@ import pytest
 
 from uav_bt.display.canvas import INK
 from uav_bt.display.lab_drawing import draw_lab_with_axes
-from uav_bt.display.lab_map import CARPET_COLOUR, LabMap, MapItem
+from uav_bt.display.lab_map import GROUND_COLOUR, LabMap, MapItem
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 
-# 1000 x 828 pixels: 872 x 700 are left for the carpet, which is 174.4 pixels a metre in width and
+# 1000 x 828 pixels: 872 x 700 are left for the ground, which is 174.4 pixels a metre in width and
 # 175 in height. The lower scale is used.
-LAB, SIZE_PX, PX_PER_M = LabMap(carpet_size_m=(5.0, 4.0)), (1000, 828), 174.4
+LAB, SIZE_PX, PX_PER_M = LabMap(ground_size_m=(5.0, 4.0)), (1000, 828), 174.4
 MIDDLE_X, MIDDLE_Y = 500.0, 56.0 + 700.0 / 2
 
 
@@ -39,11 +39,11 @@ def test_each_metre_has_a_tick_on_both_axes(metre: int) -> None:
     assert image[row + 10 : row + 13, left - 4].max() < 60
 
 
-def test_the_numbers_lie_outside_the_carpet() -> None:
+def test_the_numbers_lie_outside_the_ground() -> None:
     image = draw_lab_with_axes(LAB, size_px=SIZE_PX, title="a scene")
     left, top = pixel(-2.5, 2.0)
     right, bottom = pixel(2.5, -2.0)
-    assert image[top + 2 : bottom - 2, left + 2 : right - 2].max() < 80, "carpet and grid only"
+    assert image[top + 2 : bottom - 2, left + 2 : right - 2].max() < 80, "ground and grid only"
     assert (image[bottom + 10 : bottom + 26] > 180).any()
     assert (image[top:bottom, left - 30 : left - 8] > 180).any()
 
@@ -54,7 +54,7 @@ def test_the_arrow_points_along_the_take_off_heading() -> None:
     column, row = pixel(1.0, -0.75)
     assert tuple(image[row, column]) == INK, "up: y grows"
     column, row = pixel(1.25, -0.9)
-    assert tuple(image[row, column]) == CARPET_COLOUR
+    assert tuple(image[row, column]) == GROUND_COLOUR
 
 
 def test_a_random_take_off_has_no_arrow() -> None:

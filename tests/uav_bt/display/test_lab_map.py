@@ -27,7 +27,7 @@ def test_the_origin_lies_in_the_middle_x_goes_right_and_y_goes_up() -> None:
 
 
 @pytest.mark.parametrize(("size_px", "scale"), [((600, 1000), 100.0), ((1000, 500), 100.0)])
-def test_the_carpet_and_its_margin_fill_the_narrower_side(
+def test_the_ground_and_its_margin_fill_the_narrower_side(
     size_px: tuple[int, int], scale: float
 ) -> None:
     frame = MapFrame.around((5.0, 4.0), size_px, margin_m=0.5)
@@ -39,9 +39,9 @@ def test_a_frame_without_pixels_is_refused() -> None:
         MapFrame.around((5.0, 4.0), (0, 100))
 
 
-def test_a_carpet_without_a_size_is_refused() -> None:
+def test_a_ground_without_a_size_is_refused() -> None:
     with pytest.raises(ValueRangeError, match="must have a size"):
-        LabMap(carpet_size_m=(5.0, 0.0))
+        LabMap(ground_size_m=(5.0, 0.0))
 
 
 def test_a_turned_box_has_its_corners_turned_counter_clockwise() -> None:
@@ -50,15 +50,15 @@ def test_a_turned_box_has_its_corners_turned_counter_clockwise() -> None:
     assert np.allclose(box.corners(), expected)
 
 
-def test_boxes_and_the_helipad_stand_where_the_world_has_them() -> None:
-    frame = MapFrame.around(LAB.carpet_size_m, (640, 440))
+def test_boxes_and_the_mark_stand_where_the_world_has_them() -> None:
+    frame = MapFrame.around(LAB.ground_size_m, (640, 440))
     image = draw_lab(LAB, frame)
     box = LAB.boxes[0]
     x, y = (round(v) for v in frame.to_px(box.x_m - 0.15, box.y_m + 0.15))
     assert tuple(image[y, x]) == box.colour
     x, y = (round(v) for v in frame.to_px(box.x_m - 0.15, -box.y_m + 0.15))
     assert tuple(image[y, x]) != box.colour, "mirrored"
-    pad = LAB.helipad
+    pad = LAB.mark
     x, y = (round(v) for v in frame.to_px(pad.x_m, pad.y_m))
     assert tuple(image[y, x]) == (255, 255, 255), "the bar of the H"
 

@@ -12,11 +12,11 @@ from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import HEADER_PX, MapFrame, MapItem, MapMover, phase_colours
 from uav_bt.display.live_map import LiveMap, ground_view
 from uav_bt.display.site_map_pane import FOOTER_PX, OUTSIDE, PASSED, SEEN, cells_image
-from uav_bt.types import HelipadFix, MoverState, Pose, Pose2D
+from uav_bt.types import MarkFix, MoverState, Pose, Pose2D
 from uav_bt.types.site_map import MapObject, SiteMap
 
 SIZE_PX = (638, 439)
-FRAME = MapFrame.around(LAB.carpet_size_m, SIZE_PX, header_px=HEADER_PX, footer_px=FOOTER_PX)
+FRAME = MapFrame.around(LAB.ground_size_m, SIZE_PX, header_px=HEADER_PX, footer_px=FOOTER_PX)
 
 
 def test_a_camera_that_looks_straight_down_sees_a_rectangle_below_the_lens() -> None:
@@ -77,10 +77,10 @@ def test_the_camera_view_lies_where_the_drone_looks() -> None:
     assert changed == {"ahead": True, "behind": False, "right": False}
 
 
-def test_a_fix_is_marked_where_the_drone_believes_the_helipad() -> None:
+def test_a_fix_is_marked_where_the_drone_believes_the_mark() -> None:
     world, flown, live = World(), FlownPath(), LiveMap(LAB, CAMERA, SIZE_PX)
     flown.add(world.tick(pose=Pose(x_m=0.0, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)))
-    fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=0.5, height_m=0.4, detected=True)
+    fix = MarkFix(captured_s=0.0, forward_m=-1.0, right_m=0.5, height_m=0.4, detected=True)
     image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=fix)
     column, row = (round(v) for v in FRAME.to_px(0.5, -1.0))
     assert tuple(image[row, column]) == (255, 196, 0)

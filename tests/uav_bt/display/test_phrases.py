@@ -12,15 +12,15 @@ from uav_bt.display.phrases import (
     describe_flight,
     describe_free,
     describe_movement,
-    lands_on_helipad,
+    lands_on_mark,
 )
 from uav_bt.lab.shipped import default_mark
 from uav_bt.types import (
     Corridor,
     CutMotors,
-    HelipadFix,
     Hover,
     Land,
+    MarkFix,
     MoveBy,
     Movement,
     Release,
@@ -41,18 +41,18 @@ def test_a_flight_is_called_by_its_mission_and_its_place(scene: str | None, word
     [(5.6, 1.2, True), (None, 0.03, True), (None, 1.2, False), (None, None, False)],
     ids=["beside the pad that it looked for", "down on the pad", "elsewhere", "still flying"],
 )
-def test_a_landing_is_held_against_the_helipad_where_the_mission_is_about_it(
+def test_a_landing_is_held_against_the_mark_where_the_mission_is_about_it(
     searched_s: float | None, error_m: float | None, *, on_it: bool
 ) -> None:
-    report = replace(flight_report(), time_to_find_helipad_s=searched_s, landing_error_m=error_m)
-    assert lands_on_helipad(report, default_mark()) == on_it
+    report = replace(flight_report(), time_to_find_mark_s=searched_s, landing_error_m=error_m)
+    assert lands_on_mark(report, default_mark()) == on_it
 
 
 def test_a_larger_mark_is_landed_on_further_from_its_middle() -> None:
     """Half the diagonal of 1.2 x 1.6 m is 1 m."""
-    report = replace(flight_report(), time_to_find_helipad_s=None, landing_error_m=0.9)
-    assert lands_on_helipad(report, replace(default_mark(), length_m=1.2, width_m=1.6))
-    assert not lands_on_helipad(report, default_mark())
+    report = replace(flight_report(), time_to_find_mark_s=None, landing_error_m=0.9)
+    assert lands_on_mark(report, replace(default_mark(), length_m=1.2, width_m=1.6))
+    assert not lands_on_mark(report, default_mark())
 
 
 @pytest.mark.parametrize(
@@ -77,8 +77,8 @@ def test_a_movement_is_said_as_a_person_would(movement: Movement, words: str) ->
 
 
 def test_a_fix_says_where_and_whether_it_is_seen() -> None:
-    seen = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=-1.0, height_m=0.4, detected=True)
-    carried = HelipadFix(captured_s=0.0, forward_m=2.0, right_m=0.0, height_m=0.4, detected=False)
+    seen = MarkFix(captured_s=0.0, forward_m=1.0, right_m=-1.0, height_m=0.4, detected=True)
+    carried = MarkFix(captured_s=0.0, forward_m=2.0, right_m=0.0, height_m=0.4, detected=False)
     assert describe_fix(seen, 0.1) == "1.41 m, 45 deg left, seen"
     assert describe_fix(carried, 1.26) == "2.00 m, 0 deg right, carried 1.3 s"
 

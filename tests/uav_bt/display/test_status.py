@@ -55,7 +55,7 @@ def test_without_a_terminal_a_line_comes_every_ten_seconds_of_mission_time() -> 
     ]
 
 
-def test_a_line_holds_phase_pace_height_way_helipad_and_the_running_leaf() -> None:
+def test_a_line_holds_phase_pace_height_way_mark_and_the_running_leaf() -> None:
     world = World()
     world.see()
     status, _, wall = watch(world, terminal=False)
@@ -63,7 +63,7 @@ def test_a_line_holds_phase_pace_height_way_helipad_and_the_running_leaf() -> No
     record = world.tick(pose=Pose(x_m=2.0, y_m=0.0, z_m=1.5, yaw_rad=0.0))
     status.on_tick(record)
     assert status.line(record, wall.now_s + 0.02).plain == (
-        "explore       0.1 s  5.0x  height 1.50 m  flown 2.0 m  helipad 1.2 m  Explore: clear"
+        "explore       0.1 s  5.0x  height 1.50 m  flown 2.0 m  mark 1.2 m  Explore: clear"
     )
 
 
@@ -73,7 +73,7 @@ def test_an_override_takes_the_place_of_the_leaf() -> None:
     record = world.tick(override=Override.MANUAL)
     status.on_tick(record)
     line = status.line(record, wall.now_s).plain
-    assert line.endswith("helipad -  manual take-over")
+    assert line.endswith("mark -  manual take-over")
 
 
 def test_a_warning_stands_behind_the_leaf() -> None:
@@ -252,7 +252,7 @@ def test_the_summary_tells_how_it_went() -> None:
     rows = rows_of(flight_report())
     assert rows["outcome"] == "success  landed"
     assert rows["mission"] == "explore_and_land in train-a, seed 3"
-    assert rows["landing error"] == "0.024 m from the helipad's centre"
+    assert rows["landing error"] == "0.024 m from the mark's centre"
     assert rows["first 90 s"] == "9.59 m"
     assert rows["ground"] == "61 % of the free ground covered, 84 % seen"
     assert "objects" not in rows, "without a map"
@@ -279,10 +279,10 @@ def test_of_a_short_flight_the_first_part_is_all_of_it() -> None:
     assert "first 90 s" not in rows
 
 
-def test_the_summary_speaks_of_the_helipad_where_the_mission_is_about_it() -> None:
-    elsewhere = replace(flight_report(), time_to_find_helipad_s=None, landing_error_m=1.2)
+def test_the_summary_speaks_of_the_mark_where_the_mission_is_about_it() -> None:
+    elsewhere = replace(flight_report(), time_to_find_mark_s=None, landing_error_m=1.2)
     assert "landing error" not in rows_of(elsewhere)
-    assert "helipad" not in shown(elsewhere)
+    assert "mark" not in shown(elsewhere)
 
 
 def test_the_summary_fits_a_terminal_of_80_columns() -> None:
@@ -290,7 +290,7 @@ def test_the_summary_fits_a_terminal_of_80_columns() -> None:
     report = replace(
         mapped(map_drift_90s_m=0.08, map_restarts=12, false_objects=3),
         outcome="left_area",
-        reason="left the carpet at (-2.51, -1.99) m",
+        reason="flew beyond the ground's edge at (-2.51, -1.99) m",
         tree="explore_and_land_student_guarded.xml",
         tick_ms=times,
         perception_ms={"relative_depth": times},

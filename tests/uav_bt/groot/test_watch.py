@@ -78,7 +78,7 @@ def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
             class Asking:
                 def on_tick(self, _: TickRecord) -> None:
                     seen.append(client.statuses())
-                    heights.append(client.boards("Main")["Main"]["@height_above_carpet_m"])
+                    heights.append(client.boards("Main")["Main"]["@height_above_ground_m"])
 
             report = app.fly(
                 mission,

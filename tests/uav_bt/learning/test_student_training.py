@@ -48,7 +48,7 @@ ADVISER = '<Advise policy="segmentation"/>'
 
 
 class Grey:
-    """A segmenter that sees carpet everywhere."""
+    """A segmenter that sees ground everywhere."""
 
     def segment(self, frame: object) -> object:
 
@@ -93,7 +93,7 @@ def test_every_advised_view_is_read(record: Path, tmp_path: Path) -> None:
     (flight,) = read_advised_flights([record], NET, tmp_path)
     assert len(flight) > 20
     assert flight.image(0).shape == (16, 32, 3)
-    assert (flight.labels[:, 0, 0] > 0.0).all()  # only carpet: the rule advances
+    assert (flight.labels[:, 0, 0] > 0.0).all()  # only ground: the rule advances
     assert np.isnan(flight.labels[:, :, 3]).all()  # without a distance
     assert (np.diff(flight.poses[:, 0]) > 0.0).all()
 

@@ -45,8 +45,8 @@ def film(tmp_path: Path) -> Path:
     return write_record(tmp_path / "stripes.mcap", anafi_camera(320, 180), frames, states)
 
 
-class _Carpet:
-    """A segmenter that returns carpet below the top rows, and counts its calls."""
+class _Ground:
+    """A segmenter that returns ground below the top rows, and counts its calls."""
 
     def __init__(self) -> None:
         self.asked = 0
@@ -59,7 +59,7 @@ class _Carpet:
 
 
 def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:
-    segmenter = _Carpet()
+    segmenter = _Ground()
     (first,) = read_flights([film], segmenter, tmp_path / "run")
     (again,) = read_flights([film], segmenter, tmp_path / "run")
     assert segmenter.asked == COUNT
@@ -75,7 +75,7 @@ def test_without_a_segmenter_there_are_no_labels(film: Path, tmp_path: Path) -> 
 
 
 def test_a_run_leaves_weights_scores_and_pictures(film: Path, tmp_path: Path) -> None:
-    flights = read_flights([film], _Carpet(), tmp_path)
+    flights = read_flights([film], _Ground(), tmp_path)
     config = DepthTrainingConfig(
         steps=2, batch=1, photometric=0.0, geometry=0.0, checkpoint_every=1
     )

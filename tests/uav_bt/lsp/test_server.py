@@ -22,7 +22,7 @@ MISSION = """\
       <Script code="speed := 0.5; goal := 1"/>
       <SubTree ID="Round" count="{goal}" limit="{=}"/>
       <Explore policy="corridor"/>
-      <AlwaysSuccess _skipIf="speed &gt; 1 &amp;&amp; @height_above_carpet_m &lt; 2"/>
+      <AlwaysSuccess _skipIf="speed &gt; 1 &amp;&amp; @height_above_ground_m &lt; 2"/>
       <SubTree ID="Lib"/>
     </Sequence>
   </BehaviorTree>
@@ -120,7 +120,7 @@ FIXED = [
     ('<AlwaysSuccess _skpIf="1"/>', '<AlwaysSuccess _skipIf="1"/>'),
     ('<AlwaysSuccess _skipIf="@phas == 1"/>', '<AlwaysSuccess _skipIf="@phase == 1"/>'),
     ('<Precondition if="1" else="SUCESS"><Land/></Precondition>', 'else="SUCCESS"'),
-    ('<SetBlackboard value="{@helipd}" output_key="x"/>', '"{@helipad}"'),
+    ('<SetBlackboard value="{@mrk}" output_key="x"/>', '"{@mark}"'),
 ]
 
 
@@ -183,12 +183,12 @@ def test_values_are_completed(editor: Editor, mission: Document, tmp_path: Path)
     assert shipped <= set(mission.complete('<SubTree ID="'))
     own = {"Mission", "Round", "Deep", "Lib"}
     assert own == set(mission.complete('<SubTree ID="')) - set(Lookup().shipped.trees)
-    assert {"speed", "goal", "@height_above_carpet_m"} <= set(mission.complete('_skipIf="spe'))
+    assert {"speed", "goal", "@height_above_ground_m"} <= set(mission.complete('_skipIf="spe'))
     folder = tmp_path / "other"
     folder.mkdir()
     document = typed(editor, folder, '<Sequence><Script code="far := 1"/><Sleep msec="{')
     assert "{far}" in document.complete('msec="{')
-    assert "{@helipad}" not in document.complete('msec="{')
+    assert "{@mark}" not in document.complete('msec="{')
     assert "<Sequence" not in document.complete('msec="{')
 
 
@@ -225,7 +225,7 @@ def test_hover_explains_nodes_ports_keys_trees_and_variables(mission: Document) 
 
     assert "Reads `@state`" in said("<Explore", 3)
     assert said("policy=").startswith("`policy` (str, default segmentation)")
-    assert "height above the carpet" in said("@height_above")
+    assert "height above the ground" in said("@height_above")
     assert said('"Round" count').startswith("**Round** (tree, 3 nodes), mission.xml:12")
     assert "Set at line 5: `Script`" in said("speed &gt;")
     assert "true: the node is skipped" in said("_skipIf")

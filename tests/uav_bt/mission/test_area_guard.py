@@ -155,7 +155,7 @@ def decided(movement: Movement, place: Pose2D | None, *, grounded: bool = False)
     proposals = Proposals()
     proposals.propose("leaf", movement)
     state = DroneState(
-        captured_s=0.0, flying=FlyingState.FLYING, height_m=1.5, height_above_carpet_m=1.5
+        captured_s=0.0, flying=FlyingState.FLYING, height_m=1.5, height_above_ground_m=1.5
     )
     arbiter = Arbiter(Limits(), area=AREA, grounded=grounded)
     return arbiter.decide(proposals, Circumstances(state=state, place=place))
@@ -177,7 +177,7 @@ def test_a_landing_that_keeps_its_place_still_descends_outside() -> None:
     proposals = Proposals()
     proposals.propose("leaf", Land())
     state = DroneState(
-        captured_s=0.0, flying=FlyingState.FLYING, height_m=1.0, height_above_carpet_m=1.0
+        captured_s=0.0, flying=FlyingState.FLYING, height_m=1.0, height_above_ground_m=1.0
     )
     held = Velocity(forward_mps=0.1, down_mps=0.4)
     command = Arbiter(Limits(), area=AREA).decide(

@@ -29,8 +29,8 @@ def truth(x_m: float, y_m: float, yaw_rad: float = 0.0, pitch_rad: float | None 
         pose=Pose(x_m=x_m, y_m=y_m, z_m=1.5, yaw_rad=yaw_rad),
         contacts=(),
         clearance_m=math.inf,
-        inside_carpet=True,
-        on_helipad=False,
+        inside_ground=True,
+        on_mark=False,
         landing_error_m=1.0,
         motors_on=True,
         gimbal_pitch_rad=pitch_rad,
@@ -70,7 +70,7 @@ def test_near_a_corner_only_the_ground_counts() -> None:
 
 
 def _seen_by_rendering(pose: CameraPose, ids: NDArray[np.uint8]) -> tuple[Flags, Flags]:
-    """Return the mask of cells that an image shows as carpet, and of cells away from edges."""
+    """Return the mask of cells that an image shows as ground, and of cells away from edges."""
     height_px, width_px = ids.shape
     cells = GroundCells(load_scene("val-a").ground_plan)
     x, y = np.meshgrid(cells.x_m, cells.y_m)
@@ -98,7 +98,7 @@ def _seen_by_rendering(pose: CameraPose, ids: NDArray[np.uint8]) -> tuple[Flags,
     ("x_m", "y_m", "yaw_deg", "pitch_deg"),
     [(-1.2, -0.9, 40, -30), (1.4, 0.2, 150, -25), (0.4, -0.3, -100, -60), (0.9, 1.0, 200, -89)],
 )
-def test_the_seen_ground_is_what_an_image_shows_of_the_carpet(
+def test_the_seen_ground_is_what_an_image_shows_of_the_ground(
     x_m: float, y_m: float, yaw_deg: float, pitch_deg: float
 ) -> None:
     """The twin's exact masks are independent of the tested geometry."""

@@ -81,8 +81,8 @@ class Tale:
             pose=Pose(x_m=self.x_m, y_m=self.y_m, z_m=float(self._index), yaw_rad=0.0),
             contacts=(),
             clearance_m=clearance_m,
-            inside_carpet=True,
-            on_helipad=False,
+            inside_ground=True,
+            on_mark=False,
             landing_error_m=error_m,
             motors_on=motors_on,
             gimbal_pitch_rad=-0.5,
@@ -122,7 +122,7 @@ class Tale:
             policies={"Mission/Explore": "segmentation"},
             drone="twin",
             profile="lab",
-            stage_times_s={"segmentation": [0.002], "helipad": []},
+            stage_times_s={"segmentation": [0.002], "mark": []},
         )
 
 
@@ -151,7 +151,7 @@ def test_a_flight_that_explores_up_to_the_mark_has_found_it_at_once() -> None:
     tale.tick("center")  # 6.5 s
     tale.tick("land", motors_on=False)  # 7 s
     report = tale.report()
-    assert report.time_to_find_helipad_s == 0.0
+    assert report.time_to_find_mark_s == 0.0
     assert report.search_distance_m == 0.0
     assert report.time_to_land_s == 0.5
 
@@ -162,7 +162,7 @@ def test_a_flight_that_never_explored_searched_for_nothing() -> None:
     tale.tick("center")
     tale.tick("land", motors_on=False)
     report = tale.report()
-    assert report.time_to_find_helipad_s is None
+    assert report.time_to_find_mark_s is None
     assert report.time_to_land_s is None
 
 
@@ -172,7 +172,7 @@ def test_a_whole_flight_is_measured_from_mark_to_mark() -> None:
     assert report.total_distance_m == pytest.approx(4.1)
     assert report.explore_distance_m == pytest.approx(4.1)  # all within the first 90 s
     assert report.search_distance_m == pytest.approx(0.6 + 0.5)  # from 6.5 s to 8.5 s
-    assert report.time_to_find_helipad_s == 2.0
+    assert report.time_to_find_mark_s == 2.0
     assert report.time_to_land_s == 2.0  # from 8.5 s until the motors stopped at 10.5 s
     assert report.landing_error_m == 0.0679
     assert report.min_clearance_m == 0.6
@@ -209,7 +209,7 @@ def test_what_was_not_reached_is_none() -> None:
     assert report.duration_s == 0.5
     assert report.total_distance_m == pytest.approx(0.5)
     assert report.search_distance_m is None
-    assert report.time_to_find_helipad_s is None
+    assert report.time_to_find_mark_s is None
     assert report.time_to_land_s is None
     assert report.landing_error_m is None
     assert report.min_clearance_m is None  # a scene without boxes
@@ -221,7 +221,7 @@ def test_a_search_without_a_find_has_no_time_to_find() -> None:
     tale.tick("search", dx_m=0.5)
     tale.tick("search", motors_on=False, error_m=1.5)
     report = tale.report()
-    assert report.time_to_find_helipad_s is None
+    assert report.time_to_find_mark_s is None
     assert report.search_distance_m is None
     assert report.time_to_land_s is None
     assert report.landing_error_m == 1.5
@@ -234,7 +234,7 @@ def test_a_pad_that_is_in_view_from_the_first_has_no_search() -> None:
     tale.tick("approach", dx_m=1.0)
     report = tale.report()
     assert report.search_distance_m == 0.0
-    assert report.time_to_find_helipad_s == 0.0
+    assert report.time_to_find_mark_s == 0.0
 
 
 def test_a_pad_that_is_lost_again_was_found_the_first_time() -> None:
@@ -242,7 +242,7 @@ def test_a_pad_that_is_lost_again_was_found_the_first_time() -> None:
     tale.take_off()
     for phase in ("search", "search", "approach", "search", "approach"):
         tale.tick(phase)
-    assert tale.report().time_to_find_helipad_s == 1.0
+    assert tale.report().time_to_find_mark_s == 1.0
 
 
 def test_without_a_take_off_there_is_nothing_to_measure() -> None:
@@ -413,7 +413,7 @@ def test_ticks_and_stages_are_summarised() -> None:
     assert (report.tick_ms.p50, report.tick_ms.max) == (2.0, 9.0)
     assert report.perception_ms == {
         "segmentation": Percentiles(p50=2.0, p99=2.0, max=2.0),
-        "helipad": None,
+        "mark": None,
     }
 
 
@@ -423,7 +423,7 @@ FIELDS = {
     "scene", "lab", "seed", "tree", "policies", "ports", "variables", "movers", "vary_room",
     "faults", "drone", "profile", "outcome", "reason",
     "duration_s",
-    "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_helipad_s",
+    "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_mark_s",
     "time_to_land_s", "landing_error_m", "min_clearance_m", "coverage_passed_90s",
     "coverage_passed", "coverage_seen_90s", "coverage_seen", "coverage_curve",
     "objects_found", "objects_total", "object_errors_m", "false_objects",

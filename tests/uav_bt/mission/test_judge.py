@@ -24,15 +24,15 @@ def truth_of(
         pose=Pose(x_m=2.613, y_m=-0.5, z_m=1.5, yaw_rad=0.0),
         contacts=contacts,
         clearance_m=1.0,
-        inside_carpet=inside,
-        on_helipad=on_pad,
+        inside_ground=inside,
+        on_mark=on_pad,
         landing_error_m=error_m,
         motors_on=motors_on,
     )
 
 
-ON_PAD = truth_of(on_pad=True, contacts=("helipad_top",), error_m=0.05, motors_on=False)
-ON_CARPET = truth_of(contacts=("carpet",), motors_on=False)
+ON_PAD = truth_of(on_pad=True, contacts=("mark",), error_m=0.05, motors_on=False)
+ON_GROUND = truth_of(contacts=("ground",), motors_on=False)
 
 
 def ask(
@@ -62,7 +62,7 @@ def test_a_landing_on_the_pad_is_a_success() -> None:
 
 
 def test_a_landing_beside_the_pad_is_aborted_and_says_how_far() -> None:
-    verdict = ask(flown(), 90.0, FlyingState.LANDED, ON_CARPET, Status.SUCCESS)
+    verdict = ask(flown(), 90.0, FlyingState.LANDED, ON_GROUND, Status.SUCCESS)
     assert verdict is not None
     assert verdict.outcome is Outcome.ABORTED
     assert "1.25 m" in verdict.reason
@@ -70,7 +70,7 @@ def test_a_landing_beside_the_pad_is_aborted_and_says_how_far() -> None:
 
 def test_a_mission_may_end_elsewhere_when_its_rules_say_so() -> None:
     judge = flown(JudgeConfig(land_on=LandOn.ANY))
-    verdict = ask(judge, 90.0, FlyingState.LANDED, ON_CARPET, Status.SUCCESS)
+    verdict = ask(judge, 90.0, FlyingState.LANDED, ON_GROUND, Status.SUCCESS)
     assert verdict is not None
     assert verdict.outcome is Outcome.SUCCESS
 
@@ -134,7 +134,7 @@ GROUND_STATES = {FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING
 
 
 @pytest.mark.parametrize("flying", FlyingState)
-@pytest.mark.parametrize("geom", ["helipad_top", "carpet"])
+@pytest.mark.parametrize("geom", ["mark", "ground"])
 def test_the_landing_surface_may_be_touched_only_while_taking_off_or_landing(
     flying: FlyingState, geom: str
 ) -> None:
@@ -151,7 +151,7 @@ def test_the_landing_surface_may_be_touched_only_while_taking_off_or_landing(
 @pytest.mark.parametrize("flying", FlyingState)
 def test_a_box_may_never_be_touched(flying: FlyingState) -> None:
     """It is named even if an allowed surface is touched, too."""
-    verdict = ask(flown(), 20.0, flying, truth_of(contacts=("helipad_top", "box_3")))
+    verdict = ask(flown(), 20.0, flying, truth_of(contacts=("mark", "box_3")))
     assert verdict is not None
     assert verdict.outcome is Outcome.COLLISION
     if flying in {*GROUND_STATES, FlyingState.EMERGENCY}:
@@ -159,24 +159,26 @@ def test_a_box_may_never_be_touched(flying: FlyingState) -> None:
 
 
 def test_landing_surfaces_are_configurable() -> None:
-    judge = flown(JudgeConfig(landing_surfaces=("table",)))
-    assert ask(judge, 20.0, FlyingState.LANDING, truth_of(contacts=("table_7",))) is None
-    verdict = ask(judge, 20.1, FlyingState.LANDING, truth_of(contacts=("carpet",)))
-    assert verdict is not None
-    assert verdict.outcome is Outcome.COLLISION
+    judge = flown(JudgeConfig(landing_surfaces=("table", "box-3")))
+    for name in ("table", "table_7", "table-7", "box-3-2"):
+        assert ask(judge, 20.0, FlyingState.LANDING, truth_of(contacts=(name,))) is None
+    for name in ("ground", "tablet-1", "box-31"):
+        verdict = ask(judge, 20.1, FlyingState.LANDING, truth_of(contacts=(name,)))
+        assert verdict is not None
+        assert verdict.outcome is Outcome.COLLISION
 
 
 # --- area and time --------------------------------------------------------------------------------
 
 
-def test_leaving_the_carpet_ends_the_flight_and_says_where() -> None:
+def test_flying_beyond_the_edge_ends_the_flight_and_says_where() -> None:
     verdict = ask(flown(), 20.0, truth=truth_of(inside=False))
     assert verdict == Verdict(
-        outcome=Outcome.LEFT_AREA, reason="left the carpet at (2.61, -0.50) m"
+        outcome=Outcome.LEFT_AREA, reason="flew beyond the ground's edge at (2.61, -0.50) m"
     )
 
 
-def test_before_the_take_off_nobody_leaves_the_carpet() -> None:
+def test_before_the_take_off_nobody_is_beyond_the_edge() -> None:
     assert ask(Judge(), 0.0, FlyingState.LANDED, truth_of(inside=False)) is None
 
 
@@ -231,12 +233,12 @@ def test_a_violation_comes_before_an_ending() -> None:
     [
         (0.2, None, None),
         (0.2, LandOn.MARK, None),
-        (0.2, LandOn.GROUND, "landed on the helipad, and the mission's rules want the ground"),
+        (0.2, LandOn.GROUND, "landed on the landing mark, and the mission's rules want the ground"),
         (0.2, LandOn.ANY, None),
-        (0.8, None, "landed 0.80 m from the helipad's centre"),
+        (0.8, None, "landed 0.80 m from the landing mark's centre"),
         (0.8, LandOn.GROUND, None),
         (0.8, LandOn.ANY, None),
-        (None, None, "landed where no helipad is known"),
+        (None, None, "landed where no landing mark is known"),
         (None, LandOn.GROUND, None),
         (None, LandOn.ANY, None),
     ],
@@ -265,14 +267,14 @@ def test_without_a_referee_the_last_belief_in_the_air_counts(
         (ON_PAD, LandOn.MARK, Outcome.SUCCESS),
         (ON_PAD, LandOn.GROUND, Outcome.ABORTED),
         (ON_PAD, LandOn.ANY, Outcome.SUCCESS),
-        (ON_CARPET, LandOn.MARK, Outcome.ABORTED),
-        (ON_CARPET, LandOn.GROUND, Outcome.SUCCESS),
-        (ON_CARPET, LandOn.ANY, Outcome.SUCCESS),
+        (ON_GROUND, LandOn.MARK, Outcome.ABORTED),
+        (ON_GROUND, LandOn.GROUND, Outcome.SUCCESS),
+        (ON_GROUND, LandOn.ANY, Outcome.SUCCESS),
     ],
 )
 def test_the_referee_overrules_the_belief(truth: Truth, land_on: LandOn, outcome: Outcome) -> None:
     judge = flown(JudgeConfig(land_on=land_on))
-    wrong = Belief(mark_m=0.0 if truth is ON_CARPET else 5.0)
+    wrong = Belief(mark_m=0.0 if truth is ON_GROUND else 5.0)
     state = DroneState(captured_s=90.0, flying=FlyingState.LANDED)
     verdict = judge.verdict(90.0, state, truth, Status.SUCCESS, abort_reason=None, belief=wrong)
     assert verdict is not None

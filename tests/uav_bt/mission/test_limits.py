@@ -29,7 +29,7 @@ def at(height_m: float) -> DroneState:
         captured_s=0.0,
         flying=FlyingState.FLYING,
         height_m=height_m,
-        height_above_carpet_m=height_m,
+        height_above_ground_m=height_m,
     )
 
 

@@ -48,8 +48,8 @@ def tick(
         pose=pose,
         contacts=(),
         clearance_m=math.inf,
-        inside_carpet=True,
-        on_helipad=False,
+        inside_ground=True,
+        on_mark=False,
         landing_error_m=1.0,
         motors_on=True,
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.paper_lab import CLASSES
-from uav_bt.board import HELIPAD, MISSION_KEYS, ODOMETRY, SITE_MAP
+from uav_bt.board import MARK, MISSION_KEYS, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.flight_notes import FlightNotes
 from uav_bt.board.numbers import NUMBER_KEYS
@@ -23,9 +23,9 @@ from uav_bt.types import (
     CameraModel,
     DroneState,
     FlyingState,
-    HelipadFix,
     MapMark,
     MapObject,
+    MarkFix,
     Observation,
     Pose2D,
     SiteMap,
@@ -198,8 +198,8 @@ def test_the_map_is_counted_and_stays_counted_when_it_is_stale() -> None:
 
 def test_a_tracked_mark_is_known_until_it_is_stale() -> None:
     world = World()
-    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.0, height_m=0.4, detected=True)
-    world.board.write(HELIPAD, fix, captured_s=0.0)
+    fix = MarkFix(captured_s=0.0, forward_m=1.0, right_m=0.0, height_m=0.4, detected=True)
+    world.board.write(MARK, fix, captured_s=0.0)
     assert world.tick()["mark_known"] == 1.0
     assert world.whereabouts.belief().mark_m == 1.0
     world.clock.advance(30.0)

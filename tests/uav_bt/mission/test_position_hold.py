@@ -79,7 +79,7 @@ class Body:
             flying=self.flying,
             attitude=Attitude(yaw_rad=self.yaw_rad),
             height_m=self.height_m,
-            height_above_carpet_m=self.height_m,
+            height_above_ground_m=self.height_m,
             movement=self.movement,
         )
 

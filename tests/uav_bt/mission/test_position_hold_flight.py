@@ -1,4 +1,4 @@
-"""Short flights of the twin: the position is held by the camera's view of the carpet."""
+"""Short flights of the twin: the position is held by the camera's view of the ground."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ def state_of(
     return DroneState(
         captured_s=0.0,
         flying=flying,
-        height_above_carpet_m=height_m,
+        height_above_ground_m=height_m,
         battery=battery,
         pilot_has_control=pilot,
     )
@@ -361,7 +361,7 @@ def test_no_step_leads_into_the_ground() -> None:
     state = state_of()
     down = decide(MoveBy(id=1, down_m=50.0))
     assert isinstance(down, MoveBy)
-    assert down.down_m == pytest.approx(state.height_above_carpet_m - LIMITS.floor_m)
+    assert down.down_m == pytest.approx(state.height_above_ground_m - LIMITS.floor_m)
     low = Arbiter(dataclasses.replace(LIMITS, floor_m=5.0)).decide(
         proposals_of(MoveBy(id=1, down_m=0.1)), Circumstances(state=state)
     )

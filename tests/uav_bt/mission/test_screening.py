@@ -45,7 +45,7 @@ def test_what_can_be_passes_unchanged() -> None:
     ("changes", "why"),
     [
         ({"height_m": math.nan}, "its height is nan"),
-        ({"height_above_carpet_m": 1e4}, "its height above the carpet is 10000"),
+        ({"height_above_ground_m": 1e4}, "its height above the ground is 10000"),
         ({"attitude": Attitude(roll_rad=math.nan)}, "its roll is nan"),
         ({"attitude": Attitude(yaw_rad=math.inf)}, "its yaw is inf"),
         ({"velocity": BodyVelocity(right_mps=math.nan)}, "its speed is nan"),

@@ -16,10 +16,10 @@ from uav_bt.types import Attitude, BodyVelocity, CameraModel, DroneState, Flying
 
 
 def frame(image: NDArray[np.uint8], index: int, captured_s: float, **changes: float) -> Frame:
-    """Return a frame from 1.5 m above the carpet; `yaw_rad` may be given, too."""
+    """Return a frame from 1.5 m above the ground; `yaw_rad` may be given, too."""
     yaw_rad = changes.pop("yaw_rad", 0.0)
     pose = {"gimbal_pitch_rad": -0.5, "altitude_m": 1.1, "height_m": 1.5} | changes
-    pose.setdefault("height_above_carpet_m", pose["height_m"])
+    pose.setdefault("height_above_ground_m", pose["height_m"])
     attitude = Attitude(yaw_rad=yaw_rad)
     return Frame(image=image, index=index, captured_s=captured_s, attitude=attitude, **pose)
 

@@ -45,7 +45,7 @@ class NoisyDrone(ScriptedDrone):
         return replace(seen, frame=replace(seen.frame, image=image))
 
 
-ANYWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)  # nobody looks for a helipad
+ANYWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)  # nobody looks for a mark
 
 
 def tree_file(folder: Path, body: str = FLIGHT, name: str = "mission.xml") -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from typing import Any
@@ -14,10 +15,12 @@ from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.record.test_site_maps import site_map
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
+from uav_bt.record.channels import MARK, present_topic
 from uav_bt.record.config import RecordConfig
 from uav_bt.record.encoder import MomentEncoder, RawMoment
 from uav_bt.record.moment import Moment, moment_of
 from uav_bt.record.record_file import Timeline
+from uav_bt.record.values import dump
 from uav_bt.testing import pinhole
 from uav_bt.tree.status import IDLE, RUNNING
 from uav_bt.types import (
@@ -26,7 +29,7 @@ from uav_bt.types import (
     DepthMap,
     DroneState,
     FlyingState,
-    HelipadFix,
+    MarkFix,
     MoverState,
     NearObstacles,
     Observation,
@@ -39,10 +42,10 @@ DEPTH = np.array([[0.5, np.nan], [1.2345, 80.0]], dtype=np.float32)
 TRUTH = Truth(
     time_s=1.2,
     pose=Pose(x_m=1.0, y_m=-2.0, z_m=1.5, yaw_rad=0.3),
-    contacts=("helipad",),
+    contacts=("mark",),
     clearance_m=math.inf,
-    inside_carpet=True,
-    on_helipad=True,
+    inside_ground=True,
+    on_mark=True,
     landing_error_m=0.01,
     motors_on=True,
     gimbal_pitch_rad=-0.5,
@@ -66,9 +69,7 @@ BOARD: dict[str, Any] = {
         nearest_side="left",
         time_to_impact_s=math.inf,
     ),
-    "helipad": HelipadFix(
-        captured_s=CAPTURED_S, forward_m=0.1, right_m=0.2, height_m=0.4, detected=True
-    ),
+    "mark": MarkFix(captured_s=CAPTURED_S, forward_m=0.1, right_m=0.2, height_m=0.4, detected=True),
     "site_map": map_with(NearObstacles(captured_s=CAPTURED_S)),
     "phase": "explore",
 }
@@ -103,13 +104,17 @@ def encoder(**config: Any) -> MomentEncoder:
     return MomentEncoder(Timeline(start_ns=10**18, start_s=0.0), pinhole(), RecordConfig(**config))
 
 
-def read(made: MomentEncoder, moment: RawMoment) -> Moment:
-    found = {
+def messages_of(made: MomentEncoder, moment: RawMoment) -> dict[str, bytes]:
+    """Return the messages of a tick by topic."""
+    return {
         message.channel.topic: message.data
         for message in made.encode(moment, images=True)
         if message.data is not None
     }
-    return moment_of(found, ("FAILURE",), CLASSES)
+
+
+def read(made: MomentEncoder, moment: RawMoment) -> Moment:
+    return moment_of(messages_of(made, moment), ("FAILURE",), CLASSES)
 
 
 def test_what_the_board_knew_comes_back() -> None:
@@ -125,12 +130,26 @@ def test_what_the_board_knew_comes_back() -> None:
     )
     assert (moment.metric_depth.metric, moment.metric_depth.confidence) == (True, 0.25)
     assert moment.corridor == BOARD["corridor"]
-    assert moment.helipad == BOARD["helipad"]
+    assert moment.mark == BOARD["mark"]
     assert moment.near is not None
     assert moment.near.points_m.shape == (0, 2)
     assert moment.truth == TRUTH
     assert moment.statuses == ("RUNNING", "IDLE")
     assert moment.board["phase"] == {"value": "explore", "captured_s": CAPTURED_S}
+
+
+def test_names_of_an_older_record_are_read() -> None:
+    """The landing mark, and the ground below, had the names of the paper's lab."""
+    found = messages_of(encoder(), raw_moment())
+    truth, board = json.loads(found["/drone/truth"]), json.loads(found["/mission/board"])
+    truth["inside_carpet"], truth["on_helipad"] = truth.pop("inside_ground"), truth.pop("on_mark")
+    board["helipad"] = board.pop("mark")
+    old = found | {"/drone/truth": dump(truth), "/mission/board": dump(board)}
+    moment = moment_of(old, ("FAILURE",), CLASSES)
+    assert moment.truth == TRUTH
+    assert moment.board == moment_of(found, ("FAILURE",), CLASSES).board
+    assert present_topic("/perception/helipad") == MARK.topic
+    assert present_topic(MARK.topic) == MARK.topic
 
 
 def test_what_is_not_new_is_not_told_again() -> None:

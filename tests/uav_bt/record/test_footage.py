@@ -26,7 +26,7 @@ SEEN = {
     "x_m": 0.1,
     "y_m": 0.0,
     "yaw_rad": 0.2,
-    "height_above_carpet_m": 1.5,
+    "height_above_ground_m": 1.5,
     "gimbal_pitch_rad": -0.5,
     "turning": 0,
     "full_turns": 0,
@@ -109,10 +109,11 @@ def test_advice_of_an_older_record_is_read(
 ) -> None:
     turn = of_version_1(yaw_rad=-0.5)
     advice = SEEN | {"decision": old, "fresh": turn}
+    advice["height_above_carpet_m"] = advice.pop("height_above_ground_m")
     (read,) = advice_in(record_of(tmp_path / "old.mcap", advice, version=1))
     assert read.answer == answer
     assert read.fresh == Blocked(yaw_rad=-0.5, reason="so")
-    assert (read.frame_index, read.yaw_rad) == (3, 0.2)
+    assert (read.frame_index, read.yaw_rad, read.height_above_ground_m) == (3, 0.2, 1.5)
 
 
 @pytest.mark.parametrize("old", [None, 3, {}, {"forward_m": "far"}])

@@ -148,9 +148,9 @@ def test_a_damaged_chunk_is_passed_over_and_told(whole: Path, tmp_path: Path) ->
 def test_a_newer_record_is_refused_with_what_to_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uav_bt.record.recorder.SCHEMA_VERSION", 3)
+    monkeypatch.setattr("uav_bt.record.recorder.SCHEMA_VERSION", 4)
     record, _ = fly_noisy(tmp_path, monkeypatch)
-    with pytest.raises(FileError, match=r"schema version 3 .* this one knows 2: update uav-bt"):
+    with pytest.raises(FileError, match=r"schema version 4 .* this one knows 3: update uav-bt"):
         RecordReader(record)
 
 

@@ -48,7 +48,7 @@ states = st.builds(
     velocity=st.builds(BodyVelocity, forward_mps=ANY, right_mps=ANY, down_mps=ANY),
     altitude_m=ANY,
     height_m=ANY,
-    height_above_carpet_m=ANY,
+    height_above_ground_m=ANY,
     gimbal_pitch_rad=ANY,
     battery=ANY,
     movement=st.none() | st.builds(MovementStatus, id=WHOLE, state=st.sampled_from(MovementState)),
@@ -131,6 +131,14 @@ def test_points_keep_their_shape_even_when_there_are_none(count: int) -> None:
     assert back.points_m.shape == (count, 2)
     assert np.array_equal(back.points_m, points)
     assert back.assumed_m.shape == (0, 2)
+
+
+def test_a_field_is_read_by_its_former_name() -> None:
+    state = DroneState(captured_s=0.3, flying=FlyingState.HOVERING, height_above_ground_m=1.2)
+    old = encode(state)
+    old["height_above_carpet_m"] = old.pop("height_above_ground_m")
+    assert decode(DroneState, old) == state
+    assert decode(DroneState, old | {"height_above_ground_m": 0.9}).height_above_ground_m == 0.9
 
 
 def test_a_field_that_an_older_record_lacks_keeps_its_default() -> None:

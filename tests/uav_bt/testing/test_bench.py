@@ -95,7 +95,7 @@ def test_hover_writes_what_the_runner_writes() -> None:
     bench.hover(height_m=1.2, gimbal_pitch_rad=-0.3)
     assert bench.board[HEIGHT] == 1.2
     frame = bench.board[FRAME]
-    assert (frame.height_above_carpet_m, frame.gimbal_pitch_rad) == (1.2, -0.3)
+    assert (frame.height_above_ground_m, frame.gimbal_pitch_rad) == (1.2, -0.3)
     bench.hover()
     assert bench.board[FRAME].index == frame.index + 1
 

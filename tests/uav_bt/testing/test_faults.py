@@ -196,7 +196,7 @@ def test_frames_lose_their_form() -> None:
 @pytest.mark.parametrize(
     ("kind", "what", "expected"),
     [
-        ("height-nan", "height_above_carpet_m", math.nan),
+        ("height-nan", "height_above_ground_m", math.nan),
         ("height-absurd", "height_m", 1e4),
         ("height-bias=0.2", "altitude_m", 0.2),
         ("attitude-nan", "attitude.yaw_rad", math.nan),

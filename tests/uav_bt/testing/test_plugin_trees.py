@@ -313,9 +313,9 @@ def test_fixtures(pytester: pytest.Pytester) -> None:
             strict_board.write(HEIGHT, 1.0)
             assert strict_board.read(HEIGHT).value == 1.0
             with pytest.raises(BoardAccessError, match="never declared on this board; did you"):
-                strict_board.read(Key("height_above_carpet", float, "misspelt"))
+                strict_board.read(Key("height_above_ground", float, "misspelt"))
             with pytest.raises(BoardAccessError, match="declared as float, and is read as another"):
-                strict_board.read(Key("height_above_carpet_m", int, "mistyped"))
+                strict_board.read(Key("height_above_ground_m", int, "mistyped"))
         """
     )
     run(pytester).assert_outcomes(passed=2)

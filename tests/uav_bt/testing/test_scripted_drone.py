@@ -71,7 +71,7 @@ def test_a_movement_ends_after_its_ticks() -> None:
     running, done = (4, MovementState.RUNNING), (4, MovementState.DONE)
     assert words == [running, running, done, done, done]
     assert (drone.x_m, drone.y_m) == pytest.approx((1.0, 0.0))
-    assert drone.state.height_above_carpet_m == pytest.approx(1.5)
+    assert drone.state.height_above_ground_m == pytest.approx(1.5)
     drone.send(Command(movement=MoveBy(id=5, forward_m=1.0)))
     for _ in range(2):
         drone.send(Command(movement=MoveBy(id=5, forward_m=1.0)))

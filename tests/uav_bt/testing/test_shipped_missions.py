@@ -11,7 +11,7 @@ from uav_bt.testing import TreeBench, load_tree
 from uav_bt.tree import Status
 
 TREES = Path(__file__).parents[3] / "trees"
-LOOKS = {"Segment": "S", "FindHelipad": "S"}
+LOOKS = {"Segment": "S", "FindMark": "S"}
 SEES = {**LOOKS, "TrackMotion": "S", "MapSite": "S"}
 
 

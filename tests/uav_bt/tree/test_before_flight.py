@@ -301,7 +301,7 @@ ASK = "<ScriptCondition code=\"@phase == 'x'\"/>"
 
 
 def test_keys_of_the_runner_and_of_leaves_may_be_read() -> None:
-    code = "@elapsed_s &gt; 1 &amp;&amp; @height_above_carpet_m &gt; 1"
+    code = "@elapsed_s &gt; 1 &amp;&amp; @height_above_ground_m &gt; 1"
     assert findings(f'<Sequence><ScriptCondition code="{code}"/></Sequence>') == []
     (message,) = findings(f"<Sequence>{ASK}</Sequence>")
     assert "board key 'phase'" in message

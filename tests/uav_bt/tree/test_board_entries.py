@@ -44,7 +44,7 @@ def seen(tree: MissionTree) -> float | None:
 
 
 CLIMB = '<Climb height_m="{h}" phase="{p}"/>'
-ENTRIES = 'h="{@height_above_carpet_m}" p="{@phase}"'
+ENTRIES = 'h="{@height_above_ground_m}" p="{@phase}"'
 
 
 def test_ports_read_and_write_the_board_through_a_subtree(world: World) -> None:
@@ -89,7 +89,7 @@ def test_scripts_read_a_board_entry_and_cannot_write_it(world: World) -> None:
     assert tree.tick() is Status.SUCCESS
     tree.variables["c"] = "h = 3"
     with pytest.raises(
-        NodeFailedError, match="'h' is '@height_above_carpet_m'; leaves write those"
+        NodeFailedError, match="'h' is '@height_above_ground_m'; leaves write those"
     ):
         tree.tick()
 

@@ -21,7 +21,7 @@ class Pretty(Leaf):
     ports = (
         Port("side", str, doc="left & right", choices=("left", "right")),
         Port("fast", bool, default=True),
-        Port("size", float, default="{@height_above_carpet_m}", doc="size, m", least=0.1, most=5),
+        Port("size", float, default="{@height_above_ground_m}", doc="size, m", least=0.1, most=5),
         Port("count", int, direction="output", doc="how many"),
     )
     reads = (HEIGHT,)
@@ -43,7 +43,7 @@ def test_a_node_in_one_line() -> None:
         "Condition",
         "Draw <something> & stop.",
     )
-    assert (info.reads, info.writes) == (("height_above_carpet_m",), ("state",))
+    assert (info.reads, info.writes) == (("height_above_ground_m",), ("state",))
     assert info.ports[0] == PortInfo(
         name="side",
         type="str",
@@ -57,7 +57,7 @@ def test_a_node_in_one_line() -> None:
     assert [port.default for port in info.ports] == [
         None,
         "true",
-        "{@height_above_carpet_m}",
+        "{@height_above_ground_m}",
         None,
     ]
     assert [(p.least, p.most, p.range) for p in info.ports[1:3]] == [
@@ -100,7 +100,7 @@ def test_the_palette_is_a_model_that_the_loader_accepts() -> None:
     """A palette that an editor imports and saves stays valid."""
     palette = palette_xml(REGISTRY)
     assert (
-        'type="double" default="{@height_above_carpet_m}">size, m (0.1 to 5)</input_port>'
+        'type="double" default="{@height_above_ground_m}">size, m (0.1 to 5)</input_port>'
         in palette
     )
     assert "left &amp; right" in palette

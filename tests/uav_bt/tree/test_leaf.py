@@ -252,7 +252,7 @@ def test_declared_access_works(world: World) -> None:
     ("mode", "message"),
     [
         ("read", "'Mission/s' reads board key 'elapsed_s' without declaring it"),
-        ("write", "'Mission/s' writes board key 'height_above_carpet_m' without declaring"),
+        ("write", "'Mission/s' writes board key 'height_above_ground_m' without declaring"),
         ("type", "'Mission/s': board key 'speed_mps' holds float, got str"),
         ("port", "declares no port 'sped'"),
     ],

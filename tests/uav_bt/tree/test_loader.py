@@ -9,13 +9,13 @@ import pytest
 
 from tests.conformance import Scripted
 from tests.uav_bt.tree.tree_world import World, document, leaf
-from uav_bt.board import HELIPAD
+from uav_bt.board import MARK
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.loading.findings import WARNING
 from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.observer import observe
-from uav_bt.types import HelipadFix
+from uav_bt.types import MarkFix
 
 
 class Steer(Leaf):
@@ -24,9 +24,9 @@ class Steer(Leaf):
     ports = (
         Port("policy", str, default="segmentation", doc="leaf policy"),
         Port("height_m", float, default=1.5, doc="height, m"),
-        Port("pad", HelipadFix, default="{@helipad}", doc="the pad"),
+        Port("pad", MarkFix, default="{@mark}", doc="the pad"),
     )
-    reads = (HELIPAD,)
+    reads = (MARK,)
 
     def update(self) -> Status:
         return Status.RUNNING
@@ -107,10 +107,10 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<Steer heigth_m="1"/>', "unknown attribute 'heigth_m'; did you mean 'height_m'?"),
         ('<Steer height_m="high"/>', "attribute 'height_m': expected a number, got 'high'"),
         ('<Steer height_m="{@hight}"/>', "the board has no key 'hight'"),
-        ('<Steer height_m="{@helipad}"/>', "takes float, but board key 'helipad' holds HelipadFix"),
+        ('<Steer height_m="{@mark}"/>', "takes float, but board key 'mark' holds MarkFix"),
         ('<Steer _skipIf="1 +"/>', "attribute '_skipIf': column 4: expected a value, got the end"),
         ('<Steer _while="@hight &gt; 1"/>', "attribute '_while': the board has no key 'hight'"),
-        ('<Script code="x := @helipad"/>', "'helipad' holds HelipadFix, no number and no text"),
+        ('<Script code="x := @mark"/>', "'mark' holds MarkFix, no number and no text"),
         ('<Script code="x =: 1"/>', "attribute 'code': column 4: expected a value, got ':'"),
         ('<Script code="@elapsed_s = 1"/>', "leaves write those, scripts only read"),
         ('<Precondition if="1" else="MAYBE"><Safe/></Precondition>', "expected one of SUCCESS"),
@@ -131,7 +131,7 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<SubTree ID="Main"/>', "the tree contains itself: Main > Main"),
         ('<SubTree ID="Other"><Safe/></SubTree>', "needs no children, has 1"),
         ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
-        ('<SubTree ID="Other" x="{@helipd}"/>', "no key 'helipd'; did you mean 'helipad'"),
+        ('<SubTree ID="Other" x="{@mrk}"/>', "no key 'mrk'; did you mean 'mark'"),
         ('<SubTree ID="Other" x="{a b}"/>', "is not a reference"),
         (
             '<SubTree ID="Other" _onHalted="x )"/>',
@@ -566,7 +566,7 @@ def test_overrides_replace_attributes() -> None:
         ("explore", {"_skipIf": "1 +"}, "attribute '_skipIf': column 4: expected a value"),
         ("explore", {"name": "x"}, "'name' cannot be replaced"),
         ("Other", {"x": "{a b}"}, "is not a reference"),
-        ("Other", {"x": "{@helipd}"}, "the board has no key 'helipd'; did you mean 'helipad'"),
+        ("Other", {"x": "{@mrk}"}, "the board has no key 'mrk'; did you mean 'mark'"),
         ("Other", {"_autoremap": "true"}, "'_autoremap' cannot be replaced"),
     ],
 )

@@ -80,7 +80,7 @@ node = st.one_of(
     st.builds('<TakePad pad="{{{}}}"/>'.format, name),
     st.builds(
         '<SetBlackboard value="{}" output_key="{}"/>'.format,
-        st.sampled_from(["1", "x", "true", "{a}", "{b}", "{_p}", "{@height_above_carpet_m}"]),
+        st.sampled_from(["1", "x", "true", "{a}", "{b}", "{_p}", "{@height_above_ground_m}"]),
         name,
     ),
     st.builds('<UnsetBlackboard key="{}"/>'.format, name),
@@ -97,7 +97,7 @@ node = st.one_of(
             st.one_of(
                 st.builds('a="{{{}}}"'.format, name),
                 st.just('a="1"'),
-                st.just('a="{@height_above_carpet_m}"'),
+                st.just('a="{@height_above_ground_m}"'),
             ),
             max_size=1,
         ).flatmap(

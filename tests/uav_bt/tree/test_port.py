@@ -75,7 +75,7 @@ def test_python_numbers_widen() -> None:
     ("text", "reference"),
     [
         ("{speed}", Reference("speed", on_board=False)),
-        ("{@helipad}", Reference("helipad", on_board=True)),
+        ("{@mark}", Reference("mark", on_board=True)),
         (" { speed } ", Reference("speed", on_board=False)),
         ("{=}", Reference("p", on_board=False)),
         ("plain", None),

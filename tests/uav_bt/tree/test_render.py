@@ -29,7 +29,7 @@ class Measure(Leaf):
     ports = (
         Port("speed_mps", float, default=0.5, doc="m/s"),
         Port("title", str, default="", doc="any"),
-        Port("height_m", float, default="{@height_above_carpet_m}", doc="m"),
+        Port("height_m", float, default="{@height_above_ground_m}", doc="m"),
         Port("result", float, direction="output", doc="m"),
     )
     reads = (STATE,)

@@ -84,7 +84,7 @@ GOOD = [
     '<Paint colour="blue" layers="3 " width_m="1.5e-1" dry="TRUE" area="{a}"/>',
     '<Paint colour="red" _skipIf="a == 1" _onSuccess="b := 2" _uid="7" _description="x"/>',
     '<Paint colour="red" coats="9" edge_m="1e-2 "/>',
-    '<Paint colour="red" coats="{c}" edge_m="{@height_above_carpet_m}"/>',
+    '<Paint colour="red" coats="{c}" edge_m="{@height_above_ground_m}"/>',
     '<Action ID="Paint" colour="red"/>',
     '<Control ID="Sequence"><AlwaysSuccess/></Control>',
     '<Decorator ID="Inverter"><AlwaysSuccess/></Decorator>',

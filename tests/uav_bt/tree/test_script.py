@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uav_bt.board import ELAPSED, HEIGHT, HELIPAD
+from uav_bt.board import ELAPSED, HEIGHT, MARK
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
 from uav_bt.errors import UnknownValueError
@@ -182,12 +182,12 @@ def test_enumerations_come_before_variables() -> None:
 def test_the_board_is_read_with_an_at() -> None:
     """Fresh numbers and texts of the board can be read."""
     clock = ManualClock()
-    board = Blackboard(clock, (ELAPSED, HEIGHT, HELIPAD))
+    board = Blackboard(clock, (ELAPSED, HEIGHT, MARK))
     board.write(ELAPSED, 91.0)
     environment = Environment(Variables(), board)
     assert parse_script("@elapsed_s > 90").run(environment) == 1.0
-    with pytest.raises(UnknownValueError, match="'height_above_carpet_m' has no value yet"):
-        parse_script("@height_above_carpet_m").run(environment)
+    with pytest.raises(UnknownValueError, match="'height_above_ground_m' has no value yet"):
+        parse_script("@height_above_ground_m").run(environment)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Messages about nodes and board keys of earlier versions name their successors."""
+"""Messages about nodes, ports and board keys of earlier versions name their successors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class TrackMotion(Answers):
 
     formerly = ("Remember",)
     reads = (HEADING,)
-    ports = (Port("turn_rad", float, default=0.0),)
+    ports = (Port("turn_rad", float, default=0.0, formerly=("yaw_rad",)),)
 
 
 class MapSite(Answers):
@@ -54,6 +54,10 @@ def text_of(body: str) -> str:
     [
         ("<Remember/>", "unknown node 'Remember'; it was replaced by TrackMotion and MapSite"),
         ("<Survey/>", "unknown node 'Survey'; it was replaced by MapSite"),
+        (
+            '<TrackMotion yaw_rad="0.5"/>',
+            "unknown attribute 'yaw_rad'; it was replaced by turn_rad",
+        ),
         (
             '<TrackMotion turn_rad="{@yaw}"/>',
             "the board has no key 'yaw'; it was replaced by heading_rad",

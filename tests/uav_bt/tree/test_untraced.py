@@ -105,7 +105,7 @@ def test_set_copies_and_keeps_types(world: World) -> None:
 def test_updates_of_the_board_are_seen(world: World) -> None:
     """A key of the mission board that was written again counts as updated."""
     world.board.declare(HEIGHT)
-    tree = world.tree('<WasEntryUpdated entry="{@height_above_carpet_m}"/>')
+    tree = world.tree('<WasEntryUpdated entry="{@height_above_ground_m}"/>')
     answers = [tree.tick()]
     world.board.write(HEIGHT, 1.0)
     answers += [tree.tick(), tree.tick()]
@@ -137,7 +137,7 @@ def test_a_failing_condition_names_its_node(world: World) -> None:
 def test_conditions_read_the_board(world: World) -> None:
     """`@key` in a condition is a key of the mission board."""
     world.board.declare(HEIGHT)
-    tree = world.tree('<AlwaysSuccess _failureIf="@height_above_carpet_m &lt; 1"/>')
+    tree = world.tree('<AlwaysSuccess _failureIf="@height_above_ground_m &lt; 1"/>')
     world.board.write(HEIGHT, 0.5)
     assert tree.tick() is Status.FAILURE
     world.board.write(HEIGHT, 1.5)

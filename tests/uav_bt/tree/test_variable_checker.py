@@ -7,19 +7,19 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.tree.tree_world import document
-from uav_bt.board import HEIGHT, HELIPAD
+from uav_bt.board import HEIGHT, MARK
 from uav_bt.errors import TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.loading.findings import WARNING
 from uav_bt.tree.loading.loader import check_text
-from uav_bt.types import HelipadFix
+from uav_bt.types import MarkFix
 
 
 class FindPad(Leaf):
     """Finds the pad."""
 
-    ports = (Port("pad", HelipadFix, doc="the pad", direction="output"),)
-    reads = (HELIPAD, HEIGHT)
+    ports = (Port("pad", MarkFix, doc="the pad", direction="output"),)
+    reads = (MARK, HEIGHT)
 
     def update(self) -> Status:
         return Status.SUCCESS
@@ -49,7 +49,7 @@ class Use(Leaf):
         Port("sure", bool, default=True, doc="is it"),
         Port("word", str, default="", doc="what"),
         Port("side", str, default="left", doc="which", choices=("left", "right")),
-        Port("pad", HelipadFix, default="{@helipad}", doc="the pad"),
+        Port("pad", MarkFix, default="{@mark}", doc="the pad"),
         Port("both", float, default="{x_m}", doc="read and written, m", direction="inout"),
     )
 
@@ -100,7 +100,7 @@ def findings(*parts: str) -> list[str]:
         ('<FindPad pad="{x}"/>', '<Use pad="{x}"/>'),
         ('<SetBlackboard value="1.5" output_key="x"/>', '<Use height_m="{x}"/>'),
         ('<SetBlackboard value="right" output_key="x"/>', '<Use side="{x}"/>'),
-        ('<SetBlackboard value="{@helipad}" output_key="x"/>', '<Use pad="{x}"/>'),
+        ('<SetBlackboard value="{@mark}" output_key="x"/>', '<Use pad="{x}"/>'),
         ('<Script code="x := 1"/>', '<Use count="{x}"/>'),
         ('<Script code="x := true"/>', '<Use sure="{x}"/>'),
         ("<Script code=\"x := '2'\"/>", '<Use count="{x}"/>'),
@@ -129,17 +129,17 @@ def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
         (
             '<FindPad name="find" pad="{x}"/>',
             '<Use name="use" height_m="{x}"/>',
-            "variable 'x' holds HelipadFix, from FindPad 'find', attribute 'pad', at m.xml:1:107",
+            "variable 'x' holds MarkFix, from FindPad 'find', attribute 'pad', at m.xml:1:107",
         ),
         (
             '<Measure height_m="{x}"/>',
             '<Use pad="{x}"/>',
-            "attribute 'pad' takes HelipadFix, but variable 'x' holds float",
+            "attribute 'pad' takes MarkFix, but variable 'x' holds float",
         ),
         (
             '<Measure word="{x}"/>',
             '<Use pad="{x}"/>',
-            "attribute 'pad' takes HelipadFix, but variable 'x' holds str",
+            "attribute 'pad' takes MarkFix, but variable 'x' holds str",
         ),
         ('<Measure sure="{x}"/>', '<Use height_m="{x}"/>', "holds bool"),
         (
@@ -153,19 +153,19 @@ def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
             "(expected one of left, right; got 'rihgt'; did you mean 'right'?)",
         ),
         (
-            '<SetBlackboard value="{@helipad}" output_key="x"/>',
+            '<SetBlackboard value="{@mark}" output_key="x"/>',
             '<Use height_m="{x}"/>',
-            "variable 'x' holds HelipadFix",
+            "variable 'x' holds MarkFix",
         ),
         (
             '<FindPad pad="{y}"/><SetBlackboard value="{y}" output_key="x"/>',
             '<Use height_m="{x}"/>',
-            "variable 'x' holds HelipadFix, from FindPad, attribute 'pad'",
+            "variable 'x' holds MarkFix, from FindPad, attribute 'pad'",
         ),
         (
             '<FindPad pad="{y}"/><Script code="x := y"/>',
             '<Use height_m="{x}"/>',
-            "attribute 'code': variable 'y' holds HelipadFix, no number and no text",
+            "attribute 'code': variable 'y' holds MarkFix, no number and no text",
         ),
         ('<Script code="x := 1 + 2"/>', '<Use pad="{x}"/>', "got float 3.0"),
         ("<Script code=\"x := 'a' .. 1\"/>", '<Use pad="{x}"/>', "got 'a1'"),
@@ -174,7 +174,7 @@ def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
         (
             '<FindPad pad="{x}"/>',
             '<Use _skipIf="x &gt; 1"/>',
-            "attribute '_skipIf': variable 'x' holds HelipadFix, no number and no text",
+            "attribute '_skipIf': variable 'x' holds MarkFix, no number and no text",
         ),
         (
             '<FindPad pad="{x}"/><Measure sure="{x}"/>',
@@ -214,7 +214,7 @@ def test_types_pass_through_remapped_subtrees(door: str) -> None:
     assert findings(sequence('<Measure height_m="{x}"/>', door), *used) == []
     found = findings(sequence('<FindPad pad="{x}"/>', door), *used)
     assert len(found) == 1
-    assert "attribute 'height_m' takes float, but variable 'x' holds HelipadFix" in found[0]
+    assert "attribute 'height_m' takes float, but variable 'x' holds MarkFix" in found[0]
 
 
 def test_types_come_out_of_subtrees() -> None:
@@ -224,7 +224,7 @@ def test_types_come_out_of_subtrees() -> None:
         inner('<FindPad pad="{y}"/>'),
     )
     assert len(found) == 1
-    assert "variable 'x' holds HelipadFix, from FindPad" in found[0]
+    assert "variable 'x' holds MarkFix, from FindPad" in found[0]
 
 
 def test_autoremapped_names_are_shared_and_private_ones_are_not() -> None:
@@ -274,7 +274,7 @@ def test_trees_that_nobody_uses_are_typed_too() -> None:
     spare = inner('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>')
     (found,) = check_text(document("<AlwaysSuccess/>", spare), REGISTRY, path=Path("m.xml"))
     assert found.severity == WARNING
-    assert "variable 'x' holds HelipadFix" in found.message
+    assert "variable 'x' holds MarkFix" in found.message
 
 
 # --- variables without a writer -------------------------------------------------------------------
@@ -342,23 +342,23 @@ def test_variables_that_may_have_a_value_are_accepted(door: str, nodes: str) -> 
         ('<Use pad="{p}"/>', None),
         (
             '<Use height_m="{p}"/>',
-            "takes float, but 'p' is board key 'helipad', which holds HelipadFix",
+            "takes float, but 'p' is board key 'mark', which holds MarkFix",
         ),
         ('<FindPad pad="{p}"/>', None),
-        ('<Measure height_m="{p}"/>', "takes float, but 'p' is board key 'helipad'"),
-        ('<Script code="p := 1"/>', "'p' is board key 'helipad'; only a leaf's output port writes"),
+        ('<Measure height_m="{p}"/>', "takes float, but 'p' is board key 'mark'"),
+        ('<Script code="p := 1"/>', "'p' is board key 'mark'; only a leaf's output port writes"),
         ('<UnsetBlackboard key="p"/>', "only a leaf's output port writes that"),
         ('<SetBlackboard value="1" output_key="p"/>', "only a leaf's output port writes that"),
-        ('<Use _skipIf="p == 1"/>', "which holds HelipadFix, no number and no text"),
+        ('<Use _skipIf="p == 1"/>', "which holds MarkFix, no number and no text"),
         ('<SetBlackboard value="{p}" output_key="q"/><Use pad="{q}"/>', None),
-        ('<SetBlackboard value="{p}" output_key="q"/><Use word="{q}"/>', "holds HelipadFix"),
-        ('<SubTree ID="Deep" d="{p}"/>', "takes float, but 'd' is board key 'helipad'"),
+        ('<SetBlackboard value="{p}" output_key="q"/><Use word="{q}"/>', "holds MarkFix"),
+        ('<SubTree ID="Deep" d="{p}"/>', "takes float, but 'd' is board key 'mark'"),
     ],
 )
 def test_board_keys_keep_their_type(nodes: str, message: str | None) -> None:
     """`{@key}` as an entry: the subtree's variable is the key, with its type and its rules."""
     deep = inner('<Use height_m="{d}"/>', tree_id="Deep") if "Deep" in nodes else ""
-    found = findings('<SubTree ID="In" p="{@helipad}"/>', inner(nodes), deep)
+    found = findings('<SubTree ID="In" p="{@mark}"/>', inner(nodes), deep)
     if message is None:
         assert found == []
     else:

@@ -210,7 +210,7 @@ def _level(pose: CameraPose, x_m: float, y_m: float, z_m: float) -> tuple[float,
 # The aspect of the network's image differs from the video's: its focal lengths are unequal.
 @pytest.mark.parametrize("size_px", [(640, 360), (224, 112)])
 def test_the_twin_sees_points_where_they_project(size_px: tuple[int, int]) -> None:
-    """The pad's mask spans its projected corners, and the carpet's depth agrees with the rays."""
+    """The pad's mask spans its projected corners, and the ground's depth agrees with the rays."""
     camera = anafi_camera(640, 360).resized(*size_px)
     tops = [(x, y, 0.4) for x, y in SCENE.helipad.footprint.corners()]
     feet = [(x, y, 0.0) for x, y in SCENE.helipad.footprint.corners()]

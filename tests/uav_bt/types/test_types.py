@@ -23,8 +23,8 @@ from uav_bt.types import (
     Frame,
     GimbalTo,
     HeldTurn,
-    HelipadFix,
     Hover,
+    MarkFix,
     MeasurementTimes,
     MoveBy,
     NearObstacles,
@@ -151,10 +151,8 @@ def test_values_are_immutable_and_compare_by_content() -> None:
 # --- results of perception ------------------------------------------------------------------------
 
 
-def test_a_helipad_has_range_and_bearing_clockwise_from_the_heading() -> None:
-    right_behind = HelipadFix(
-        captured_s=0.0, forward_m=-3.0, right_m=4.0, height_m=0.4, detected=True
-    )
+def test_a_mark_has_range_and_bearing_clockwise_from_the_heading() -> None:
+    right_behind = MarkFix(captured_s=0.0, forward_m=-3.0, right_m=4.0, height_m=0.4, detected=True)
     assert right_behind.range_m == 5.0
     assert math.degrees(right_behind.bearing_rad) == pytest.approx(126.87, abs=0.01)
 

@@ -38,7 +38,7 @@ class FixedTelemetry:
     """A camera that always looks down from the same height, as on a tripod.
 
     Args:
-        height_m: above the carpet.
+        height_m: above the ground.
         gimbal_pitch_rad: 0 level, negative down.
 
     Raises:
@@ -47,7 +47,7 @@ class FixedTelemetry:
 
     def __init__(self, *, height_m: float, gimbal_pitch_rad: float) -> None:
         if not (math.isfinite(height_m) and height_m > 0.0):
-            raise ValueRangeError(f"the camera must be above the carpet, got {height_m} m")
+            raise ValueRangeError(f"the camera must be above the ground, got {height_m} m")
         if not abs(gimbal_pitch_rad) <= math.pi / 2 + 1e-9:
             raise ValueRangeError(
                 f"gimbal pitch must lie within -pi/2 and pi/2 rad, got {gimbal_pitch_rad}"
@@ -64,7 +64,7 @@ class FixedTelemetry:
             gimbal_pitch_rad=self._pitch_rad,
             altitude_m=self._height_m,
             height_m=self._height_m,
-            height_above_carpet_m=self._height_m,
+            height_above_ground_m=self._height_m,
         )
 
     def states(self, until_s: float) -> list[DroneState]:
@@ -100,7 +100,7 @@ class FlightTelemetry:
             [
                 (
                     *(note.captured_s - self._begin_s, note.gimbal_pitch_rad),
-                    *(note.altitude_m, note.height_m, note.height_above_carpet_m),
+                    *(note.altitude_m, note.height_m, note.height_above_ground_m),
                     *(note.attitude.roll_rad, note.attitude.pitch_rad, note.attitude.yaw_rad),
                 )
                 for note in notes
@@ -117,7 +117,7 @@ class FlightTelemetry:
             values = [float(np.interp(time_s, times, column)) for column in self._columns]
         else:
             values = [math.nan] * len(self._columns)
-        gimbal, altitude_m, height_m, above_carpet_m, roll, pitch, yaw = values
+        gimbal, altitude_m, height_m, above_ground_m, roll, pitch, yaw = values
         return Frame(
             image=image,
             index=index,
@@ -126,7 +126,7 @@ class FlightTelemetry:
             attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
             altitude_m=altitude_m,
             height_m=height_m,
-            height_above_carpet_m=above_carpet_m,
+            height_above_ground_m=above_ground_m,
         )
 
     def states(self, until_s: float) -> list[DroneState]:

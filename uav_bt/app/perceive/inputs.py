@@ -35,7 +35,7 @@ class PerceiveOptions:
     """Facts about the images, and the networks that perceive them."""
 
     camera: str | Path | None = None  # a camera file; None: the record's, or the ANAFI's
-    height_m: float = 1.5  # of the camera above the carpet, without telemetry
+    height_m: float = 1.5  # of the camera above the ground, without telemetry
     gimbal_pitch_rad: float = math.radians(-30)  # 0 level, without telemetry
     telemetry: str | Path | None = None  # record of the same flight
     model: str = "depth"  # a shipped one's name, an ONNX file, or "contact" (no network)
@@ -44,7 +44,7 @@ class PerceiveOptions:
     every: int = 1  # images a step; 1 takes all
     longest_s: float | None = None  # of the source's time; None: to its end
     threads: int = 1  # of the networks' inference
-    seed: int = 0  # of the carpet's pixels that are drawn for the scale
+    seed: int = 0  # of the ground's pixels that are drawn for the scale
 
     def __post_init__(self) -> None:
         if self.every < 1 or self.threads < 1:
@@ -87,7 +87,7 @@ class PerceiveInput:
                 height_m=options.height_m, gimbal_pitch_rad=options.gimbal_pitch_rad
             )
             self.telemetry_words = (
-                f"{options.height_m:g} m above the carpet, camera at "
+                f"{options.height_m:g} m above the ground, camera at "
                 f"{math.degrees(options.gimbal_pitch_rad):g} deg, assumed for all frames"
             )
             self.source = open_source(text)

@@ -1,4 +1,4 @@
-"""The whole of perception without a tree: a frame in; masks, metres, corridor and helipad out.
+"""The whole of perception without a tree: a frame in; masks, metres, corridor and mark out.
 
 For videos, benchmarks and evaluations. In a mission the perception leaves do the same work, one
 each, so that a tree file shows what it flies with.
@@ -35,7 +35,7 @@ from uav_bt.types import (
     LandingMark,
 )
 
-STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "helipad")
+STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "mark")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class PipelineConfig:
 
     source: str = "fused"  # of metric depth, where there is a network; contact without one
     corridor: CorridorConfig = field(default_factory=CorridorConfig)
-    carried_s: float = 12.0  # a helipad that was not seen for longer is lost
+    carried_s: float = 12.0  # a mark that was not seen for longer is lost
 
     def __post_init__(self) -> None:
         if not self.carried_s > 0.0:
@@ -68,7 +68,7 @@ class Pipeline:
         segmenter: frame in, class map out.
         network: frame in, relative depth out; None perceives depth by ground contact alone.
         camera: intrinsics at the frames' size; with distortion where the frames are distorted.
-        generator: draws the carpet's pixels for the scale.
+        generator: draws the ground's pixels for the scale.
         config: how the stages work.
         mark: landing mark. Default: that of the default lab.
         timer: the wall clock that computing is measured with, seconds.
@@ -113,7 +113,7 @@ class Pipeline:
         Args:
             frame: the next one, of the camera's size.
             states: the drone's telemetry since the frame before, up to this one's capture. They
-                carry the helipad through frames that miss it; without any it is known only in
+                carry the mark through frames that miss it; without any it is known only in
                 frames that show it.
 
         Raises:
@@ -140,14 +140,14 @@ class Pipeline:
                     metric.depth, view, velocity=velocity, things=things
                 )
             intruding = self._corridors.intruding(metric.depth, view, things=things)
-        with self._timed(spent, "helipad"):
+        with self._timed(spent, "mark"):
             sighting = self._finder.find(
                 MarkView(frame=frame, camera=self.camera, class_map=class_map)
             )
             self._track.see(sighting, frame.captured_s)
-            helipad = self._track.fix()
-            if helipad and frame.captured_s - helipad.captured_s > self._config.carried_s:
-                helipad = None
+            fix = self._track.fix()
+            if fix and frame.captured_s - fix.captured_s > self._config.carried_s:
+                fix = None
         return Perceived(
             frame=frame,
             class_map=class_map,
@@ -158,7 +158,7 @@ class Pipeline:
             corridor=corridor,
             intruding=intruding,
             sighting=sighting,
-            helipad=helipad,
+            mark=fix,
             stage_s=spent,
         )
 

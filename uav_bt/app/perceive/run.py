@@ -25,7 +25,7 @@ from uav_bt.errors import InputError
 from uav_bt.files import writing
 from uav_bt.mission.flight_report import Percentiles
 from uav_bt.progress import Advance, silent
-from uav_bt.types import CameraModel, Corridor, HelipadFix
+from uav_bt.types import CameraModel, Corridor, MarkFix
 
 _MAX_RATE: Final = 60.0  # images a second of a video that is written
 _ALL: Final = "all"  # the stages of a frame together
@@ -43,7 +43,7 @@ class PerceiveSummary:
     stage_ms: Mapping[str, Percentiles]  # wall time by stage, "all" their sum
     without_depth: Mapping[str, int]  # frames without metric depth, by reason
     in_part: Mapping[str, int]  # frames whose depth is not all that was asked for, by reason
-    with_helipad: int  # frames that show it
+    with_mark: int  # frames that show it
     skipped: tuple[str, ...]  # images that could not be used, and why
     interrupted: bool
 
@@ -155,7 +155,7 @@ class _Counts:
     stage_s: dict[str, list[float]] = field(default_factory=dict)
     without_depth: Counter[str] = field(default_factory=Counter)
     in_part: Counter[str] = field(default_factory=Counter)
-    with_helipad: int = 0
+    with_mark: int = 0
     interrupted: bool = False
 
     def add(self, seen: Perceived) -> None:
@@ -165,7 +165,7 @@ class _Counts:
         self.stage_s.setdefault(_ALL, []).append(sum(seen.stage_s.values()))
         if seen.refusal:
             (self.without_depth if seen.depth is None else self.in_part)[seen.refusal] += 1
-        self.with_helipad += seen.helipad is not None and seen.helipad.detected
+        self.with_mark += seen.mark is not None and seen.mark.detected
 
     def summary(self, *, camera: str, telemetry: str, skipped: Sequence[str]) -> PerceiveSummary:
         names = (*STAGES, _ALL)
@@ -177,7 +177,7 @@ class _Counts:
             stage_ms={name: figures for name, figures in stages if figures is not None},
             without_depth=dict(self.without_depth.most_common()),
             in_part=dict(self.in_part.most_common()),
-            with_helipad=self.with_helipad,
+            with_mark=self.with_mark,
             skipped=tuple(skipped),
             interrupted=self.interrupted,
         )
@@ -199,7 +199,7 @@ def _as_json(image: TimedImage, seen: Perceived) -> dict[str, Any]:
         },
         "refusal": seen.refusal or None,
         "corridor": None if seen.corridor is None else _corridor_json(seen.corridor),
-        "helipad": None if seen.helipad is None else _helipad_json(seen.helipad),
+        "mark": None if seen.mark is None else _mark_json(seen.mark),
         "ms": {stage: round(1000.0 * spent_s, 3) for stage, spent_s in seen.stage_s.items()},
     }
 
@@ -224,7 +224,7 @@ def _corridor_json(corridor: Corridor) -> dict[str, Any]:
     }
 
 
-def _helipad_json(fix: HelipadFix) -> dict[str, Any]:
+def _mark_json(fix: MarkFix) -> dict[str, Any]:
     return {
         "forward_m": _metres(fix.forward_m),
         "right_m": _metres(fix.right_m),

@@ -277,7 +277,7 @@ def _scene_images(sources: Sources, maps: Mapping[str, LabMap]) -> tuple[Image, 
     for scene in sources.scenes:
         figure = scene_figure(sources.sets, scene, maps[scene]) if scene in maps else None
         if figure is not None:
-            alt = f"flown paths and coverage of the carpet in the scene {scene}"
+            alt = f"flown paths and coverage of the ground in the scene {scene}"
             images.append(
                 Image(name=f"scene-{scene}", figure=figure, alt=alt, title=f"Scene {scene}")
             )

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _STEP_M: Final = 0.1  # between the evaluated points of a path; a tick's flight at 1 m/s
-_CARPET: Final = "#f1f3f0"
+_GROUND: Final = "#f1f3f0"
 _INK_PAD: Final = "#a61e1e"
 _INK_NAME: Final = "#343a40"
 _HALO: Final = (withStroke(linewidth=2.0, foreground="white"),)  # readable on dark cells
 _ARROW_M: Final = 0.5  # length of the arrow of the take-off heading
-_MARGIN_M: Final = 0.1  # around the carpet and the paths
+_MARGIN_M: Final = 0.1  # around the ground and the paths
 _PANEL_IN: Final = 4.7  # width of a panel's axes
 _WORDS_IN: Final = 0.9  # height of the title, the ticks and their label
 _SUCCESS: Final = "success"
@@ -83,9 +83,9 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> Figure |
 
 
 def _half_view_m(lab: LabMap, flown: Flights) -> tuple[float, float]:
-    """Return half the width and height of the view: the carpet, and paths that leave it."""
+    """Return half the width and height of the view: the ground, and paths that leave it."""
     paths_m = np.concatenate([np.asarray(flight["path"])[:, 1:3] for flight in flown])
-    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.carpet_size_m) / 2)
+    half_m = np.maximum(np.abs(paths_m).max(axis=0), np.asarray(lab.ground_size_m) / 2)
     return float(half_m[0]) + _MARGIN_M, float(half_m[1]) + _MARGIN_M
 
 
@@ -115,7 +115,7 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
     _lab(axes, lab, filled=False)
     cells = GroundCells(ground_of(lab))
     passed = [visited_cells(flight["path"], cells) for flight in flown]
-    half_x, half_y = lab.carpet_size_m[0] / 2, lab.carpet_size_m[1] / 2
+    half_x, half_y = lab.ground_size_m[0] / 2, lab.ground_size_m[1] / 2
     image = axes.imshow(
         100.0 * np.mean(passed, axis=0),
         origin="lower",
@@ -134,10 +134,10 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
 
 def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
     axes.add_patch(
-        Polygon(lab.outline(), facecolor=_CARPET if filled else "none", edgecolor="#adb5bd")
+        Polygon(lab.outline(), facecolor=_GROUND if filled else "none", edgecolor="#adb5bd")
     )
-    if lab.helipad is not None:
-        pad = lab.helipad
+    if lab.mark is not None:
+        pad = lab.mark
         pad_face = "none" if filled else "white"
         axes.add_patch(
             Polygon(pad.corners(), facecolor=pad_face, edgecolor=_INK_PAD, linewidth=1.4)
@@ -206,9 +206,9 @@ def ground_of(lab: LabMap) -> Ground:
     """Return the ground of a map."""
     if lab.ground is not None:
         return lab.ground
-    items = lab.boxes if lab.helipad is None else (*lab.boxes, lab.helipad)
+    items = lab.boxes if lab.mark is None else (*lab.boxes, lab.mark)
     return Ground(
-        size_m=lab.carpet_size_m,
+        size_m=lab.ground_size_m,
         standing=tuple(
             Standing(
                 footprint=Footprint(

@@ -34,7 +34,7 @@ class PaperFigure:
 
 
 _FIGURES: Final = {
-    "time_to_find_helipad_s": (
+    "time_to_find_mark_s": (
         PaperFigure(mission=_DEPTH, text="depth: most at 10-15 s", span=(10.0, 15.0)),
     ),
     "time_to_land_s": (

@@ -25,7 +25,7 @@ _METRIC_NOTES: Final = {
     "": "Flights: the number of flights that reached the metric.",
     "explore_distance_m": f"The first {EXPLORE_S:.0f} s begin with the take-off command; shorter "
     "flights do not count.",
-    "search_distance_m": "The search lasts from the end of exploration until the helipad is found.",
+    "search_distance_m": "The search lasts from the end of exploration until the mark is found.",
     "coverage_passed": f"Passed: within {PASSED_M:g} m of the flown path. Seen: in view, not "
     f"hidden, within {SEEN_M:g} m of the lens.",
     "min_clearance_m": "Least clearance: the smallest distance of the hull from a box or mover.",

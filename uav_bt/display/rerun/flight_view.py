@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import rerun as rr
 
-from uav_bt.board import CLASS_MAP, CORRIDOR, HELIPAD, METRIC_DEPTH, SITE_MAP
+from uav_bt.board import CLASS_MAP, CORRIDOR, MARK, METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.flown_path import FlownPath
@@ -72,7 +72,7 @@ class FlightView:
         class_map, depth = board.read(CLASS_MAP).value, board.read(METRIC_DEPTH).value
         corridor, site_map = board.read(CORRIDOR).value, board.read(SITE_MAP).value
         near = None if site_map is None else site_map.near
-        fix = board.read(HELIPAD).value
+        fix = board.read(MARK).value
         self._world.show_drone(record.time_s, self._flown)
         self._world.show_movers(self._flown.movers)
         self._world.show_lens(frame)

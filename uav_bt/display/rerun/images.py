@@ -1,4 +1,4 @@
-"""Images in Rerun with overlays: camera, mask edges, helipad, intrusions, mask, metric depth."""
+"""Images in Rerun with overlays: camera, mask edges, mark, intrusions, mask, metric depth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uav_bt.display.video.depth_panes import FARTHEST_M, intruding_pixels
 from uav_bt.display.video.panes import pad_circle
 from uav_bt.lab.roles import OUTSIDE
 from uav_bt.record.images import encode_image
-from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
+from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, MarkFix
 
 _EDGE_PX: Final = 1.2  # half the width of drawn lines, pixels of the image
 _SHOWN_M: Final = 0.35  # distance of the image from the lens in the 3D view
@@ -75,8 +75,8 @@ class ImageView:
             static=True,
         )
 
-    def show_frame(self, frame: Frame | None, fix: HelipadFix | None) -> None:
-        """Draw the camera's image if it is new, and the mark of the helipad on it."""
+    def show_frame(self, frame: Frame | None, fix: MarkFix | None) -> None:
+        """Draw the camera's image if it is new, and a ring around the landing mark."""
         if frame is None:
             return
         if frame.index != self._frame_index:
@@ -87,11 +87,11 @@ class ImageView:
             self._stream.log(f"{LENS}/image", image)
         ring = None if fix is None else pad_circle(fix, frame, self._setting.camera)
         if ring is None or fix is None:
-            self._entities.clear(f"{LENS}/helipad")
+            self._entities.clear(f"{LENS}/mark")
             return
         colour = ACCENT if fix.detected else INK
         strip = np.asarray(circle(*ring), dtype=np.float32)
-        self._draw(f"{LENS}/helipad", [strip], colour, [f"helipad {fix.range_m:.2f} m"])
+        self._draw(f"{LENS}/mark", [strip], colour, [f"mark {fix.range_m:.2f} m"])
 
     def show_mask(self, class_map: ClassMap | None) -> None:
         """Draw the mask, and its edges on the camera's image."""

@@ -16,7 +16,7 @@ from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour
 from uav_bt.display.rerun.setting import FREE_DISTANCE, HEADING, HEIGHT, TICK_TIME, TREE, TreeNode
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
-from uav_bt.types import Corridor, HelipadFix, MoveBy, NearObstacles, wrap_angle
+from uav_bt.types import Corridor, MarkFix, MoveBy, NearObstacles, wrap_angle
 
 _BLUE: Final[Colour] = (94, 205, 255)
 
@@ -29,7 +29,7 @@ class _Series:
 
 _SERIES: Final = {
     f"{HEADING}/turn": _Series(name="of the turn", colour=ACCENT),
-    f"{HEADING}/helipad": _Series(name="to the helipad", colour=_BLUE),
+    f"{HEADING}/mark": _Series(name="to the mark", colour=_BLUE),
     f"{HEIGHT}/telemetry": _Series(name="telemetry", colour=ACCENT),
     f"{HEIGHT}/true": _Series(name="true", colour=_BLUE),
     f"{FREE_DISTANCE}/ahead": _Series(name="ahead", colour=ACCENT),
@@ -79,7 +79,7 @@ class FlightPlots:
         *,
         corridor: Corridor | None,
         near: NearObstacles | None,
-        fix: HelipadFix | None,
+        fix: MarkFix | None,
     ) -> None:
         """Draw a tick."""
         turn_rad, truth = self._turn.after(record), record.truth
@@ -87,9 +87,9 @@ class FlightPlots:
         intrusion_m = None if corridor is None else corridor.nearest_m
         near_m = None if near is None else near.nearest_m
         clearance_m = None if truth is None else truth.clearance_m
-        height_m = record.observation.state.height_above_carpet_m
+        height_m = record.observation.state.height_above_ground_m
         self._point(f"{HEADING}/turn", None if turn_rad is None else math.degrees(turn_rad))
-        self._point(f"{HEADING}/helipad", None if fix is None else math.degrees(fix.bearing_rad))
+        self._point(f"{HEADING}/mark", None if fix is None else math.degrees(fix.bearing_rad))
         self._point(f"{HEIGHT}/telemetry", height_m)
         self._point(f"{HEIGHT}/true", None if truth is None else truth.pose.z_m)
         self._point(f"{FREE_DISTANCE}/ahead", free_m)

@@ -65,13 +65,13 @@ class ViewSetting:
 
 TIMELINE: Final = "flight"  # seconds since the first tick
 
-WORLD: Final = "world"  # metres, z up, the origin in the middle of the carpet
+WORLD: Final = "world"  # metres, z up, the origin in the middle of the ground
 LAB: Final = f"{WORLD}/lab"
 PATH: Final = f"{WORLD}/path"
 BODY: Final = f"{WORLD}/drone"
 CORRIDOR: Final = f"{WORLD}/corridor"  # in the heading-aligned frame: x forward, y left, z up
 OBSTACLES: Final = f"{WORLD}/obstacles"
-FIX: Final = f"{WORLD}/helipad_fix"
+FIX: Final = f"{WORLD}/mark_fix"
 LENS: Final = f"{WORLD}/camera"  # image and overlays, in pixels of the image
 DEPTH_LENS: Final = f"{WORLD}/depth"  # the same lens at the size of the depth map
 MASK: Final = "mask"

@@ -32,7 +32,7 @@ class SiteMapView:
     def __init__(self, stream: rr.RecordingStream, lab_map: LabMap | None) -> None:
         self._stream = stream
         self._lab_map = lab_map
-        extent_m = _NO_LAB_M if lab_map is None else lab_map.carpet_size_m
+        extent_m = _NO_LAB_M if lab_map is None else lab_map.ground_size_m
         self._frame = MapFrame.around(extent_m, _SIZE_PX, margin_m=0.5, footer_px=FOOTER_PX)
         self._alignment = MapAlignment()
         self._drawn_s = -math.inf

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour
 from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.lab_map import CARPET_COLOUR, LabMap, MapItem, phase_colours
+from uav_bt.display.lab_map import GROUND_COLOUR, LabMap, MapItem, phase_colours
 from uav_bt.display.rerun.layout import Entities
 from uav_bt.display.rerun.setting import (
     BODY,
@@ -34,7 +34,7 @@ from uav_bt.types import (
     CameraModel,
     Corridor,
     Frame,
-    HelipadFix,
+    MarkFix,
     MoverState,
     NearObstacles,
     Pose,
@@ -166,8 +166,8 @@ class WorldView:
         )
         self._entities.draw(CORRIDOR, _placed(pose), boxes)
 
-    def show_near(self, near: NearObstacles | None, fix: HelipadFix | None) -> None:
-        """Draw obstacles and edges near the drone, and the helipad at its estimated position."""
+    def show_near(self, near: NearObstacles | None, fix: MarkFix | None) -> None:
+        """Draw obstacles and edges near the drone, and the mark at its estimated position."""
         pose = self._before
         if pose is None:
             return
@@ -175,7 +175,7 @@ class WorldView:
             self._entities.clear(OBSTACLES)
         else:
             points = rr.Points3D(
-                _on_carpet(pose, np.vstack([near.points_m, near.edges_m])),
+                _on_ground(pose, np.vstack([near.points_m, near.edges_m])),
                 colors=[ALARM] * len(near.points_m) + [INK] * len(near.edges_m),
                 radii=_OBSTACLE_M,
             )
@@ -183,10 +183,10 @@ class WorldView:
         if fix is None:
             self._entities.clear(FIX)
             return
-        at = _on_carpet(pose, np.array([[fix.forward_m, fix.right_m]]))
+        at = _on_ground(pose, np.array([[fix.forward_m, fix.right_m]]))
         colour = ACCENT if fix.detected else INK
         sure_m = max(fix.std_m, 0.05)
-        mark = rr.Points3D(at, colors=[colour], radii=sure_m, labels=["helipad"])
+        mark = rr.Points3D(at, colors=[colour], radii=sure_m, labels=["mark"])
         self._entities.draw(FIX, mark)
 
 
@@ -205,30 +205,30 @@ def _lens(pose: Pose, pitch_rad: float, camera: CameraModel) -> rr.Transform3D:
     )
 
 
-def _on_carpet(pose: Pose, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points on the carpet, given forward and right of the body, as world points (N, 3)."""
+def _on_ground(pose: Pose, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points on the ground, given forward and right of the body, as world points (N, 3)."""
     return np.column_stack([pose.points_to_world(points_m * (1.0, -1.0)), np.zeros(len(points_m))])
 
 
 def draw_lab(stream: rr.RecordingStream, lab: LabMap) -> None:
-    """Draw the constant content of the lab: carpet, boxes and helipad."""
-    wide, deep = lab.carpet_size_m
-    carpet = rr.Boxes3D(
+    """Draw the constant content of the lab: ground, boxes and mark."""
+    wide, deep = lab.ground_size_m
+    ground = rr.Boxes3D(
         centers=[[0.0, 0.0, -0.005]],
         half_sizes=[[wide / 2.0, deep / 2.0, 0.005]],
-        colors=[CARPET_COLOUR],
+        colors=[GROUND_COLOUR],
         fill_mode="solid",
     )
-    stream.log(f"{LAB}/carpet", carpet, static=True)
+    stream.log(f"{LAB}/ground", ground, static=True)
     things = [part for box in lab.boxes for part in _parts(box)]
-    if lab.helipad is not None:
-        things.append(lab.helipad)
+    if lab.mark is not None:
+        things.append(lab.mark)
     if things:
         filled = _boxes(things, [thing.colour for thing in things], filled=True)
         stream.log(f"{LAB}/things", filled, static=True)
         stream.log(f"{LAB}/edges", _boxes(things, [INK], filled=False), static=True)
-    if lab.helipad is not None:
-        stream.log(f"{LAB}/h", _letter(lab.helipad), static=True)
+    if lab.mark is not None:
+        stream.log(f"{LAB}/h", _letter(lab.mark), static=True)
 
 
 def _parts(item: MapItem) -> list[MapItem]:

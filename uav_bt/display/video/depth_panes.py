@@ -20,7 +20,7 @@ from uav_bt.types.arrays import Image
 Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
 """Returns which pixels of a depth map are inside the corridor, (H, W)."""
 
-FARTHEST_M: Final = 5.0  # end of the scale: the length of the carpet
+FARTHEST_M: Final = 5.0  # end of the scale: the length of the paper's carpet
 _UNKNOWN: Final[Colour] = (70, 74, 84)  # grey, which is not in the scale
 _BAR_WIDTH_PX: Final = 10
 _OPACITY: Final = 0.6  # opacity of the mark on intruding pixels

@@ -28,7 +28,7 @@ from uav_bt.display.canvas import (
 from uav_bt.display.phrases import describe_fix, describe_movement
 from uav_bt.display.video.depth_panes import empty_pane
 from uav_bt.mission.tick import TickRecord
-from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix
+from uav_bt.types import CameraModel, ClassMap, Frame, MarkFix
 from uav_bt.types.arrays import Image
 from uav_bt.types.projection import camera_axes
 
@@ -45,17 +45,17 @@ class Readings:
     """Data of one tick for the panes."""
 
     record: TickRecord
-    fix: Reading[HelipadFix]
+    fix: Reading[MarkFix]
     class_map: Reading[ClassMap]
     elapsed_s: float  # time since the take-off command
     distance_m: float  # travelled distance
 
 
-def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[float, float, float]:
+def project_fix(fix: MarkFix, frame: Frame, camera: CameraModel) -> tuple[float, float, float]:
     """Return the position of a fix in the camera frame.
 
     Args:
-        fix: position of the helipad.
+        fix: position of the mark.
         frame: the image with its telemetry.
         camera: source of the lens's offset from the body's centre.
 
@@ -63,19 +63,19 @@ def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[flo
         Metres right, down and along the optical axis; the gimbal keeps the horizon level.
     """
     forward_m = fix.forward_m - camera.forward_offset_m
-    below_m = frame.height_above_carpet_m - fix.height_m
+    below_m = frame.height_above_ground_m - fix.height_m
     level_m = np.array([forward_m, fix.right_m, below_m])
     right_m, down_m, depth_m = (level_m @ camera_axes(frame.gimbal_pitch_rad)).tolist()
     return right_m, down_m, depth_m
 
 
 def pad_circle(
-    fix: HelipadFix, frame: Frame, camera: CameraModel
+    fix: MarkFix, frame: Frame, camera: CameraModel
 ) -> tuple[float, float, float] | None:
-    """Return the circle around the helipad in an image; None if it is not in view.
+    """Return the circle around the mark in an image; None if it is not in view.
 
     Args:
-        fix: position of the helipad.
+        fix: position of the mark.
         frame: the image with its telemetry.
         camera: intrinsics at the size of the image.
 
@@ -92,7 +92,7 @@ def pad_circle(
 
 
 def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int]) -> Image:
-    """Return the camera's image with the mark of the helipad and the policy's reason."""
+    """Return the camera's image with a ring around the mark and the policy's reason."""
     record = readings.record
     frame = record.observation.frame
     if frame is None:
@@ -116,13 +116,13 @@ def resize_image(image: Image, size_px: tuple[int, int]) -> Image:
     return np.asarray(cv2.resize(image, size_px, interpolation=interpolation), dtype=np.uint8)
 
 
-def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
-    """Mark the helipad on a frame's image, or point to it beyond the border."""
-    if frame.height_above_carpet_m < fix.height_m + _NEAR_M:
+def mark_fix(image: Image, fix: MarkFix, frame: Frame, camera: CameraModel) -> None:
+    """Draw a ring around the mark in a frame's image, or point to it beyond the border."""
+    if frame.height_above_ground_m < fix.height_m + _NEAR_M:
         return  # on or just above the pad, which fills the view
     height_px, width_px = image.shape[:2]
     colour = ACCENT if fix.detected else INK
-    words = f"helipad {fix.range_m:.2f} m"
+    words = f"mark {fix.range_m:.2f} m"
     ring = pad_circle(fix, frame, camera.resized(width_px, height_px))
     if ring is not None:
         x, y, radius_px = *ring[:2], min(max(ring[2], 10.0), 150.0)
@@ -201,10 +201,10 @@ def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
     rows = [
         ("command", describe_movement(record.command.movement), INK),
         ("drone", state.flying.value.replace("_", " "), INK),
-        ("height", f"{state.height_above_carpet_m:.2f} m above the carpet", INK),
+        ("height", f"{state.height_above_ground_m:.2f} m above the ground", INK),
         ("speed", f"{speed_mps:.2f} m/s,  flown {readings.distance_m:.1f} m", INK),
         ("camera", f"{math.degrees(state.gimbal_pitch_rad):.0f} deg", INK),
-        ("helipad", describe_fix(readings.fix.value, readings.fix.age_s), INK),
+        ("mark", describe_fix(readings.fix.value, readings.fix.age_s), INK),
     ]
     truth = record.truth
     if truth is not None and math.isfinite(truth.clearance_m):

@@ -1,4 +1,4 @@
-"""Video of the perception: image with helipad, class map, metric depth, corridor."""
+"""Video of the perception: image with mark, class map, metric depth, corridor."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uav_bt.display.phrases import describe_fix
 from uav_bt.display.video.class_pane import draw_class_map
 from uav_bt.display.video.depth_panes import draw_corridor, draw_depth
 from uav_bt.display.video.panes import mark_fix, resize_image
-from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
+from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, MarkFix
 from uav_bt.types.arrays import Image
 
 _WIDTH_PX: Final = 1280
@@ -31,7 +31,7 @@ class Seen:
     refusal: str  # reason why depth is missing or reduced
     corridor: Corridor | None
     intruding: NDArray[np.bool_] | None  # (H, W) pixels inside the corridor
-    helipad: HelipadFix | None
+    mark: MarkFix | None
 
 
 class PerceptionPanes:
@@ -67,12 +67,12 @@ class PerceptionPanes:
         return image
 
     def _draw_frame(self, seen: Seen) -> Image:
-        frame, fix = seen.frame, seen.helipad
+        frame, fix = seen.frame, seen.mark
         image = resize_image(frame.image, self._pane_px)
         if fix is not None:
             mark_fix(image, fix, frame, self._camera)
         tag(image, f"{frame.captured_s:.1f} s", (10, 10), colour=DIM)
         age_s = float("inf") if fix is None else frame.captured_s - fix.captured_s
-        words = f"helipad: {describe_fix(fix, age_s)}"
+        words = f"mark: {describe_fix(fix, age_s)}"
         tag(image, words, (10, self._pane_px[1] - 30), colour=DIM if fix is None else ACCENT)
         return image

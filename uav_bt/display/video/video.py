@@ -15,7 +15,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH, SITE_MAP
+from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, MARK, METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.canvas import ACCENT, ALARM, BACKDROP, INK, PANEL, Colour, put, text_width_px
 from uav_bt.display.flown_path import FlownPath
@@ -114,7 +114,7 @@ class Panes:
         """Return the image of a tick; the next call overwrites it."""
         readings = Readings(
             record=record,
-            fix=self._board.read(HELIPAD),
+            fix=self._board.read(MARK),
             class_map=self._board.read(CLASS_MAP),
             elapsed_s=self._board.read(ELAPSED).value or 0.0,
             distance_m=flown.distance_m,
@@ -161,7 +161,7 @@ class Panes:
         return self._map.draw(
             flown,
             pitch_rad=state.gimbal_pitch_rad,
-            height_m=state.height_above_carpet_m,
+            height_m=state.height_above_ground_m,
             fix=readings.fix.value,
         )
 

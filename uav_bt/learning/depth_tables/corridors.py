@@ -49,7 +49,7 @@ def corridor_table(
 
     Args:
         images: the images.
-        masks: source of the masks, which separate objects from carpet and background and give the
+        masks: source of the masks, which separate objects from ground and background and give the
             ground contacts.
         advance: called after each setting.
     """

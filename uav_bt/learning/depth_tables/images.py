@@ -180,7 +180,7 @@ def _telemetry(
             attitude=sensed.attitude,
             altitude_m=sensed.altitude_m,
             height_m=sensed.height_m,
-            height_above_carpet_m=sensed.height_above_carpet_m,
+            height_above_ground_m=sensed.height_above_ground_m,
         )
 
     return frame_of

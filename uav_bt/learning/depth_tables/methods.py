@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from behaviours.perceive.depth import NETWORK_AHEAD_M
 from perception.camera.ground_plane import CameraView, ground_depth, view_of
 from perception.depth.metric import MetricDepthConfig, MetricDepthMaker
-from perception.depth.scale import CarpetSample, Scale
+from perception.depth.scale import GroundSample, Scale
 from uav_bt.errors import ShapeError
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.types import ClassMap, DepthMap, Frame
@@ -35,7 +35,7 @@ class CollectedScale:
         self._known: list[float] = []
         self._predicted: list[float] = []
 
-    def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
+    def update(self, sample: GroundSample | None, captured_s: float) -> Scale | None:
         """Add a frame and return the scale of all frames; None before the first sample."""
         del captured_s  # a constant has no age
         if sample is not None:
@@ -68,7 +68,7 @@ def lowest_pixel_depth(class_map: ClassMap, view: CameraView) -> NDArray[np.floa
 
     Raises:
         ShapeError: the sizes of map and view differ.
-        ValueRangeError: the lens is not above the carpet.
+        ValueRangeError: the lens is not above the ground.
     """
     size = (view.camera.height_px, view.camera.width_px)
     if class_map.ids.shape != size:
@@ -143,7 +143,7 @@ class Error:
         """Return the frame with the error."""
         return replace(
             frame,
-            height_above_carpet_m=frame.height_above_carpet_m + self.height_m,
+            height_above_ground_m=frame.height_above_ground_m + self.height_m,
             gimbal_pitch_rad=max(-math.pi / 2, frame.gimbal_pitch_rad + self.pitch_rad),
         )
 
@@ -169,7 +169,7 @@ def metric_maps(
         images: images in the order of their capture.
         masks: source of the masks.
         error: additional error of the telemetry; None: only that of the sensors.
-        seed: random seed of the carpet samples.
+        seed: random seed of the ground samples.
     """
     wrong = error or Error()
     frames = [wrong.on(image.frame) for image in images]

@@ -92,7 +92,7 @@ class DepthQuestions:
     def distance_errors(
         self, maps: Sequence[DepthMap], *, obstacle: bool | None = None
     ) -> ErrorSummary:
-        """Summarise the errors of distances from the camera: obstacles, carpet, or both (None)."""
+        """Summarise the errors of distances from the camera: obstacles, ground, or both (None)."""
         estimated, truth = [], []
         for map_, points, image in zip(maps, self.points, self.images, strict=True):
             counts = np.full(len(points), True) if obstacle is None else points.obstacle == obstacle
@@ -138,7 +138,7 @@ class DistanceRow:
     """Errors of one method's distances from the camera."""
 
     method: str
-    what: str  # "obstacles", "carpet" or "both"
+    what: str  # "obstacles", "ground" or "both"
     error: ErrorSummary
 
 
@@ -154,9 +154,9 @@ def distance_table(
                 what=what,
                 error=questions.distance_errors(maps, obstacle=obstacle),
             )
-            for what, obstacle in (("both", None), ("obstacles", True), ("carpet", False))
+            for what, obstacle in (("both", None), ("obstacles", True), ("ground", False))
         )
-    return sorted(rows, key=lambda row: ("both", "obstacles", "carpet").index(row.what))
+    return sorted(rows, key=lambda row: ("both", "obstacles", "ground").index(row.what))
 
 
 def _all_maps(

@@ -22,7 +22,7 @@ Report = TypeVar("Report", DroneState, Frame)
 
 def height(report: Report, height_m: float) -> Report:
     """Return a height in place of all heights."""
-    return replace(report, altitude_m=height_m, height_m=height_m, height_above_carpet_m=height_m)
+    return replace(report, altitude_m=height_m, height_m=height_m, height_above_ground_m=height_m)
 
 
 def raised(report: Report, by_m: float) -> Report:
@@ -31,7 +31,7 @@ def raised(report: Report, by_m: float) -> Report:
         report,
         altitude_m=report.altitude_m + by_m,
         height_m=report.height_m + by_m,
-        height_above_carpet_m=report.height_above_carpet_m + by_m,
+        height_above_ground_m=report.height_above_ground_m + by_m,
     )
 
 

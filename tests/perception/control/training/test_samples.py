@@ -94,7 +94,7 @@ def test_views_near_obstacles_are_drawn_more_often() -> None:
     assert (drawn == 0.0).mean() == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.parametrize("changed", [{"gimbal_pitch_rad": -1.3}, {"height_above_carpet_m": 0.5}])
+@pytest.mark.parametrize("changed", [{"gimbal_pitch_rad": -1.3}, {"height_above_ground_m": 0.5}])
 def test_views_of_other_parts_of_the_mission_are_left_out(changed: dict[str, float]) -> None:
     with pytest.raises(ValueRangeError, match="no view to learn from"):
         flight_of(FREE, BLOCKED, **changed)

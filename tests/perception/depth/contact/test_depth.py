@@ -81,7 +81,7 @@ def test_two_boxes_with_the_same_roof_keep_their_heights() -> None:
     assert np.nanpercentile(error_m, 90) < 0.05
 
 
-def test_the_helipad_is_known_by_its_height() -> None:
+def test_the_mark_is_known_by_its_height() -> None:
     drawn = look(pad=Helipad(position_m=(1.0, 0.2), yaw_deg=25.0))
     pad = (drawn.ids == HELIPAD_H) | (drawn.ids == HELIPAD_BOX)
     error_m = np.abs(estimate(drawn).depth - drawn.depth)[pad]
@@ -91,7 +91,7 @@ def test_the_helipad_is_known_by_its_height() -> None:
     assert np.nanpercentile(error_m, 95) < 0.05
 
 
-def test_straight_down_the_helipad_is_known_too() -> None:
+def test_straight_down_the_mark_is_known_too() -> None:
     """All around the nadir, where azimuths go once around."""
     drawn = look(pad=Helipad(position_m=(-1.0, 0.0)), pitch_rad=-math.pi / 2)
     panel = drawn.ids == HELIPAD_H
@@ -99,17 +99,17 @@ def test_straight_down_the_helipad_is_known_too() -> None:
     assert estimate(drawn).depth[panel] == pytest.approx(drawn.depth[panel], abs=0.002)
 
 
-def test_the_carpet_is_exact_and_the_background_unknown() -> None:
+def test_the_ground_is_exact_and_the_background_unknown() -> None:
     drawn = look(box(1.0, 0.3))
     found = estimate(drawn)
 
-    carpet = drawn.ids == CARPET
-    assert found.depth[carpet] == pytest.approx(drawn.depth[carpet], abs=1e-3)
+    ground = drawn.ids == CARPET
+    assert found.depth[ground] == pytest.approx(drawn.depth[ground], abs=1e-3)
     assert np.isnan(found.depth[drawn.ids == BACKGROUND]).all()
 
 
 def test_a_base_below_the_image_is_unknown_but_bounded() -> None:
-    """A box that fills the view's lower middle is nearer than the carpet beside it."""
+    """A box that fills the view's lower middle is nearer than the ground beside it."""
     drawn = look(box(0.2, 0.0))
     found = estimate(drawn)
     sides = drawn.ids == BOXES[0]
@@ -144,7 +144,7 @@ def test_a_base_that_is_hidden_entirely_is_unknown() -> None:
 
 
 def test_specks_and_blurred_borders_of_the_mask_do_no_harm() -> None:
-    """Some wrong pixels on the carpet, and a line of background between carpet and box."""
+    """Some wrong pixels on the ground, and a line of background between ground and box."""
     drawn = look(box(1.0, 0.3, yaw_deg=20.0))
     ids = drawn.ids.copy()
     lower = (ids[:-1] == BOXES[0]) & (ids[1:] == CARPET)
@@ -214,7 +214,7 @@ def test_wrong_input_is_refused() -> None:
         contact_depth(paper_map(np.ones((112, 224), dtype=np.uint8)), low)
 
 
-def test_below_the_helipads_top_its_top_is_not_guessed() -> None:
+def test_below_the_marks_top_its_top_is_not_guessed() -> None:
     """A lens lower than the pad sees sides only; the panel has no place then."""
     view = CameraView(camera=CAMERA, pitch_rad=-0.2, height_m=0.3)
     ids = np.full((112, 224), CARPET, dtype=np.uint8)
@@ -300,7 +300,7 @@ def test_a_memory_that_strays_stays_within_its_bound() -> None:
 
 @pytest.mark.parametrize("pitch_deg", [-15.0, -8.0])
 def test_nothing_is_claimed_to_be_beyond_the_lab(pitch_deg: float) -> None:
-    """Mask noise of a box at the horizon has no base: the carpet ends nearer."""
+    """Mask noise of a box at the horizon has no base: the ground ends nearer."""
     view = CameraView(camera=CAMERA, pitch_rad=math.radians(pitch_deg), height_m=1.5)
     ids = np.full((SIZE[1], SIZE[0]), CARPET, dtype=np.uint8)
     horizon = round(CAMERA.cy_px + CAMERA.fy_px * math.tan(view.pitch_rad))

@@ -109,7 +109,7 @@ def test_of_two_boxes_with_one_roof_only_the_hidden_one_asks_the_network() -> No
     assert np.nanmedian(error_m[drawn.ids == BOXES[0]]) < 0.03
 
 
-def test_a_network_cannot_stand_a_side_behind_the_carpet_below_it() -> None:
+def test_a_network_cannot_stand_a_side_behind_the_ground_below_it() -> None:
     drawn = look(near_box())
     sides = drawn.ids == BOXES[0]
     found = estimate(drawn, 5.0 * drawn.depth)

@@ -71,7 +71,7 @@ def test_a_corner_that_another_thing_makes_is_not_picked() -> None:
 
 
 @pytest.mark.parametrize("thing", [CARPET, BACKGROUND])
-def test_the_nearer_carpet_hides_no_base(thing: int) -> None:
+def test_the_nearer_ground_hides_no_base(thing: int) -> None:
     scenery = one_face().paint(thing, np.s_[81:], np.s_[:], 1.5)
     assert (138, 78) in corners(scenery.pick())
 

@@ -40,14 +40,14 @@ def test_the_unit_of_relative_depth_does_not_matter() -> None:
     assert score.delta_1 == 1.0
 
 
-def test_obstacles_are_measured_with_the_carpets_scale() -> None:
+def test_obstacles_are_measured_with_the_grounds_scale() -> None:
     score = score_depth([_sample(factor=3.0, obstacle=1.1)])
     assert score.obstacle_error_m == pytest.approx(0.2, rel=1e-4)
     assert score.obstacle_abs_rel == pytest.approx(0.1, rel=1e-4)
-    assert score.carpet_error_m == pytest.approx(0.0, abs=1e-6)
+    assert score.ground_error_m == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_view_without_carpet_has_no_metric_error() -> None:
+def test_a_view_without_ground_has_no_metric_error() -> None:
     sample = _sample()
     blind = replace(sample, roles=np.full_like(sample.roles, OBSTACLE))
     score = score_depth([blind, sample])
@@ -124,7 +124,7 @@ IDS[60:] = CARPET
 DEPTH_M = np.full((112, 224), 2.0, dtype=np.float32)
 
 
-def test_points_lie_inside_obstacles_and_carpet() -> None:
+def test_points_lie_inside_obstacles_and_ground() -> None:
     points = draw_points(paper_map(IDS), DEPTH_M, CAMERA, np.random.default_rng(0))
     columns, rows = points.pixels.T
     assert len(points) == 80

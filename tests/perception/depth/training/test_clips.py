@@ -54,7 +54,7 @@ def test_references_are_near_enough_and_far_enough(flight: clips.Flight) -> None
     for seed in range(8):
         clip = source.draw(np.random.default_rng(seed))
         moved_m = np.linalg.norm(clip.motions[:, :, 3], axis=1)
-        assert (moved_m > 0.09).all()  # measured on the carpet, chosen by telemetry
+        assert (moved_m > 0.09).all()  # measured on the ground, chosen by telemetry
         assert (moved_m < 0.33).all()
 
 

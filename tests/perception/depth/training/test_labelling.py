@@ -91,7 +91,7 @@ def test_a_frame_of_another_size_is_refused(known: KnownFlight) -> None:
 # --- labels ---------------------------------------------------------------------------------------
 
 
-def test_ground_contacts_label_carpet_and_boxes(known: KnownFlight) -> None:
+def test_ground_contacts_label_ground_and_boxes(known: KnownFlight) -> None:
     labels = labelling.contact_labels(known.footage, _Exact(known), labelling.LabelConfig(every=5))
     assert labels.depth_m.shape == (12, 128, 160)
     big = cv2.resize(
@@ -138,7 +138,7 @@ def test_frames_come_back_with_their_telemetry(known: KnownFlight) -> None:
     frames = list(labelling.frames_of(known.footage))
     assert len(frames) == 12
     assert frames[4].index == 12
-    assert frames[4].height_above_carpet_m == known.footage.height_above_carpet_m[4]
+    assert frames[4].height_above_ground_m == known.footage.height_above_ground_m[4]
     assert frames[4].attitude.yaw_rad == known.footage.attitude_rad[4, 2]
 
 

@@ -25,7 +25,7 @@ RATE = 10
 
 
 def flight(count: int = 4) -> list[Image]:
-    """Fly towards a box at half a metre a second, 1.5 m above the carpet."""
+    """Fly towards a box at half a metre a second, 1.5 m above the ground."""
     scene = Scene(
         name="small",
         helipad=Helipad(position_m=(0.3, -0.9)),

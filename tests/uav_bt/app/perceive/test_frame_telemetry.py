@@ -27,7 +27,7 @@ def flown(tmp_path: Path) -> FlightTelemetry:
             place,
             10.0 + place,
             gimbal_pitch_rad=-0.5 - 0.1 * place,
-            height_above_carpet_m=1.4 + place,
+            height_above_ground_m=1.4 + place,
             yaw_rad=yaw_rad,
         )
         for place, yaw_rad in enumerate((3.0, -3.2, -3.1))
@@ -41,7 +41,7 @@ def test_a_fixed_camera_has_the_same_pose_in_every_frame_and_no_states() -> None
     fixed = FixedTelemetry(height_m=1.2, gimbal_pitch_rad=-0.6)
     frame = fixed.frame(IMAGE, 7, 3.5)
     assert (frame.index, frame.captured_s) == (7, 3.5)
-    assert (frame.height_above_carpet_m, frame.gimbal_pitch_rad) == (1.2, -0.6)
+    assert (frame.height_above_ground_m, frame.gimbal_pitch_rad) == (1.2, -0.6)
     assert fixed.states(10.0) == []
 
 
@@ -53,13 +53,13 @@ def test_a_pose_that_cannot_be_is_refused(pose: tuple[float, float]) -> None:
 
 def test_a_flights_telemetry_begins_with_its_video(flown: FlightTelemetry) -> None:
     assert flown.times_s == pytest.approx([0.0, 1.0, 2.0])
-    assert flown.frame(IMAGE, 0, 0.0).height_above_carpet_m == pytest.approx(1.4)
+    assert flown.frame(IMAGE, 0, 0.0).height_above_ground_m == pytest.approx(1.4)
 
 
 def test_between_two_frames_telemetry_is_interpolated(flown: FlightTelemetry) -> None:
     between = flown.frame(IMAGE, 0, 0.5)
     assert between.gimbal_pitch_rad == pytest.approx(-0.55)
-    assert between.height_above_carpet_m == pytest.approx(1.9)
+    assert between.height_above_ground_m == pytest.approx(1.9)
     # From 3.0 to -3.2 the short way across pi is 0.08 rad, the long way 6.2 rad.
     assert math.cos(between.attitude.yaw_rad) < -0.99
 
@@ -68,7 +68,7 @@ def test_between_two_frames_telemetry_is_interpolated(flown: FlightTelemetry) ->
 def test_beyond_the_flights_ends_the_height_is_unknown(
     flown: FlightTelemetry, time_s: float
 ) -> None:
-    assert math.isnan(flown.frame(IMAGE, 0, time_s).height_above_carpet_m)
+    assert math.isnan(flown.frame(IMAGE, 0, time_s).height_above_ground_m)
 
 
 def test_states_come_once_and_up_to_the_time_asked_for(flown: FlightTelemetry) -> None:

@@ -42,7 +42,7 @@ class Painted:
 
 
 class Halves:
-    """A depth network whose unit is 2 m, exact on the carpet."""
+    """A depth network whose unit is 2 m, exact on the ground."""
 
     def estimate(self, frame: Frame) -> DepthMap:
         exact = ground_depth(view_of(frame, CAMERA, SIZE))
@@ -50,15 +50,15 @@ class Halves:
         return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
 
 
-def carpet() -> NDArray[np.uint8]:
-    """Class ids: carpet up to 4 m, background beyond."""
+def bare_ground() -> NDArray[np.uint8]:
+    """Class ids: ground up to 4 m, background beyond."""
     exact = ground_depth(view_of(frame(), CAMERA, SIZE))
     return np.where(exact < 4.0, CARPET, BACKGROUND).astype(np.uint8)
 
 
 def with_box(near_row: int = 80) -> NDArray[np.uint8]:
-    """Class ids of a box in the middle of the image, which meets the carpet at a row."""
-    ids = carpet()
+    """Class ids of a box in the middle of the image, which meets the ground at a row."""
+    ids = bare_ground()
     ids[:near_row, 96:128] = BOX
     return ids
 
@@ -68,7 +68,7 @@ def frame(index: int = 0, **changes: float) -> Frame:
     values = {
         "captured_s": 0.1 * index,
         "gimbal_pitch_rad": PITCH_RAD,
-        "height_above_carpet_m": 1.5,
+        "height_above_ground_m": 1.5,
     } | changes
     image = np.random.default_rng(index).integers(40, 200, (36, 64, 3), dtype=np.uint8)
     return Frame(image=image, index=index, **values)
@@ -93,8 +93,8 @@ def pipeline(
 
 
 def pad_at(forward_m: float, right_m: float) -> NDArray[np.uint8]:
-    """Paint a helipad's H and rim where a pad 0.4 m high would appear."""
-    ids = carpet()
+    """Paint a mark's H and rim where a pad 0.4 m high would appear."""
+    ids = bare_ground()
     ahead_m = forward_m - CAMERA.forward_offset_m
     column, row = project([ahead_m, right_m, 1.1], MAP_CAMERA, PITCH_RAD)
     rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
@@ -104,18 +104,18 @@ def pad_at(forward_m: float, right_m: float) -> NDArray[np.uint8]:
     return ids
 
 
-def test_carpet_has_the_depth_of_the_ground_and_the_corridor_is_clear() -> None:
-    seen = pipeline(carpet()).perceive(frame())
+def test_ground_has_the_depth_of_the_ground_and_the_corridor_is_clear() -> None:
+    seen = pipeline(bare_ground()).perceive(frame())
     exact = ground_depth(view_of(frame(), CAMERA, SIZE))
-    on_carpet = seen.class_map.ids == CARPET
+    on_ground = seen.class_map.ids == CARPET
     assert seen.depth is not None
-    assert seen.depth.depth[on_carpet] == pytest.approx(exact[on_carpet])
+    assert seen.depth.depth[on_ground] == pytest.approx(exact[on_ground])
     assert seen.corridor is not None
     assert seen.corridor.nearest_side is None
     assert seen.corridor.free_distance_m == math.inf
     assert seen.intruding is not None
     assert not seen.intruding.any()
-    assert (seen.refusal, seen.helipad, seen.relative) == ("", None, None)
+    assert (seen.refusal, seen.mark, seen.relative) == ("", None, None)
 
 
 def test_a_box_ahead_intrudes_where_it_stands_and_only_its_pixels_are_marked() -> None:
@@ -139,8 +139,8 @@ def test_telemetry_gives_the_time_to_impact() -> None:
     assert seen.corridor.time_to_impact_s == pytest.approx(expected_s)
 
 
-def test_a_networks_depth_is_scaled_by_the_carpet() -> None:
-    seen = pipeline(carpet(), Halves()).perceive(frame())
+def test_a_networks_depth_is_scaled_by_the_ground() -> None:
+    seen = pipeline(bare_ground(), Halves()).perceive(frame())
     assert seen.scale is not None
     assert seen.scale.factor == pytest.approx(2.0, rel=1e-3)
     assert seen.depth is not None
@@ -151,9 +151,9 @@ def test_a_networks_depth_is_scaled_by_the_carpet() -> None:
 @pytest.mark.parametrize(
     ("ids", "changes", "words"),
     [
-        (carpet(), {"height_above_carpet_m": math.nan}, "telemetry is not finite"),
-        (carpet(), {"height_above_carpet_m": 0.0}, "no height above the carpet"),
-        (np.zeros(SIZE[::-1], np.uint8), {}, "nothing in view stands on carpet"),
+        (bare_ground(), {"height_above_ground_m": math.nan}, "telemetry is not finite"),
+        (bare_ground(), {"height_above_ground_m": 0.0}, "no height above the ground"),
+        (np.zeros(SIZE[::-1], np.uint8), {}, "nothing in view stands on ground"),
     ],
     ids=["no telemetry", "on the ground", "only background"],
 )
@@ -169,11 +169,11 @@ def test_what_has_no_depth_says_why_and_has_no_corridor(
 
 def test_a_black_frame_has_no_depth() -> None:
     black = replace(frame(), image=np.zeros((36, 64, 3), np.uint8))
-    assert pipeline(carpet()).perceive(black).refusal == "the frame is black"
+    assert pipeline(bare_ground()).perceive(black).refusal == "the frame is black"
 
 
 def test_a_picture_that_stands_still_while_the_drone_flies_is_frozen() -> None:
-    flying, first = pipeline(carpet(), Halves()), frame()
+    flying, first = pipeline(bare_ground(), Halves()), frame()
     again = replace(first, index=1, captured_s=0.1)
     assert flying.perceive(first, [state(0.0)]).refusal == ""
     frozen = flying.perceive(again, [state(0.1)])
@@ -183,47 +183,47 @@ def test_a_picture_that_stands_still_while_the_drone_flies_is_frozen() -> None:
 
 @pytest.mark.parametrize("states", [[], [state(0.0, forward_mps=0.0)]], ids=["unknown", "hovers"])
 def test_the_same_picture_is_no_fault_where_nothing_moves(states: list[DroneState]) -> None:
-    standing, first = pipeline(carpet()), frame()
+    standing, first = pipeline(bare_ground()), frame()
     standing.perceive(first, states)
     assert standing.perceive(replace(first, index=1, captured_s=0.1)).refusal == ""
 
 
-def test_a_helipad_is_placed_where_it_is() -> None:
+def test_a_mark_is_placed_where_it_is() -> None:
     seen = pipeline(pad_at(2.0, 0.5)).perceive(frame())
-    assert seen.helipad is not None
-    assert seen.helipad.detected
-    assert (seen.helipad.forward_m, seen.helipad.right_m) == pytest.approx((2.0, 0.5), abs=0.05)
+    assert seen.mark is not None
+    assert seen.mark.detected
+    assert (seen.mark.forward_m, seen.mark.right_m) == pytest.approx((2.0, 0.5), abs=0.05)
 
 
-def test_without_telemetry_a_helipad_is_told_only_while_it_is_seen() -> None:
+def test_without_telemetry_a_mark_is_told_only_while_it_is_seen() -> None:
     segmenter = Painted(pad_at(2.0, 0.5))
     blind = Pipeline(segmenter, None, CAMERA, generator=np.random.default_rng(0))
-    assert blind.perceive(frame(0)).helipad is not None
-    segmenter.ids = carpet()
-    assert blind.perceive(frame(1)).helipad is None
+    assert blind.perceive(frame(0)).mark is not None
+    segmenter.ids = bare_ground()
+    assert blind.perceive(frame(1)).mark is None
 
 
-def test_telemetry_carries_a_helipad_until_it_is_lost() -> None:
+def test_telemetry_carries_a_mark_until_it_is_lost() -> None:
     segmenter = Painted(pad_at(2.0, 0.5))
     flying = Pipeline(segmenter, None, CAMERA, generator=np.random.default_rng(0))
     flying.perceive(frame(0), [state(0.0)])
-    segmenter.ids = carpet()
-    carried = flying.perceive(frame(10), [state(1.0)]).helipad
+    segmenter.ids = bare_ground()
+    carried = flying.perceive(frame(10), [state(1.0)]).mark
     assert carried is not None
     assert not carried.detected
     assert carried.forward_m == pytest.approx(1.5, abs=0.05)
-    assert flying.perceive(frame(130), [state(13.0, 0.0)]).helipad is None
+    assert flying.perceive(frame(130), [state(13.0, 0.0)]).mark is None
 
 
-def test_a_helipad_is_not_placed_from_a_height_nobody_knows() -> None:
-    seen = pipeline(pad_at(2.0, 0.5)).perceive(frame(height_above_carpet_m=math.nan))
-    assert seen.helipad is None
+def test_a_mark_is_not_placed_from_a_height_nobody_knows() -> None:
+    seen = pipeline(pad_at(2.0, 0.5)).perceive(frame(height_above_ground_m=math.nan))
+    assert seen.mark is None
 
 
 def test_every_stage_is_timed() -> None:
     ticks = iter(range(100))
     timed = Pipeline(
-        Painted(carpet()),
+        Painted(bare_ground()),
         Halves(),
         CAMERA,
         generator=np.random.default_rng(0),
@@ -235,14 +235,14 @@ def test_every_stage_is_timed() -> None:
 
 def test_frames_of_a_distorting_lens_are_straightened() -> None:
     bent = replace(CAMERA, distortion=(-0.3, 0.1, 0.0, 0.0, 0.0))
-    straight = pipeline(carpet(), camera=bent)
+    straight = pipeline(bare_ground(), camera=bent)
     assert straight.camera.distortion == ()
     assert not np.array_equal(straight.perceive(frame()).frame.image, frame().image)
 
 
 def test_a_frame_of_another_size_is_refused() -> None:
     with pytest.raises(ShapeError, match="36x64, as its camera"):
-        pipeline(carpet()).perceive(replace(frame(), image=np.zeros((36, 65, 3), np.uint8)))
+        pipeline(bare_ground()).perceive(replace(frame(), image=np.zeros((36, 65, 3), np.uint8)))
 
 
 def test_a_config_that_makes_no_sense_is_refused() -> None:

@@ -55,7 +55,7 @@ def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list
         "segmentation",
         "metric_depth",
         "corridor",
-        "helipad",
+        "mark",
         "all",
     }
     assert facts(tmp_path / "seen.mp4") == ((1280, 720), pytest.approx([0.0, 0.1, 0.2, 0.3]))

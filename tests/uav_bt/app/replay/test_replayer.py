@@ -42,7 +42,7 @@ from uav_bt.types.flight_results import EventKind
 PERCEIVING = """
 <ReactiveSequence>
   <Segment model="unet"/>
-  <FindHelipad/>
+  <FindMark/>
   <TrackMotion/>
   <MapSite/>
   <Sequence>

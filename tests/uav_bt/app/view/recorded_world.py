@@ -17,7 +17,7 @@ from uav_bt.tree import Status
 MISSION = """
 <ReactiveSequence name="mission">
   <Segment model="unet"/>
-  <FindHelipad/>
+  <FindMark/>
   <TrackMotion/>
   <MapSite/>
   <Sequence name="hop">

@@ -48,7 +48,7 @@ def test_board_and_statuses_are_those_after_each_tick(
     flown: tuple[Path, Seen], playback: Playback
 ) -> None:
     seen = flown[1]
-    names = ("class_map", "helipad", "phase", "elapsed_s", "frame")
+    names = ("class_map", "mark", "phase", "elapsed_s", "frame")
     for tick, board, statuses in zip(playback.ticks(), seen.boards, seen.statuses, strict=True):
         again = playback.board.snapshot()
         for name in names:

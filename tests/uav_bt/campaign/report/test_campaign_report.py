@@ -32,9 +32,9 @@ from uav_bt.mission.judge import JudgeConfig
 
 PAGE, FILES = "html", "campaign_report"  # modules that draw the pictures of the page and the files
 LAB = LabMap(
-    carpet_size_m=(5.0, 4.0),
+    ground_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9)),),
-    helipad=MapItem(x_m=-1.0, y_m=-1.0, size_m=(0.5, 0.5, 0.4)),
+    mark=MapItem(x_m=-1.0, y_m=-1.0, size_m=(0.5, 0.5, 0.4)),
 )
 COVERED = {
     "coverage_passed_90s": 0.4,
@@ -57,7 +57,7 @@ def flight(seed: int, tree: str = "one.xml", **fields: Any) -> dict[str, Any]:
         "duration_s": 100.0,
         "explore_distance_m": 7.0 + seed / 7,
         "search_distance_m": float(seed),
-        "time_to_find_helipad_s": 2.0 * seed,
+        "time_to_find_mark_s": 2.0 * seed,
         "time_to_land_s": 15.0,
         "path": PATH,
         "tick_ms": TIMES,
@@ -354,8 +354,8 @@ def test_scene_and_mission_are_named_above_the_maps(tmp_path: Path) -> None:
     assert "Flights of one" in page.texts
 
 
-def test_a_path_that_leaves_the_carpet_stays_in_view(tmp_path: Path) -> None:
-    """The carpet is 5 m x 4 m; one flight ends at x = 3.4 m."""
+def test_a_path_that_leaves_the_ground_stays_in_view(tmp_path: Path) -> None:
+    """The ground is 5 m x 4 m; one flight ends at x = 3.4 m."""
     away = [[0.0, 0.0, 0.0, 1.0], [1.0, 3.4, 0.0, 1.0]]
     sets = read_sources([jsonl(tmp_path / "f.jsonl", flight(0), flight(1, path=away))]).sets
     figure = scene_figure(sets, "lab", LAB)
@@ -366,12 +366,12 @@ def test_a_path_that_leaves_the_carpet_stays_in_view(tmp_path: Path) -> None:
 
 
 def test_what_no_flight_reached_is_left_out(tmp_path: Path) -> None:
-    never = dict.fromkeys(("search_distance_m", "time_to_find_helipad_s", "time_to_land_s"))
+    never = dict.fromkeys(("search_distance_m", "time_to_find_mark_s", "time_to_land_s"))
     bare = [flight(seed, duration_s=22.0, profile=None, **never) for seed in range(2)]
     written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *bare), undrawn=[PAGE])
     assert {row["metric"] for row in rows(written, "metrics")} == {"duration_s"}
     text = written.page.read_text()
-    for word in ("search", "90 s", "helipad", "`"):
+    for word in ("search", "90 s", "mark", "`"):
         assert word not in text
     whole = write(
         tmp_path / "w.html", jsonl(tmp_path / "w.jsonl", flight(0), flight(1)), undrawn=[PAGE]

@@ -108,10 +108,10 @@ def test_no_way_passes_nothing() -> None:
     assert not visited_cells([], CELLS).any()
 
 
-def test_the_ground_of_a_map_is_free_of_boxes_and_helipad() -> None:
+def test_the_ground_of_a_map_is_free_of_boxes_and_mark() -> None:
     box = MapItem(x_m=0.0, y_m=0.0, size_m=(1.0, 0.5, 1.9), yaw_rad=math.pi / 2)
     pad = MapItem(x_m=-2.0, y_m=-1.5, size_m=(0.5, 0.5, 0.4))
-    ground = ground_of(LabMap(carpet_size_m=(5.0, 4.0), boxes=(box,), helipad=pad))
+    ground = ground_of(LabMap(ground_size_m=(5.0, 4.0), boxes=(box,), mark=pad))
     assert (~GroundCells(ground).free).sum() * 0.05**2 == pytest.approx(0.5 + 0.25)
     assert [item.height_m for item in ground.standing] == [1.9, 0.4]
 

@@ -25,9 +25,9 @@ CLASSES = LabClasses(
     ]
 )
 LAB = LabMap(
-    carpet_size_m=(5.0, 4.0),
+    ground_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),
-    helipad=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
+    mark=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
 )
 NODES = (
     TreeNode(path="Main/root", label="root", parent=None),
@@ -123,7 +123,7 @@ class World:
             captured_s=time_s,
             flying=FlyingState.FLYING,
             attitude=Attitude(yaw_rad=yaw_rad),
-            height_above_carpet_m=1.5,
+            height_above_ground_m=1.5,
             gimbal_pitch_rad=-0.5,
         )
         told: dict[str, Any] = {
@@ -153,8 +153,8 @@ def truth(time_s: float, pose: Pose) -> Truth:
         pose=pose,
         contacts=(),
         clearance_m=0.8,
-        inside_carpet=True,
-        on_helipad=False,
+        inside_ground=True,
+        on_mark=False,
         landing_error_m=2.0,
         motors_on=True,
     )

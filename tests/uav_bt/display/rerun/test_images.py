@@ -19,7 +19,7 @@ from tests.uav_bt.display.rerun.rerun_world import (
 )
 from uav_bt.display.rerun.images import ImageView, outlines
 from uav_bt.display.video.panes import pad_circle
-from uav_bt.types import ClassMap, Corridor, DepthMap, Frame, HelipadFix
+from uav_bt.types import ClassMap, Corridor, DepthMap, Frame, MarkFix
 
 CLEAR = "Clear"
 
@@ -102,7 +102,7 @@ def test_a_mask_is_drawn_with_its_edges_and_taken_away_when_it_is_old() -> None:
     assert kinds(stream, "mask/ids") == ["SegmentationImage", CLEAR]
     assert kinds(stream, "world/camera/mask_edges") == ["LineStrips2D", CLEAR]
     edges = stream.of("world/camera/mask_edges")[0].thing
-    assert len(values(edges.strips)) == 2  # carpet and box; the background has none
+    assert len(values(edges.strips)) == 2  # ground and box; the background has none
 
 
 def test_an_id_without_a_colour_stands_out_and_is_no_error() -> None:
@@ -115,17 +115,17 @@ def test_an_id_without_a_colour_stands_out_and_is_no_error() -> None:
     assert len(set(values(edges.colors))) == 2
 
 
-def test_the_ring_lies_where_the_helipad_is_seen() -> None:
-    seen = frame(gimbal_pitch_rad=0.0, height_above_carpet_m=0.4)  # level with the pad
-    ahead = HelipadFix(captured_s=0.0, forward_m=2.0, right_m=0.0, height_m=0.4, detected=True)
+def test_the_ring_lies_where_the_mark_is_seen() -> None:
+    seen = frame(gimbal_pitch_rad=0.0, height_above_ground_m=0.4)  # level with the pad
+    ahead = MarkFix(captured_s=0.0, forward_m=2.0, right_m=0.0, height_m=0.4, detected=True)
     ring = pad_circle(ahead, seen, CAMERA)
     assert ring is not None
     assert ring[:2] == pytest.approx((CAMERA.cx_px, CAMERA.cy_px), abs=1e-3)
 
 
 @pytest.mark.parametrize("forward_m", [-2.0, 0.1])
-def test_a_helipad_behind_or_below_the_lens_has_no_ring(forward_m: float) -> None:
-    fix = HelipadFix(captured_s=0.0, forward_m=forward_m, right_m=0.0, height_m=0.4, detected=True)
+def test_a_mark_behind_or_below_the_lens_has_no_ring(forward_m: float) -> None:
+    fix = MarkFix(captured_s=0.0, forward_m=forward_m, right_m=0.0, height_m=0.4, detected=True)
     assert pad_circle(fix, frame(gimbal_pitch_rad=0.0), CAMERA) is None
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.uav_bt.display.rerun.rerun_world import NODES, NotedStream, World, values
 from uav_bt.display.rerun.plots import STATUS_COLOURS, FlightPlots, TreeGraph, TurnLeft, places
 from uav_bt.tree import Status
-from uav_bt.types import HOVER, Command, Corridor, HelipadFix, MoveBy, NearObstacles, Pose
+from uav_bt.types import HOVER, Command, Corridor, MarkFix, MoveBy, NearObstacles, Pose
 
 
 def turn(id_: int, yaw_rad: float) -> Command:
@@ -67,15 +67,15 @@ def test_what_is_known_of_the_way_is_plotted() -> None:
         time_to_impact_s=2.0,
     )
     obstacles = NearObstacles(points_m=np.array([[0.3, 0.4]]), captured_s=0.0)
-    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=1.0, height_m=0.4, detected=True)
+    fix = MarkFix(captured_s=0.0, forward_m=1.0, right_m=1.0, height_m=0.4, detected=True)
     FlightPlots(stream).show(World().tick(), corridor=corridor, near=obstacles, fix=fix)
     assert shown(stream, "plots/free_distance/ahead") == 1.2
     assert shown(stream, "plots/free_distance/intrusion") == 0.7
     assert shown(stream, "plots/free_distance/remembered") == pytest.approx(0.5)
-    assert shown(stream, "plots/heading/helipad") == pytest.approx(45.0)
+    assert shown(stream, "plots/heading/mark") == pytest.approx(45.0)
 
 
-@pytest.mark.parametrize("entity", ["heading/turn", "heading/helipad", "height/true"])
+@pytest.mark.parametrize("entity", ["heading/turn", "heading/mark", "height/true"])
 def test_what_is_not_known_leaves_a_gap(entity: str) -> None:
     stream = NotedStream()
     FlightPlots(stream).show(World().tick(), corridor=None, near=None, fix=None)

@@ -14,7 +14,7 @@ from uav_bt.display.lab_map import LabMap, MapItem, MapMover
 from uav_bt.display.rerun.setting import CorridorSize
 from uav_bt.display.rerun.world import WorldView, camera_axes, corridor_planes
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Corridor, HelipadFix, MoverState, NearObstacles, Pose
+from uav_bt.types import Corridor, MarkFix, MoverState, NearObstacles, Pose
 
 
 def pose(x_m: float = 0.0, y_m: float = 0.0, z_m: float = 1.5, yaw_rad: float = 0.0) -> Pose:
@@ -55,7 +55,7 @@ def test_a_corridor_without_room_is_refused() -> None:
         CorridorSize(side_m=0.0, front_m=2.0, up_down_m=0.8)
 
 
-def test_the_lab_is_drawn_once_with_boxes_and_helipad() -> None:
+def test_the_lab_is_drawn_once_with_boxes_and_mark() -> None:
     stream = NotedStream()
     WorldView(stream, setting())
     (things,) = stream.of("world/lab/things")
@@ -108,7 +108,7 @@ def test_what_moves_is_drawn_where_it_is() -> None:
         for is_round in (True, False)
     )
     stream = NotedStream()
-    view = WorldView(stream, setting(lab_map=LabMap(carpet_size_m=(5.0, 4.0), movers=movers)))
+    view = WorldView(stream, setting(lab_map=LabMap(ground_size_m=(5.0, 4.0), movers=movers)))
     view.show_movers(
         [
             MoverState(name=name, pose=pose(x_m=x_m, z_m=0.85), vx_mps=0.5, vy_mps=0.0)
@@ -160,15 +160,15 @@ def test_remembered_points_lie_where_the_drone_believes_them() -> None:
     points = NearObstacles(
         points_m=np.array([[2.0, 0.5]]), edges_m=np.array([[1.0, 0.0]]), captured_s=0.0
     )
-    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.0, height_m=0.4, detected=True)
+    fix = MarkFix(captured_s=0.0, forward_m=1.0, right_m=0.0, height_m=0.4, detected=True)
     flight.view.show_near(points, fix)
     shown = flight.stream.last("world/obstacles")
     seen = values(shown.positions)
     np.testing.assert_allclose(seen, [[1.5, 2.0, 0.0], [1.0, 1.0, 0.0]], atol=1e-6)
     of_an_obstacle, of_an_edge = values(shown.colors)
     assert of_an_obstacle != of_an_edge
-    helipad = values(flight.stream.last("world/helipad_fix").positions)
-    np.testing.assert_allclose(helipad, [[1.0, 1.0, 0.0]], atol=1e-6)
+    mark = values(flight.stream.last("world/mark_fix").positions)
+    np.testing.assert_allclose(mark, [[1.0, 1.0, 0.0]], atol=1e-6)
     flight.view.show_near(None, None)
-    for entity in ("world/obstacles", "world/helipad_fix"):
+    for entity in ("world/obstacles", "world/mark_fix"):
         assert type(flight.stream.last(entity)).__name__ == "Clear"

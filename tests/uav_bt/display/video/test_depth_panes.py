@@ -73,7 +73,7 @@ def test_without_depth_the_pane_says_why() -> None:
 
 def test_depth_that_is_not_all_that_was_asked_for_says_why() -> None:
     assert not has(draw_depth(depth_map(2.0), PANE_PX), ALARM)
-    assert has(draw_depth(depth_map(2.0), PANE_PX, why_none="no scale: too little carpet"), ALARM)
+    assert has(draw_depth(depth_map(2.0), PANE_PX, why_none="no scale: too little ground"), ALARM)
 
 
 def test_a_map_of_nothing_known_is_drawn() -> None:

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.uav_bt.display.display_world import CAMERA, World
-from uav_bt.board import CLASS_MAP, HELIPAD
+from uav_bt.board import CLASS_MAP, MARK
 from uav_bt.display.canvas import ACCENT, ALARM, shortened, text_width_px
 from uav_bt.display.phrases import describe_movement
 from uav_bt.display.video.class_pane import draw_class_map
@@ -21,7 +21,7 @@ from uav_bt.display.video.panes import (
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame
-from uav_bt.types import Command, Frame, HelipadFix, Velocity
+from uav_bt.types import Command, Frame, MarkFix, Velocity
 
 PANE_PX = (638, 359)
 
@@ -29,7 +29,7 @@ PANE_PX = (638, 359)
 def readings(world: World, record: TickRecord) -> Readings:
     return Readings(
         record=record,
-        fix=world.board.read(HELIPAD),
+        fix=world.board.read(MARK),
         class_map=world.board.read(CLASS_MAP),
         elapsed_s=12.3,
         distance_m=4.5,
@@ -46,27 +46,27 @@ def has(image: NDArray[np.uint8], colour: int | tuple[int, int, int]) -> bool:
 
 
 def test_a_pad_straight_below_lies_on_the_axis_of_a_lens_that_looks_down() -> None:
-    fix = HelipadFix(captured_s=0.0, forward_m=0.15, right_m=0.0, height_m=0.4, detected=True)
-    frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_carpet_m=1.5)
+    fix = MarkFix(captured_s=0.0, forward_m=0.15, right_m=0.0, height_m=0.4, detected=True)
+    frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_ground_m=1.5)
     assert project_fix(fix, frame, CAMERA) == pytest.approx((0.0, 0.0, 1.1))
 
 
 def test_a_mat_lies_where_its_height_says() -> None:
-    mat = HelipadFix(captured_s=0.0, forward_m=0.15, right_m=0.0, detected=True, height_m=0.05)
-    frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_carpet_m=1.5)
+    mat = MarkFix(captured_s=0.0, forward_m=0.15, right_m=0.0, detected=True, height_m=0.05)
+    frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_ground_m=1.5)
     assert project_fix(mat, frame, CAMERA) == pytest.approx((0.0, 0.0, 1.45))
 
 
 def test_a_level_lens_has_a_pad_ahead_below_its_axis() -> None:
-    fix = HelipadFix(captured_s=0.0, forward_m=2.15, right_m=0.7, height_m=0.4, detected=True)
-    frame = frame_of(World(), gimbal_pitch_rad=0.0, height_above_carpet_m=1.5)
+    fix = MarkFix(captured_s=0.0, forward_m=2.15, right_m=0.7, height_m=0.4, detected=True)
+    frame = frame_of(World(), gimbal_pitch_rad=0.0, height_above_ground_m=1.5)
     assert project_fix(fix, frame, CAMERA) == pytest.approx((0.7, 1.1, 2.0))
 
 
 def test_a_pad_in_view_is_ringed_where_it_appears() -> None:
     world = World()
-    fix = HelipadFix(captured_s=0.0, forward_m=2.4, right_m=0.4, height_m=0.4, detected=True)
-    world.board.write(HELIPAD, fix)
+    fix = MarkFix(captured_s=0.0, forward_m=2.4, right_m=0.4, height_m=0.4, detected=True)
+    world.board.write(MARK, fix)
     image = draw_camera(readings(world, world.tick(feedback="")), CAMERA, PANE_PX)
     rows, columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))
     right_m, down_m, depth_m = project_fix(fix, frame_of(world), CAMERA)
@@ -80,8 +80,8 @@ def test_a_pad_in_view_is_ringed_where_it_appears() -> None:
 @pytest.mark.parametrize(("right_m", "side"), [(3.0, "right"), (-3.0, "left")])
 def test_a_pad_out_of_view_is_pointed_at_from_the_edge(right_m: float, side: str) -> None:
     world = World()
-    fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=right_m, height_m=0.4, detected=True)
-    world.board.write(HELIPAD, fix)
+    fix = MarkFix(captured_s=0.0, forward_m=-1.0, right_m=right_m, height_m=0.4, detected=True)
+    world.board.write(MARK, fix)
     image = draw_camera(readings(world, world.tick(feedback="")), CAMERA, PANE_PX)
     columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))[1]
     assert columns.size

@@ -10,7 +10,7 @@ from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.display.display_world import CAMERA
 from uav_bt.display.canvas import ACCENT, PANEL
 from uav_bt.display.video.perception_video import PerceptionPanes, Seen
-from uav_bt.types import DepthMap, Frame, HelipadFix
+from uav_bt.types import DepthMap, Frame, MarkFix
 
 IDS = np.full((28, 56), 5, np.uint8)
 
@@ -21,7 +21,7 @@ def seen(**changes: object) -> Seen:
         index=0,
         captured_s=1.5,
         gimbal_pitch_rad=-0.5,
-        height_above_carpet_m=1.5,
+        height_above_ground_m=1.5,
     )
     nothing = Seen(
         frame=frame,
@@ -30,7 +30,7 @@ def seen(**changes: object) -> Seen:
         refusal="the frame is black",
         corridor=None,
         intruding=None,
-        helipad=None,
+        mark=None,
     )
     return replace(nothing, **changes)
 
@@ -52,16 +52,16 @@ def test_depth_takes_its_pane() -> None:
     assert tuple(image[100, 900]) != PANEL
 
 
-def test_a_helipad_is_ringed() -> None:
+def test_a_mark_is_ringed() -> None:
     panes = PerceptionPanes(CAMERA)
-    fix = HelipadFix(captured_s=1.5, forward_m=2.0, right_m=0.0, height_m=0.4, detected=True)
+    fix = MarkFix(captured_s=1.5, forward_m=2.0, right_m=0.0, height_m=0.4, detected=True)
 
     def accents(one: Seen) -> int:
         upper_left = panes.draw(one)[:360, :640]
         return int(np.count_nonzero((upper_left == np.array(ACCENT)).all(axis=2)))
 
     assert accents(seen()) == 0
-    assert accents(seen(helipad=fix)) > 100
+    assert accents(seen(mark=fix)) > 100
 
 
 def test_a_picture_that_was_resized_to_another_aspect_is_shown_as_it_was_filmed() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from perception.camera.ground_plane import CameraView, ground_depth
-from perception.depth.scale import CarpetSample
+from perception.depth.scale import GroundSample
 from tests.paper_lab import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS, paper_map
 from uav_bt.errors import ShapeError
 from uav_bt.learning.depth_tables.methods import CollectedScale, lowest_pixel_depth
@@ -25,14 +25,14 @@ VIEW = CameraView(
 GROUND = ground_depth(VIEW)
 
 
-def carpet() -> np.ndarray:
+def bare_ground() -> np.ndarray:
     ids = np.zeros((112, 224), dtype=np.uint8)
     ids[40:] = CARPET
     return ids
 
 
 def test_side_and_roof_stand_where_the_lowest_pixel_is() -> None:
-    ids = carpet()
+    ids = bare_ground()
     ids[50:80, 40:80] = BOXES[0]
     ids[40:50, 40:80] = ROOFS[0]
     depth = lowest_pixel_depth(paper_map(ids), VIEW)
@@ -41,12 +41,12 @@ def test_side_and_roof_stand_where_the_lowest_pixel_is() -> None:
 
 
 def test_the_background_is_unknown() -> None:
-    ids = carpet()
+    ids = bare_ground()
     assert np.isnan(lowest_pixel_depth(paper_map(ids), VIEW)[ids == 0]).all()
 
 
 def test_two_boxes_with_like_roofs_are_two_things() -> None:
-    ids = carpet()
+    ids = bare_ground()
     ids[50:80, 40:80], ids[45:50, 40:80] = BOXES[0], ROOFS[0]
     ids[50:100, 140:180], ids[45:50, 140:180] = BOXES[5], ROOFS[0]
     depth = lowest_pixel_depth(paper_map(ids), VIEW)
@@ -54,8 +54,8 @@ def test_two_boxes_with_like_roofs_are_two_things() -> None:
     np.testing.assert_allclose(depth[45:100, 140:180], GROUND[99, 140])
 
 
-def test_the_helipad_stands_on_the_carpet_too() -> None:
-    ids = carpet()
+def test_the_mark_stands_on_the_ground_too() -> None:
+    ids = bare_ground()
     ids[60:90, 100:150] = HELIPAD_BOX
     ids[62:70, 110:140] = HELIPAD_H
     np.testing.assert_allclose(
@@ -64,7 +64,7 @@ def test_the_helipad_stands_on_the_carpet_too() -> None:
 
 
 def test_a_roof_without_its_side_is_unknown() -> None:
-    ids = carpet()
+    ids = bare_ground()
     ids[90:, 40:80] = ROOFS[2]
     assert np.isnan(lowest_pixel_depth(paper_map(ids), VIEW)[90:, 40:80]).all()
 
@@ -77,8 +77,8 @@ def test_a_map_of_another_size_is_refused() -> None:
 # --- constant scales ------------------------------------------------------------------------------
 
 
-def sample(known_m: float, predicted: float) -> CarpetSample:
-    return CarpetSample(
+def sample(known_m: float, predicted: float) -> GroundSample:
+    return GroundSample(
         pixels=np.zeros((3, 2), dtype=np.intp),
         known_m=np.full(3, known_m, np.float32),
         predicted=np.full(3, predicted, np.float32),

@@ -29,7 +29,7 @@ SECRET = 0.37  # metres per unit of the relative depth below
 
 
 class Grey:
-    """Replaces a segmentation network: all pixels are carpet."""
+    """Replaces a segmentation network: all pixels are ground."""
 
     def segment(self, frame: Frame) -> ClassMap:
         return paper_map(
@@ -59,8 +59,8 @@ def _known(image: SampleImage, *, shift_m: float = 0.0) -> SampleImage:
     )
     frame = image.frame
     view = view_of(frame, image.camera, MAP_SIZE_PX)
-    lever_m = view.height_m - frame.height_above_carpet_m
-    frame = replace(frame, height_above_carpet_m=image.truth.height_m - lever_m)
+    lever_m = view.height_m - frame.height_above_ground_m
+    frame = replace(frame, height_above_ground_m=image.truth.height_m - lever_m)
     exact = image.masks["exact"]
     return replace(image, frame=frame, relative=relative, masks={"unet": exact, "exact": exact})
 
@@ -85,7 +85,7 @@ def test_the_same_plan_takes_the_same_images_whichever_scenes_stand_beside(
     for first, second in zip(raw[5:], take_images(alone, Grey(), None), strict=True):
         np.testing.assert_array_equal(first.ids, second.ids)
         np.testing.assert_array_equal(first.frame.image, second.frame.image)
-        assert first.frame.height_above_carpet_m == second.frame.height_above_carpet_m
+        assert first.frame.height_above_ground_m == second.frame.height_above_ground_m
 
 
 def test_telemetry_errs_like_a_flight_s_and_no_more(raw: list[SampleImage]) -> None:
@@ -105,9 +105,9 @@ def test_an_ideal_profile_has_no_telemetry_error() -> None:
     for image in take_images(plan, Grey(), None):
         view = view_of(image.frame, image.camera, MAP_SIZE_PX)
         assert view.height_m == pytest.approx(image.truth.height_m, abs=1e-6)
-        carpet = image.ids == CARPET
-        errors_m.append(np.abs(ground_depth(view) - image.depth_m)[carpet])
-    # The exact depth of the carpet is then that of the ground plane.
+        ground = image.ids == CARPET
+        errors_m.append(np.abs(ground_depth(view) - image.depth_m)[ground])
+    # The exact depth of the ground is then that of the ground plane.
     assert np.percentile(np.concatenate(errors_m), 99) < 0.005
 
 
@@ -197,7 +197,7 @@ def test_without_a_network_only_the_ways_that_need_none_remain(known: list[Sampl
 def test_errors_of_telemetry_add_to_what_the_sensors_say(known: list[SampleImage]) -> None:
     frame = known[0].frame
     wrong = Error(height_m=0.1, pitch_rad=-0.02).on(frame)
-    assert wrong.height_above_carpet_m == pytest.approx(frame.height_above_carpet_m + 0.1)
+    assert wrong.height_above_ground_m == pytest.approx(frame.height_above_ground_m + 0.1)
     assert wrong.gimbal_pitch_rad == pytest.approx(frame.gimbal_pitch_rad - 0.02)
     assert Error(pitch_rad=-9.0).on(frame).gimbal_pitch_rad == -math.pi / 2
 
@@ -218,11 +218,11 @@ def test_pairs_are_questions_with_every_patch_and_across_faces_without(
     assert edges[0].error.total > 10
 
 
-def test_points_are_split_into_obstacles_and_carpet(questions: DepthQuestions) -> None:
+def test_points_are_split_into_obstacles_and_ground(questions: DepthQuestions) -> None:
     rows = {(row.method, row.what): row.error for row in distance_table(questions, "exact")}
-    both, obstacles, carpet = (rows["contact", what] for what in ("both", "obstacles", "carpet"))
-    assert both.total == obstacles.total + carpet.total == sum(map(len, questions.points))
-    assert carpet.max_m < 0.05
+    both, obstacles, ground = (rows["contact", what] for what in ("both", "obstacles", "ground"))
+    assert both.total == obstacles.total + ground.total == sum(map(len, questions.points))
+    assert ground.max_m < 0.05
     assert rows["lowest_pixel", "obstacles"].mean_m > rows["contact", "obstacles"].mean_m
 
 

@@ -205,7 +205,7 @@ def test_answers_that_do_not_fit_the_tree_are_refused_with_their_line(
     ("script", "line", "message"),
     [
         ("default: S\nboard:\n  phas: x", 3, "unknown board key 'phas'; did you mean 'phase'?"),
-        ("default: S\nboard:\n  helipad: 1", 3, "'helipad' holds HelipadFix, got int"),
+        ("default: S\nboard:\n  mark: 1", 3, "'mark' holds MarkFix, got int"),
     ],
 )
 def test_board_values_that_do_not_fit_are_refused_with_their_line(

@@ -1,10 +1,10 @@
-"""Height above the carpet, estimated from altimeter, rangefinder and vertical velocity.
+"""Height above the ground, estimated from altimeter, rangefinder and vertical velocity.
 
 An altimeter drifts by centimetres with pressure and air flow. The ranges of all points that the
 camera places on the ground are wrong by the same share. The rangefinder has no such error, but
 measures to the box or the landing pad below the drone. A Kalman filter estimates the height and the
 altimeter's error; between two measurements the height follows the vertical velocity. An object
-lower than some 0.3 m cannot be distinguished from the carpet.
+lower than some 0.3 m cannot be distinguished from the ground.
 
 The filter is written here: the runner imports this module in every flight, and filterpy loads
 scipy.stats.
@@ -29,7 +29,7 @@ _SAME_M: Final = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarpetHeightConfig:
+class GroundHeightConfig:
     """Errors of the sensors. All numbers are chosen for the twin's profiles `lab` and `harsh`.
 
     Attributes:
@@ -42,7 +42,7 @@ class CarpetHeightConfig:
         gate_stds: A rangefinder further from its expected value sees another surface. An altitude
             further off means that the vertical velocity is wrong: the height begins anew.
         gap_s: The height also begins anew after a longer time without velocity or altitude, s.
-        agree_m: Below this difference from the altimeter the rangefinder measures the carpet, m,
+        agree_m: Below this difference from the altimeter the rangefinder measures the ground, m,
             independent of the estimate.
         differ_m: Above this difference it measures something else, m: the altimeter is never
             wrong by more.
@@ -61,8 +61,8 @@ class CarpetHeightConfig:
     memory_s: float = 3.0
 
 
-class CarpetHeight:
-    """Corrects the height above the carpet in telemetry and frames.
+class GroundHeight:
+    """Corrects the height above the ground in telemetry and frames.
 
     Altitude, rangefinder and vertical velocity each count at their capture time. After the newest
     velocity the height is extrapolated for at most `CARRY_S`.
@@ -71,10 +71,10 @@ class CarpetHeight:
         config: errors of the sensors.
     """
 
-    def __init__(self, config: CarpetHeightConfig | None = None) -> None:
-        self._config = config or CarpetHeightConfig()
+    def __init__(self, config: GroundHeightConfig | None = None) -> None:
+        self._config = config or GroundHeightConfig()
         self._times: MeasurementTimes | None = None  # of the newest measurements used
-        self._standing_m = 0.0  # height above the carpet where the altimeter shows 0
+        self._standing_m = 0.0  # height above the ground where the altimeter shows 0
         self._apart_m = 0.0  # the first difference of rangefinder and altimeter
         self._ranges = False  # whether that difference ever changed, by a rangefinder
         self._sunk_m: deque[tuple[float, float]] = deque()  # time, and sum of the velocity
@@ -85,7 +85,7 @@ class CarpetHeight:
         self._frame: tuple[Frame, Frame] | None = None  # the newest, original and corrected
 
     def corrected(self, observation: Observation, now_s: float | None = None) -> Observation:
-        """Return an observation with the estimated heights above the carpet.
+        """Return an observation with the estimated heights above the ground.
 
         Args:
             observation: in the order of time, with plausible measurements.
@@ -95,7 +95,7 @@ class CarpetHeight:
         if math.isfinite(state.captured_s):
             self._take(state)
             height_m = self._at(state.captured_s if now_s is None else now_s)
-            state = replace(state, height_above_carpet_m=height_m)
+            state = replace(state, height_above_ground_m=height_m)
         return Observation(frame=None if frame is None else self._placed(frame), state=state)
 
     def _placed(self, frame: Frame) -> Frame:
@@ -103,7 +103,7 @@ class CarpetHeight:
             return frame
         if self._frame is None or self._frame[0] is not frame:
             height_m = self._at(frame.captured_s)
-            self._frame = frame, replace(frame, height_above_carpet_m=height_m)
+            self._frame = frame, replace(frame, height_above_ground_m=height_m)
         return self._frame[1]
 
     def _at(self, time_s: float) -> float:
@@ -125,7 +125,7 @@ class CarpetHeight:
         cfg, before, times = self._config, self._times, state.times
         self._times = times
         if before is None:
-            self._standing_m = state.height_above_carpet_m - state.altitude_m
+            self._standing_m = state.height_above_ground_m - state.altitude_m
             self._apart_m = state.height_m - state.altitude_m
             self._begin(state)
             return
@@ -162,7 +162,7 @@ class CarpetHeight:
             self._begin(state)
 
     def _range(self, state: DroneState) -> None:
-        """Use the rangefinder, if there is one and it measures to the carpet."""
+        """Use the rangefinder, if there is one and it measures to the ground."""
         cfg, apart_m = self._config, state.height_m - state.altitude_m
         self._ranges |= abs(apart_m - self._apart_m) > _SAME_M
         differs_m = abs(apart_m - self._standing_m)

@@ -1,4 +1,4 @@
-"""The height above the carpet: free of the altimeter's error and of objects below the drone."""
+"""The height above the ground: free of the altimeter's error and of objects below the drone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uav_bt.mission.carpet_height import CarpetHeight
+from uav_bt.mission.ground_height import GroundHeight
 from uav_bt.types import (
     BodyVelocity,
     DroneState,
@@ -39,7 +39,7 @@ def observed(
         index=1,
         captured_s=time_s if captured_s is None else captured_s,
         gimbal_pitch_rad=0.0,
-        height_above_carpet_m=altitude_m,
+        height_above_ground_m=altitude_m,
     )
     state = DroneState(
         captured_s=time_s,
@@ -47,17 +47,17 @@ def observed(
         velocity=BodyVelocity(down_mps=down_mps),
         altitude_m=altitude_m - 0.1,  # the take-off surface is 0.1 m high
         height_m=true_m - surface_m,
-        height_above_carpet_m=altitude_m,
+        height_above_ground_m=altitude_m,
     )
     return Observation(frame=frame, state=state)
 
 
 def errors_m(report: Callable[[float], Observation], last_s: float = 60.0) -> list[float]:
     """Return the errors of the estimates of a flight at constant height, m."""
-    height, found = CarpetHeight(), []
+    height, found = GroundHeight(), []
     for tick in range(round(last_s / TICK_S)):
         corrected = height.corrected(report(tick * TICK_S))
-        found.append(corrected.state.height_above_carpet_m - FLYING_M)
+        found.append(corrected.state.height_above_ground_m - FLYING_M)
     return found
 
 
@@ -80,7 +80,7 @@ def test_the_noise_of_both_is_smoothed() -> None:
     assert np.std(np.diff(off_m)) < 0.01
 
 
-def test_a_box_or_the_pad_below_is_no_carpet() -> None:
+def test_a_box_or_the_pad_below_is_no_ground() -> None:
     def report(time_s: float) -> Observation:
         over = 10.0 < time_s < 40.0
         return observed(time_s, surface_m=0.4 if over else 0.0)
@@ -88,8 +88,8 @@ def test_a_box_or_the_pad_below_is_no_carpet() -> None:
     assert np.abs(errors_m(report)).max() < 1e-6
 
 
-def test_a_wrong_velocity_does_not_take_the_pad_for_the_carpet_for_long() -> None:
-    """It hovers above the pad for 40 s with a false sink rate; over carpet it recovers."""
+def test_a_wrong_velocity_does_not_take_the_pad_for_the_ground_for_long() -> None:
+    """It hovers above the pad for 40 s with a false sink rate; over ground it recovers."""
 
     def report(time_s: float) -> Observation:
         surface_m = 0.4 if 10.0 < time_s < 50.0 else 0.0
@@ -105,40 +105,40 @@ def test_a_drone_without_a_rangefinder_flies_by_its_altimeter() -> None:
     assert np.abs(errors_m(report)).max() < 1e-6
 
 
-def test_a_take_off_from_a_box_counts_from_the_carpet() -> None:
+def test_a_take_off_from_a_box_counts_from_the_ground() -> None:
     assert np.abs(errors_m(lambda time_s: observed(time_s, surface_m=0.4))).max() < 1e-6
 
 
 def test_a_climb_is_followed_at_once_and_late_frames_are_placed_where_they_were() -> None:
-    height = CarpetHeight()
+    height = GroundHeight()
     for tick in range(30):
         time_s = tick * TICK_S
         captured_s = max(0.0, time_s - 0.3)
         report = observed(time_s, 1.0 + 0.5 * time_s, down_mps=-0.5, captured_s=captured_s)
         corrected = height.corrected(report)
-        assert corrected.state.height_above_carpet_m == pytest.approx(1.0 + 0.5 * time_s)
+        assert corrected.state.height_above_ground_m == pytest.approx(1.0 + 0.5 * time_s)
         assert corrected.frame is not None
-        assert corrected.frame.height_above_carpet_m == pytest.approx(1.0 + 0.5 * captured_s)
+        assert corrected.frame.height_above_ground_m == pytest.approx(1.0 + 0.5 * captured_s)
 
 
 def test_a_drone_that_reports_no_vertical_velocity_is_measured_anew() -> None:
-    height = CarpetHeight()
+    height = GroundHeight()
     height.corrected(observed(0.0, 0.1))
     corrected = height.corrected(observed(TICK_S, 1.0))
-    assert corrected.state.height_above_carpet_m == pytest.approx(1.0)
+    assert corrected.state.height_above_ground_m == pytest.approx(1.0)
 
 
 def test_after_a_gap_the_altimeter_counts_less_its_known_error() -> None:
-    height = CarpetHeight()
+    height = GroundHeight()
     for tick in range(300):
         height.corrected(observed(tick * TICK_S, altimeter_m=0.06 if tick else 0.0))
     corrected = height.corrected(observed(100.0, 0.8, altimeter_m=0.06))
-    assert corrected.state.height_above_carpet_m == pytest.approx(0.8, abs=0.02)
+    assert corrected.state.height_above_ground_m == pytest.approx(0.8, abs=0.02)
 
 
 def test_what_was_estimated_is_estimated_again_from_its_record() -> None:
     """A replay uses the recorded heights, which are already corrected."""
-    rng, first, second = np.random.default_rng(2), CarpetHeight(), CarpetHeight()
+    rng, first, second = np.random.default_rng(2), GroundHeight(), GroundHeight()
     for tick in range(100):
         altimeter_m, below_m = rng.normal(0.0, 0.03, 2)
         report = observed(tick * TICK_S, altimeter_m=altimeter_m, surface_m=below_m)
@@ -147,11 +147,11 @@ def test_what_was_estimated_is_estimated_again_from_its_record() -> None:
         assert again.state == flown.state
         assert again.frame is not None
         assert flown.frame is not None
-        assert again.frame.height_above_carpet_m == flown.frame.height_above_carpet_m
+        assert again.frame.height_above_ground_m == flown.frame.height_above_ground_m
 
 
 def test_one_frame_stays_one_and_a_sample_that_is_not_newer_changes_nothing() -> None:
-    height, report = CarpetHeight(), observed(1.0)
+    height, report = GroundHeight(), observed(1.0)
     first, again = height.corrected(report), height.corrected(report)
     assert first.frame is again.frame
     assert first.state == again.state
@@ -159,7 +159,7 @@ def test_one_frame_stays_one_and_a_sample_that_is_not_newer_changes_nothing() ->
 
 def test_before_any_telemetry_the_report_stays_as_it_is() -> None:
     report = observed(-math.inf, captured_s=1.0)
-    assert CarpetHeight().corrected(report) == Observation(frame=report.frame, state=report.state)
+    assert GroundHeight().corrected(report) == Observation(frame=report.frame, state=report.state)
 
 
 # --- quantities with different times --------------------------------------------------------------
@@ -167,24 +167,24 @@ def test_before_any_telemetry_the_report_stays_as_it_is() -> None:
 
 def test_between_two_reports_the_height_follows_the_vertical_velocity_to_now() -> None:
     """It climbs at 0.5 m/s; the report is 0.2 s old."""
-    height = CarpetHeight()
+    height = GroundHeight()
     for tick in range(11):
         report = observed(0.2 * tick, FLYING_M + 0.1 * tick, down_mps=-0.5)
         seen = height.corrected(report, 0.2 * tick + 0.2)
-    assert seen.state.height_above_carpet_m == pytest.approx(FLYING_M + 1.1, abs=0.02)
+    assert seen.state.height_above_ground_m == pytest.approx(FLYING_M + 1.1, abs=0.02)
 
 
 def test_a_dead_vertical_velocity_is_carried_on_for_half_a_second_only() -> None:
-    height = CarpetHeight()
+    height = GroundHeight()
     report = observed(0.0, down_mps=-0.6)
     height.corrected(report, 0.0)
     late = height.corrected(report, 9.0)
-    assert late.state.height_above_carpet_m == pytest.approx(FLYING_M + 0.3)
+    assert late.state.height_above_ground_m == pytest.approx(FLYING_M + 0.3)
 
 
 def test_an_altitude_counts_at_its_own_time() -> None:
     """It sinks at 0.5 m/s, and the altitude is 0.2 s older than the velocity: 0.1 m higher up."""
-    height = CarpetHeight()
+    height = GroundHeight()
     for tick in range(100):
         now_s, true_m = 0.1 * tick, 6.0 - 0.05 * tick
         report = observed(now_s, true_m + 0.1, down_mps=0.5)
@@ -193,4 +193,4 @@ def test_an_altitude_counts_at_its_own_time() -> None:
         )
         state = replace(report.state, captured_s=now_s - 0.2, measured=times)
         seen = height.corrected(Observation(frame=None, state=state), now_s)
-    assert seen.state.height_above_carpet_m == pytest.approx(true_m, abs=0.02)
+    assert seen.state.height_above_ground_m == pytest.approx(true_m, abs=0.02)

@@ -1,4 +1,4 @@
-"""Dead reckoning in flight, corrected by every frame with enough carpet."""
+"""Dead reckoning in flight, corrected by every frame with enough ground."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ _SPREAD_M: Final = 1.0  # of the points of a measurement that does not state it;
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarpetOdometryConfig:
+class GroundOdometryConfig:
     """Which frames are compared, and how. Numbers without another origin are chosen."""
 
     width_px: int = 320  # width of the images in which points are tracked
-    border_px: int = 2  # carpet this near to other classes is left out, to avoid their corners
+    border_px: int = 2  # ground this near to other classes is left out, to avoid their corners
     max_gap_s: float = 0.5  # s between two frames; after a longer gap only telemetry is used
     min_height_m: float = 0.5  # m of the camera; lower, points move too far between frames
     following: OdometryConfig = field(default_factory=OdometryConfig)
@@ -54,7 +54,7 @@ class _Sight:
 
     frame: Frame
     view: GroundView | None  # None if points are not tracked here
-    carpet: NDArray[np.uint8] | None = None
+    ground: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,8 +67,8 @@ class _Step:
     spread_m: float  # of the tracked points
 
 
-class CarpetOdometry:
-    """Integrates telemetry, and corrects it by every frame with enough carpet.
+class GroundOdometry:
+    """Integrates telemetry, and corrects it by every frame with enough ground.
 
     Telemetry is later and less frequent than frames. The pose at a frame is first extrapolated from
     the last velocity, and recomputed when a later velocity is known. Only then is the measured
@@ -82,10 +82,10 @@ class CarpetOdometry:
 
     def __init__(
         self,
-        config: CarpetOdometryConfig | None = None,
+        config: GroundOdometryConfig | None = None,
         measure: Callable[[Frame, Frame], Pose2D | None] | None = None,
     ) -> None:
-        self._config = config or CarpetOdometryConfig()
+        self._config = config or GroundOdometryConfig()
         self._measure = measure
         self._odometry = Odometry()  # telemetry alone
         self._heading = Heading(self._config.heading)
@@ -148,7 +148,7 @@ class CarpetOdometry:
         return self.now
 
     def see(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
-        """Correct the pose by the carpet in a frame.
+        """Correct the pose by the ground in a frame.
 
         Args:
             class_map: class map of `frame`.
@@ -239,14 +239,14 @@ class CarpetOdometry:
             guess = _of_lens(each, offset_m)
             if before.view is None or self._last.view is None:
                 return None
-            lens = ground_motion(before.view, self._last.view, guess, before.carpet, cfg.following)
+            lens = ground_motion(before.view, self._last.view, guess, before.ground, cfg.following)
             if lens is not None:
                 self._turn_radps = lens.motion.yaw_rad / passed_s
                 return lens._replace(motion=_of_lens(lens.motion, -offset_m))
         return None
 
     def _sight(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> _Sight | None:
-        height_m = frame.height_above_carpet_m
+        height_m = frame.height_above_ground_m
         if not height_m >= self._config.min_height_m:
             return None
         if self._measure is not None:
@@ -256,7 +256,7 @@ class CarpetOdometry:
         size = (small_px, round(height_px * small_px / width_px))
         # Converting to grey after shrinking is faster.
         small = cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA)
-        carpet = cv2.resize(
+        ground = cv2.resize(
             class_map.is_ground.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT
         )
         around = np.ones((2 * self._config.border_px + 1,) * 2, dtype=np.uint8)
@@ -268,7 +268,7 @@ class CarpetOdometry:
                 gimbal_pitch_rad=frame.gimbal_pitch_rad,
                 height_m=height_m,
             ),
-            carpet=np.asarray(cv2.erode(carpet, around), dtype=np.uint8),
+            ground=np.asarray(cv2.erode(ground, around), dtype=np.uint8),
         )
 
     def _corrected(self, raw: OdometryPose | None) -> OdometryPose | None:
