@@ -41,7 +41,8 @@ def train(*, lab: str, config: dict[str, Any], workers: int) -> None:
 
     LAB is a shipped lab, a folder of labs/, or a path, with images in frames/ and picks in
     picks.csv. A teacher learns from the picks and makes a class map of every image for training;
-    from these learns the network, beginning with the weights of the shipped U-Net. If the lab file
+    from these learns the network. It begins with the lab's last network, the
+    first time with the shipped U-Net. If the lab file
     names another network as `teacher`, that one makes the class maps.
 
     Writes LAB/segmentation.onnx, with which the lab is flown unless its file states a network. An

@@ -32,15 +32,18 @@ from uav_bt.progress import Advance, silent
 from uav_bt.types.arrays import Image
 
 TEACHER_FILE: Final = "teacher.safetensors"
+WEIGHTS_FILE: Final = "unet.safetensors"
 UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
-"""Weights that every lab's network begins with."""
+"""Weights that a lab's first network begins with."""
 
 _CALIBRATION_IMAGES: Final = 200
 _TIMED: Final = 3  # steps; the first one also sets torch up
 
 
 def lab_training_config(**given: Any) -> TrainingConfig:
-    """Return the settings of a lab's training: a third of the learning rate of a new network.
+    """Return the settings of a lab's training.
+
+    The learning rate is two thirds of that of a new network, and rare classes are balanced.
 
     Args:
         given: Fields of `TrainingConfig`.
@@ -48,10 +51,11 @@ def lab_training_config(**given: Any) -> TrainingConfig:
     steps = given.pop("steps", 800)
     chosen = {
         "steps": steps,
-        "learning_rate": 1e-3,
+        "learning_rate": 2e-3,
         "warm_up_steps": min(50, steps // 10 + 1),
         "checkpoint_every": 50,
         "augment": FLIGHT_AUGMENT,
+        "balanced": True,
     }
     return TrainingConfig(**{**chosen, **given})
 
@@ -249,22 +253,36 @@ def train_lab(
         losses.append(now.loss)
         advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
 
+    start = _first_network(data)
     checkpoint = folder / f"checkpoint-{_run_name(config, masks, images)}.safetensors"
     net = train_unet(
         LabelledImages(rgb=rgb, ids=ids, classes=classes),
         config,
         UNetConfig(width_px=width, height_px=height, outputs=len(classes)),
-        start=UNET_FILES.load(UNET_WEIGHTS)[0],
+        start=start,
         checkpoint=checkpoint,
         progress=step_done,
     )
-    notes = {"training": asdict(config), "images": len(rgb), "start": UNET_WEIGHTS.name}
+    notes = {"training": asdict(config), "images": len(rgb), "began_with": list(start.classes)}
     _export(data, net, notes, rgb, advance)
     for file in folder.glob("checkpoint-*.safetensors"):
         if file != checkpoint:  # of trainings with other settings, picks or images
             file.unlink(missing_ok=True)
     last = losses[-max(len(losses) // 10, 1) :]
     return float(np.mean(last)) if last else float("nan")
+
+
+def _first_network(data: LabData) -> UNet:
+    """Return the network that the training begins with: the lab's last one, else the shipped one.
+
+    A last one of other classes is not used, because the lab has changed since.
+    """
+    last = data.material.training / WEIGHTS_FILE
+    if last.is_file():
+        net, _ = UNET_FILES.load(last)
+        if net.classes == tuple(data.material.lab.classes.names):
+            return net
+    return UNET_FILES.load(UNET_WEIGHTS)[0]
 
 
 def _export(
@@ -274,7 +292,7 @@ def _export(
     rgb: Image,
     advance: Advance,
 ) -> None:
-    weights = data.material.training / "unet.safetensors"
+    weights = data.material.training / WEIGHTS_FILE
     UNET_FILES.save(weights, net, notes=notes)
     UNET_FILES.export(weights, data.material.training / "segmentation-fp32.onnx")
     advance("8-bit integers", 0, 1)

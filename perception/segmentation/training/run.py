@@ -30,36 +30,43 @@ from perception.networks.training.loop import (
     ignore_progress,
     train,
 )
+from perception.segmentation.training.class_balance import balance_classes
 from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
 
 _SMOOTHING: Final = 1.0  # pixels; avoids 0 / 0 in the Dice term of an absent class
 
 
-def cross_entropy(logits: Tensor, ids: Tensor, ignored: int) -> Tensor:
+def cross_entropy(
+    logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None = None
+) -> Tensor:
     """Return the mean categorical cross-entropy.
 
     Args:
         logits: (N, C, H, W) float.
         ids: (N, H, W) int64 class ids.
         ignored: the id of pixels that do not count.
+        weights: (C,) float weights of the classes; None: equal ones.
     """
-    return functional.cross_entropy(logits, ids, ignore_index=ignored)
+    return functional.cross_entropy(logits, ids, weight=weights, ignore_index=ignored)
 
 
-def bce_dice(logits: Tensor, ids: Tensor, ignored: int) -> Tensor:
+def bce_dice(logits: Tensor, ids: Tensor, ignored: int, weights: Tensor | None = None) -> Tensor:
     """Return binary cross-entropy over one mask per class, plus the classes' mean Dice loss.
 
     Args:
         logits: (N, C, H, W) float.
         ids: (N, H, W) int64 class ids.
         ignored: the id of pixels that do not count.
+        weights: (C,) float weights of the classes in the binary cross-entropy; None: equal ones.
     """
     classes = logits.shape[1]
     counts = (ids != ignored).unsqueeze(1).to(logits.dtype)
     masks = functional.one_hot(ids.where(ids != ignored, 0), classes).permute(0, 3, 1, 2)
     target = masks.to(logits.dtype) * counts
     bce = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
+    if weights is not None:
+        bce = bce * weights[:, None, None]
     mean_bce = (bce * counts).sum() / (counts.sum() * classes).clamp(min=1.0)
     probability = logits.sigmoid() * counts
     overlap = (probability * target).sum(dim=(0, 2, 3))
@@ -68,8 +75,8 @@ def bce_dice(logits: Tensor, ids: Tensor, ignored: int) -> Tensor:
     return mean_bce + (1.0 - dice).mean()
 
 
-LOSSES: Final[Mapping[str, Callable[[Tensor, Tensor, int], Tensor]]] = MappingProxyType(
-    {"cross_entropy": cross_entropy, "bce_dice": bce_dice}
+LOSSES: Final[Mapping[str, Callable[[Tensor, Tensor, int, Tensor | None], Tensor]]] = (
+    MappingProxyType({"cross_entropy": cross_entropy, "bce_dice": bce_dice})
 )
 
 
@@ -163,6 +170,7 @@ class TrainingConfig(LoopConfig):
 
     loss: Literal["cross_entropy", "bce_dice"] = "cross_entropy"  # the paper's best comes first
     augment: AugmentConfig = field(default_factory=AugmentConfig)
+    balanced: bool = False  # rare classes are drawn more often and weigh more
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -221,10 +229,17 @@ def train_unet(
     if start is not None:
         net.load_state_dict(_taken_over(start, images.classes), strict=False)
     loss = LOSSES[config.loss]
+    shares: NDArray[np.float64] | None = None
+    weights: Tensor | None = None
+    if config.balanced:
+        balance = balance_classes(images.ids, len(images.classes))
+        shares = balance.image_shares
+        weights = torch.from_numpy(balance.class_weights).to(config.device)
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
-        rgb, ids = _batch(images, rng, config)
-        return loss(net(rgb.to(config.device)), ids.to(config.device), IGNORED), {}
+        chosen = rng.choice(len(images.rgb), size=config.batch, p=shares)
+        rgb, ids = _batch(images, chosen, rng, config)
+        return loss(net(rgb.to(config.device)), ids.to(config.device), IGNORED, weights), {}
 
     return train(
         net,
@@ -267,9 +282,11 @@ def _to_input(rgb: NDArray[np.uint8]) -> Tensor:
 
 
 def _batch(
-    images: LabelledImages, rng: np.random.Generator, config: TrainingConfig
+    images: LabelledImages,
+    chosen: NDArray[np.int64],
+    rng: np.random.Generator,
+    config: TrainingConfig,
 ) -> tuple[Tensor, Tensor]:
-    chosen = rng.integers(len(images.rgb), size=config.batch)
     pairs = [augmented(images.rgb[i], images.ids[i], rng, config.augment) for i in chosen]
     rgb = np.stack([pair[0] for pair in pairs])
     ids = np.stack([pair[1] for pair in pairs])
