@@ -35,6 +35,7 @@ def files_below(folder: Path) -> Iterator[Path]:
             entry.name in NOT_OURS
             or entry.name.startswith(".venv")  # as in .gitignore: docs/anafi.md makes a second one
             or entry.name.endswith((".egg-info", "_cache", ".hypothesis"))
+            or (entry.name in ("frames", "training") and entry.parent.parent.name == "labs")
         ):
             continue
         if entry.is_dir():
