@@ -2,6 +2,7 @@
 
     python benchmarks/depth_flight.py TREE --scene val-a val-b
     python benchmarks/depth_flight.py TREE --masks exact      # quicker, without a segmentation net
+    python benchmarks/depth_flight.py TREE --lab depot --scene depot-test-a
 
 TREE is any mission file with EstimateDepth. "Cut off" are boxes whose lower end is below the image;
 "distances" asks what `uav-bt net evaluate depth` asks of single images: points at 0.3 to 5 m,
@@ -135,14 +136,22 @@ def main() -> None:
     """Fly and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("tree")
+    parser.add_argument("--lab", help="the paper's if not given")
     parser.add_argument("--scene", nargs="+", default=["val-a", "val-b"])
+    parser.add_argument("--image-size", type=int, nargs=2, default=(640, 360))
     parser.add_argument("--masks", choices=("exact", "unet"), default="unet")
     parser.add_argument("--seed", nargs="+", type=int, default=[3])
     parser.add_argument("--every", type=int, default=5, help="compare each n-th frame")
     arguments = parser.parse_args()
     comparison = Comparison(arguments.every)
     for scene, seed in product(arguments.scene, arguments.seed):
-        options = app.FlightOptions(scene=scene, seed=seed, exact_masks=arguments.masks == "exact")
+        options = app.FlightOptions(
+            lab=arguments.lab,
+            scene=scene,
+            seed=seed,
+            image_size_px=tuple(arguments.image_size),
+            exact_masks=arguments.masks == "exact",
+        )
         report = app.fly(arguments.tree, options, listeners=[comparison.follow])
         times = {name: p and p.p50 for name, p in report.perception_ms.items()}
         print(f"{scene}, {arguments.masks} masks, seed {seed}: {report.outcome}; ms: {times}")
