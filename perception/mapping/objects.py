@@ -30,10 +30,16 @@ class ObjectConfig:
     depth_m: float = 0.4
     yaws: int = 45  # number of yaws tried for rectangles in a quarter turn: 2 degrees; chosen
     near_m: float = 0.02  # points this near to a side lie on it; chosen
+    min_feet: int = 2  # points of an object on legs; one point may be a leg; chosen
+    spread_m: float = 0.1  # error of the distance between two legs; chosen
 
 
 def find_objects(
-    points: Landmarks, standing: Iterable[int], config: ObjectConfig | None = None
+    points: Landmarks,
+    standing: Iterable[int],
+    config: ObjectConfig | None = None,
+    *,
+    legs_m: Floats | None = None,
 ) -> tuple[MapObject, ...]:
     """Return the objects that stand in the place, by class and then by position.
 
@@ -41,12 +47,17 @@ def find_objects(
         points: points where obstacles meet the ground.
         standing: ids of the classes that stand on the ground.
         config: which points form an object.
+        legs_m: (number of classes,) largest distance between legs of an object, 0 without legs;
+            default: no class has legs.
     """
     config = config or ObjectConfig()
     found: list[MapObject] = []
     lasting = points.take(points.seen_s - points.first_s >= config.min_seen_s)
     for class_id in standing:
         of_class = lasting.take(lasting.ids == class_id)
+        if legs_m is not None and legs_m[class_id] > 0.0:
+            found += _on_legs(class_id, of_class, float(legs_m[class_id]), config)
+            continue
         if len(of_class) < config.min_points:
             continue
         labels = clusters(of_class.xy_m, config.apart_m)
@@ -58,17 +69,48 @@ def find_objects(
     return tuple(found)
 
 
-def _objects(class_id: int, parts: list[Landmarks], config: ObjectConfig) -> list[MapObject]:
+def _on_legs(
+    class_id: int, points: Landmarks, span_m: float, config: ObjectConfig
+) -> list[MapObject]:
+    """Return the objects on legs of one class.
+
+    Clusters are joined, the nearest first, as long as no two points of an object are further apart
+    than its legs.
+    """
+    if not len(points):
+        return []
+    apart_m = np.hypot(*np.moveaxis(points.xy_m[:, None] - points.xy_m, -1, 0))
+    labels = clusters(points.xy_m, config.apart_m)
+    groups = [np.flatnonzero(labels == label) for label in range(labels.max() + 1)]
+    while True:
+        pairs = [
+            (between_m.min(), one, other)
+            for one, other in combinations(range(len(groups)), 2)
+            if (between_m := apart_m[np.ix_(groups[one], groups[other])]).max()
+            <= span_m + config.spread_m
+        ]
+        if not pairs:
+            break
+        _, one, other = min(pairs)
+        groups[one] = np.concatenate([groups[one], groups.pop(other)])
+    parts = [points.take(np.sort(rows)) for rows in groups if len(rows) >= config.min_feet]
+    return _objects(class_id, parts, config, on_legs=True)
+
+
+def _objects(
+    class_id: int, parts: list[Landmarks], config: ObjectConfig, *, on_legs: bool = False
+) -> list[MapObject]:
     """Return the objects of clusters of one class.
 
     Opposite sides of one box are two clusters, and each makes a whole base. Clusters with bases
     that overlap are one object.
     """
-    found = [_object(class_id, part, config) for part in parts]
+    found = [_object(class_id, part, config, on_legs=on_legs) for part in parts]
     for first, second in combinations(range(len(found)), 2):
         if _footprint(found[first]).overlaps(_footprint(found[second])):
             rest = [part for index, part in enumerate(parts) if index not in {first, second}]
-            return _objects(class_id, [*rest, parts[first].with_rows(parts[second])], config)
+            joined = [*rest, parts[first].with_rows(parts[second])]
+            return _objects(class_id, joined, config, on_legs=on_legs)
     return found
 
 
@@ -82,12 +124,12 @@ def _footprint(item: MapObject) -> Footprint:
     )
 
 
-def _object(class_id: int, members: Landmarks, config: ObjectConfig) -> MapObject:
+def _object(class_id: int, members: Landmarks, config: ObjectConfig, *, on_legs: bool) -> MapObject:
     """Return the object of some points: the rectangle with the points on its sides.
 
     A side shorter than the assumed depth is extended away from the camera.
     """
-    yaw_rad = _yaw_of_sides(members.xy_m, config)
+    yaw_rad = (_yaw_of_legs if on_legs else _yaw_of_sides)(members.xy_m, config)
     axes = rotation(yaw_rad)  # its columns
     along_m, from_m = members.xy_m @ axes, members.from_m @ axes
     low_m, high_m = along_m.min(axis=0), along_m.max(axis=0)
@@ -118,6 +160,17 @@ def _yaw_of_sides(points_m: Floats, config: ObjectConfig) -> float:
     """
     yaws, axes = _axes(config.yaws)
     return float(yaws[_closeness(points_m, axes, config.near_m).argmax()])
+
+
+def _yaw_of_legs(points_m: Floats, config: ObjectConfig) -> float:
+    """Return the yaw of the rectangle around legs with the shortest sides.
+
+    Four legs are the corners of their rectangle, and every other rectangle around them has points
+    on its sides, too.
+    """
+    yaws, axes = _axes(config.yaws)
+    sides_m = np.ptp(points_m @ axes, axis=1).sum(axis=1)
+    return float(yaws[sides_m.argmin()])
 
 
 @compiled("float64[::1](float64[:, ::1], float64[:, :, ::1], float64)")

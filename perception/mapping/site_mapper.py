@@ -151,7 +151,7 @@ class SiteMapper:
         self._recent.forget_trails(time_s + cfg.movers.life_s, self._trails_m())
         if time_s - self._objects_s >= cfg.objects_s:
             self._objects = self._known_objects.named(
-                find_objects(self._bases, self._classes.standing)
+                find_objects(self._bases, self._classes.standing, legs_m=self._classes.legs_m)
             )
             self._objects_s = time_s
 
