@@ -14,7 +14,7 @@ from perception.mapping.landmarks import Landmarks
 from perception.mapping.tables import clusters
 from uav_bt.compiled import compiled
 from uav_bt.types import rotation
-from uav_bt.types.arrays import Floats
+from uav_bt.types.arrays import Floats, Indices
 from uav_bt.types.ground import Footprint
 from uav_bt.types.site_map import MapObject
 
@@ -74,26 +74,36 @@ def _on_legs(
 ) -> list[MapObject]:
     """Return the objects on legs of one class.
 
-    Clusters are joined, the nearest first, as long as no two points of an object are further apart
-    than its legs.
+    A leg is a cluster, or a side with the points on it. From the outermost cluster on, those
+    nearest to it are of its object, as long as no two points are further apart than its legs.
+    A cluster of several objects, side by side, is divided into its points.
     """
     if not len(points):
         return []
     apart_m = np.hypot(*np.moveaxis(points.xy_m[:, None] - points.xy_m, -1, 0))
-    labels = clusters(points.xy_m, config.apart_m)
-    groups = [np.flatnonzero(labels == label) for label in range(labels.max() + 1)]
-    while True:
-        pairs = [
-            (between_m.min(), one, other)
-            for one, other in combinations(range(len(groups)), 2)
-            if (between_m := apart_m[np.ix_(groups[one], groups[other])]).max()
-            <= span_m + config.spread_m
-        ]
-        if not pairs:
-            break
-        _, one, other = min(pairs)
-        groups[one] = np.concatenate([groups[one], groups.pop(other)])
-    parts = [points.take(np.sort(rows)) for rows in groups if len(rows) >= config.min_feet]
+    labels, most_m = clusters(points.xy_m, config.apart_m), span_m + config.spread_m
+    nodes: list[Indices] = []
+    for label in range(labels.max() + 1):
+        rows = np.flatnonzero(labels == label)
+        nodes += (
+            [rows] if apart_m[np.ix_(rows, rows)].max() <= most_m else np.split(rows, len(rows))
+        )
+    parts = []
+    while nodes:
+        middle_m = points.xy_m[np.concatenate(nodes)].mean(axis=0)
+        outer = [np.hypot(*(points.xy_m[rows] - middle_m).T).max() for rows in nodes]
+        group = nodes.pop(int(np.argmax(outer)))
+        to_m = [apart_m[np.ix_(group, rows)].min() for rows in nodes]
+        left = []
+        for index in np.argsort(to_m, kind="stable"):
+            fits = apart_m[np.ix_(group, nodes[index])].max() <= most_m
+            if fits:
+                group = np.concatenate([group, nodes[index]])
+            else:
+                left.append(nodes[index])
+        nodes = left
+        if len(group) >= config.min_feet:
+            parts.append(points.take(np.sort(group)))
     return _objects(class_id, parts, config, on_legs=True)
 
 
