@@ -9,16 +9,24 @@ import cv2
 import numpy as np
 import pytest
 
+from behaviours.path.clearance import ClearanceMap
+from behaviours.path.nearby import RecentObstacles
 from perception.mapping.ground_grid import GroundGrid
+from perception.mapping.landmarks import LandmarkConfig, bases_of, find_free
+from perception.mapping.site_mapper import SiteMapper
 from perception.mapping.view import View
 from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.testing import pinhole
-from uav_bt.types import ClassMap, Frame, Pose2D
+from uav_bt.types import BodyVelocity, ClassMap, Frame, Pose2D
 from uav_bt.types.arrays import Floats
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.projection import project
+from uav_bt.types.site_map import SiteMap
 
-CAMERA = pinhole(224, 126)
+CAMERA = replace(pinhole(224, 126), forward_offset_m=0.0)
 PITCH_RAD, HEIGHT_M = math.radians(-38), 1.5
+STILL = BodyVelocity()
+HERE = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 HALF_M, BOARD_M, LEG_M = (0.6, 0.35), 0.75, 0.03  # of the table; its legs stand 0.1 m inwards
 FLOOR, TABLE, TOP, CRATE = 1, 2, 3, 4
 
@@ -40,15 +48,24 @@ def view(*tables: Pose2D, legs_m: float | None = 1.3, board_m: float = BOARD_M) 
     ids = np.full((126, 224), FLOOR, dtype=np.uint8)
     for table in tables:
         draw(ids, table, board_m)
+    return view_of(ids, lab(legs_m))
+
+
+def view_of(
+    ids: np.ndarray[tuple[int, ...], np.dtype[np.uint8]],
+    classes: LabClasses,
+    pose: Pose2D = HERE,
+    captured_s: float = 1.0,
+) -> View:
     frame = Frame(
         image=np.zeros((36, 64, 3), dtype=np.uint8),
         index=1,
-        captured_s=1.0,
+        captured_s=captured_s,
         gimbal_pitch_rad=PITCH_RAD,
         height_above_carpet_m=HEIGHT_M,
     )
-    class_map = ClassMap(ids=ids, classes=lab(legs_m), captured_s=1.0)
-    found = View.of(class_map, frame, CAMERA, Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    class_map = ClassMap(ids=ids, classes=classes, captured_s=captured_s)
+    found = View.of(class_map, frame, CAMERA, pose)
     assert found is not None
     return found
 
@@ -137,17 +154,48 @@ def test_a_board_beside_its_only_leg_in_view_makes_no_base() -> None:
 def test_a_crate_is_placed_as_before() -> None:
     ids = np.full((126, 224), FLOOR, dtype=np.uint8)
     solid(ids, Pose2D(x_m=2.0, y_m=0.0, yaw_rad=0.0).rectangle(0.2, 0.3), 0.0, 0.6, CRATE)
-    draws = [ClassMap(ids=ids, classes=lab(legs_m), captured_s=1.0) for legs_m in (None, 1.3)]
-    frame = Frame(
-        image=np.zeros((36, 64, 3), dtype=np.uint8),
-        index=1,
-        captured_s=1.0,
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_carpet_m=HEIGHT_M,
-    )
-    pose = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    views = [View.of(each, frame, CAMERA, pose) for each in draws]
-    assert views[0] is not None
-    assert views[1] is not None
-    assert len(views[0].bases_m) > 10
-    assert np.array_equal(views[0].bases_m, views[1].bases_m)
+    without, found = (view_of(ids, lab(legs_m)).bases_m for legs_m in (None, 1.3))
+    assert len(found) > 10
+    assert np.array_equal(found, without)
+
+
+def flown(legs_m: float | None, table: Pose2D, board_m: float) -> SiteMap:
+    """Return the map of a flight from 4 m to 1.6 m before a table."""
+    classes, drone = lab(legs_m), HERE
+    mapper = SiteMapper(classes)
+    for step in range(40):
+        time_s, x_m = 0.2 * step, 0.06 * step
+        drone = OdometryPose(time_s=time_s, x_m=x_m, y_m=0.0, yaw_rad=0.0)
+        motion = MotionEstimate(
+            pose=drone, seen=drone, velocity=STILL, error=STILL, tracked_s=time_s
+        )
+        ids = np.full((126, 224), FLOOR, dtype=np.uint8)
+        draw(ids, replace(table, x_m=table.x_m - x_m), board_m)
+        mapper.follow(motion)
+        mapper.add(view_of(ids, classes, drone, time_s))
+    return mapper.map(motion)
+
+
+def test_no_route_leads_between_the_legs_of_a_table_at_flight_height() -> None:
+    """Ground around the legs is seen before they are near; the board is above the image."""
+    table = Pose2D(x_m=4.0, y_m=0.0, yaw_rad=math.pi / 2)
+    found = flown(1.3, table, board_m=1.6)
+    (item,) = found.objects
+    assert math.hypot(item.x_m - table.x_m, item.y_m - table.y_m) < 0.2
+    assert item.size_m == pytest.approx(1.0, abs=0.15)
+    assert not found.movers
+    below_m = (3.9, 0.0)
+    assert ClearanceMap(found, RecentObstacles()).clearance_at(*below_m) < 0.05
+    without = flown(None, table, board_m=1.6)
+    assert ClearanceMap(without, RecentObstacles()).clearance_at(*below_m) > 0.3
+
+
+def test_a_displaced_leg_stays_on_the_map() -> None:
+    table = Pose2D(x_m=2.2, y_m=0.0, yaw_rad=math.pi / 2)
+    found = view(table, board_m=1.6)
+    known = bases_of(found, LandmarkConfig())
+    known = known.take(np.argsort(known.xy_m[:, 0])[:2])
+    known.xy_m[:] = [known.xy_m[0] - np.array([0.15, 0.0]), (1.3, 0.0)]
+    on_legs = lab(1.3).legs_m > 0.0
+    assert find_free(known, found, LandmarkConfig(), on_legs)[1].tolist() == [False, True]
+    assert find_free(known, found, LandmarkConfig())[1].tolist() == [True, True]
