@@ -35,7 +35,7 @@ class LandmarkConfig:
     min_missed: float = 3.0
     max_missed: float = 10.0
     # A leg is seen again this near to its point: it is narrower than the errors of a view. Chosen.
-    leg_m: float = 0.25
+    leg_m: float = 0.15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -32,6 +32,12 @@ class ObjectConfig:
     near_m: float = 0.02  # points this near to a side lie on it; chosen
     min_feet: int = 2  # points of an object on legs; one point may be a leg; chosen
     spread_m: float = 0.1  # error of the distance between two legs; chosen
+    # Points of one leg spread by decimetres when the map drifts. This share of the distances
+    # between the points of two legs must be short enough. Chosen.
+    agree: float = 0.8
+    # A cluster is of several objects if 5 % of its distances exceed the longest by this factor.
+    # Chosen.
+    several: float = 1.2
 
 
 def find_objects(
@@ -75,7 +81,7 @@ def _on_legs(
     """Return the objects on legs of one class.
 
     A leg is a cluster, or a side with the points on it. From the outermost cluster on, those
-    nearest to it are of its object, as long as no two points are further apart than its legs.
+    nearest to it are of its object, as long as they are not further apart than its legs.
     A cluster of several objects, side by side, is divided into its points.
     """
     if not len(points):
@@ -85,19 +91,20 @@ def _on_legs(
     nodes: list[Indices] = []
     for label in range(labels.max() + 1):
         rows = np.flatnonzero(labels == label)
-        nodes += (
-            [rows] if apart_m[np.ix_(rows, rows)].max() <= most_m else np.split(rows, len(rows))
-        )
+        wide_m = np.quantile(apart_m[np.ix_(rows, rows)], 0.95)
+        nodes += [rows] if wide_m <= config.several * most_m else np.split(rows, len(rows))
     parts = []
     while nodes:
         middle_m = points.xy_m[np.concatenate(nodes)].mean(axis=0)
-        outer = [np.hypot(*(points.xy_m[rows] - middle_m).T).max() for rows in nodes]
-        group = nodes.pop(int(np.argmax(outer)))
+        outer = [
+            (len(rows) > 1, np.hypot(*(points.xy_m[rows] - middle_m).T).max()) for rows in nodes
+        ]
+        group = nodes.pop(max(range(len(nodes)), key=outer.__getitem__))
         to_m = [apart_m[np.ix_(group, rows)].min() for rows in nodes]
         left = []
         for index in np.argsort(to_m, kind="stable"):
-            fits = apart_m[np.ix_(group, nodes[index])].max() <= most_m
-            if fits:
+            to_group_m = apart_m[np.ix_(group, nodes[index])]
+            if np.quantile(to_group_m, config.agree) <= most_m:
                 group = np.concatenate([group, nodes[index]])
             else:
                 left.append(nodes[index])

@@ -195,7 +195,7 @@ def test_a_displaced_leg_stays_on_the_map() -> None:
     found = view(table, board_m=1.6)
     known = bases_of(found, LandmarkConfig())
     known = known.take(np.argsort(known.xy_m[:, 0])[:2])
-    known.xy_m[:] = [known.xy_m[0] - np.array([0.15, 0.0]), (1.3, 0.0)]
+    known.xy_m[:] = [known.xy_m[0] - np.array([0.12, 0.0]), (1.3, 0.0)]
     on_legs = lab(1.3).legs_m > 0.0
     assert find_free(known, found, LandmarkConfig(), on_legs)[1].tolist() == [False, True]
     assert find_free(known, found, LandmarkConfig())[1].tolist() == [True, True]

@@ -155,3 +155,12 @@ def test_legs_of_two_tables_are_two_objects() -> None:
 
 def test_one_leg_is_no_object() -> None:
     assert not on_legs([(1.5, -0.5)])
+
+
+def test_a_table_with_displaced_points_is_one_object() -> None:
+    """A few points lie up to 0.4 m beside their legs, so that the ends are 1.7 m apart."""
+    displaced = [(1.1, 0.9), (1.2, 1.2), (2.8, 1.35)]
+    again = [(x_m + 0.06, y_m - 0.05) for x_m, y_m in legs_at(2.0, 1.0, 0)]
+    (found,) = on_legs([*legs_at(2.0, 1.0, 0), *again, *displaced])
+    assert (found.x_m, found.y_m) == pytest.approx((2.0, 1.0), abs=0.2)
+    assert found.points >= 8
