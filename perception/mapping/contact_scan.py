@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.mapping import scan_loops
+from perception.mapping.legs import Covered, cover_below
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.roles import GROUND, NO_ROLE, OBSTACLE, OUTSIDE
 from uav_bt.types import CameraModel, ClassMap, Frame
@@ -45,6 +46,7 @@ class GroundScan:
     top_of: NDArray[np.uint8]  # (C,) class of the upper face of each class; 0 without one
     height_m: float  # of the camera above the ground
     min_run: int  # samples above a base
+    covered: Covered | None = None  # ground below boards of objects on legs
 
 
 @dataclass(frozen=True)
@@ -94,8 +96,12 @@ def scan_ground(
         camera_axes(pitch_rad),
         camera.pinhole_px,
     )
-    top_of = class_map.classes.top_of
-    return GroundScan(level_m, ids, roles, image_roles, top_of, height_m, config.min_run)
+    classes, covered = class_map.classes, None
+    if classes.legs_m.any():
+        covered = cover_below(level_m, ids, roles, classes, config.min_run)
+    return GroundScan(
+        level_m, ids, roles, image_roles, classes.top_of, height_m, config.min_run, covered
+    )
 
 
 def find_bases(scan: GroundScan) -> Bases:

@@ -34,6 +34,8 @@ class LandmarkConfig:
     # points that would correct the pose. Chosen.
     min_missed: float = 3.0
     max_missed: float = 10.0
+    # A leg is seen again this near to its point: it is narrower than the errors of a view. Chosen.
+    leg_m: float = 0.15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,13 +142,16 @@ def merge(
     return result
 
 
-def find_free(known: Landmarks, view: View, config: LandmarkConfig) -> tuple[Flags, Flags]:
+def find_free(
+    known: Landmarks, view: View, config: LandmarkConfig, on_legs: Flags | None = None
+) -> tuple[Flags, Flags]:
     """Return which known points lie in a view, and which of them show ground.
 
     Args:
         known: the map's points, N of them.
         view: placed in the map's frame.
         config: distance around a point at which ground must be seen.
+        on_legs: (number of classes,) whether a class stands on legs; default: none.
 
     Returns:
         (N,) whether a point and its surroundings lie in the image and in range; and (N,) whether
@@ -156,7 +161,13 @@ def find_free(known: Landmarks, view: View, config: LandmarkConfig) -> tuple[Fla
     probe_m = config.probe_m * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
     inside, ground = view.shows_ground(local_m[:, None, :] + probe_m)
     in_view = inside.all(axis=1) & (np.hypot(*local_m.T) <= view.reach_m)
-    return np.asarray(in_view), np.asarray(in_view & ground.all(axis=1))
+    free = in_view & ground.all(axis=1)
+    if on_legs is not None and on_legs.any():
+        legs = np.flatnonzero(free & on_legs[known.ids])
+        seen_m = view.bases_m[on_legs[view.base_ids]]
+        off_m, _ = nearest_circles(local_m[legs], seen_m, np.zeros(len(seen_m)))
+        free[legs] = off_m > config.leg_m
+    return np.asarray(in_view), np.asarray(free)
 
 
 def drop_missed(known: Landmarks, free: Flags, config: LandmarkConfig) -> Landmarks:

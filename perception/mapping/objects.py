@@ -14,7 +14,7 @@ from perception.mapping.landmarks import Landmarks
 from perception.mapping.tables import clusters
 from uav_bt.compiled import compiled
 from uav_bt.types import rotation
-from uav_bt.types.arrays import Floats
+from uav_bt.types.arrays import Floats, Indices
 from uav_bt.types.ground import Footprint
 from uav_bt.types.site_map import MapObject
 
@@ -30,10 +30,22 @@ class ObjectConfig:
     depth_m: float = 0.4
     yaws: int = 45  # number of yaws tried for rectangles in a quarter turn: 2 degrees; chosen
     near_m: float = 0.02  # points this near to a side lie on it; chosen
+    min_feet: int = 2  # points of an object on legs; one point may be a leg; chosen
+    spread_m: float = 0.1  # error of the distance between two legs; chosen
+    # Points of one leg spread by decimetres when the map drifts. This share of the distances
+    # between the points of two legs must be short enough. Chosen.
+    agree: float = 0.8
+    # A cluster is of several objects if 5 % of its distances exceed the longest by this factor.
+    # Chosen.
+    several: float = 1.2
 
 
 def find_objects(
-    points: Landmarks, standing: Iterable[int], config: ObjectConfig | None = None
+    points: Landmarks,
+    standing: Iterable[int],
+    config: ObjectConfig | None = None,
+    *,
+    legs_m: Floats | None = None,
 ) -> tuple[MapObject, ...]:
     """Return the objects that stand in the place, by class and then by position.
 
@@ -41,12 +53,17 @@ def find_objects(
         points: points where obstacles meet the ground.
         standing: ids of the classes that stand on the ground.
         config: which points form an object.
+        legs_m: (number of classes,) largest distance between legs of an object, 0 without legs;
+            default: no class has legs.
     """
     config = config or ObjectConfig()
     found: list[MapObject] = []
     lasting = points.take(points.seen_s - points.first_s >= config.min_seen_s)
     for class_id in standing:
         of_class = lasting.take(lasting.ids == class_id)
+        if legs_m is not None and legs_m[class_id] > 0.0:
+            found += _on_legs(class_id, of_class, float(legs_m[class_id]), config)
+            continue
         if len(of_class) < config.min_points:
             continue
         labels = clusters(of_class.xy_m, config.apart_m)
@@ -58,17 +75,59 @@ def find_objects(
     return tuple(found)
 
 
-def _objects(class_id: int, parts: list[Landmarks], config: ObjectConfig) -> list[MapObject]:
+def _on_legs(
+    class_id: int, points: Landmarks, span_m: float, config: ObjectConfig
+) -> list[MapObject]:
+    """Return the objects on legs of one class.
+
+    A leg is a cluster, or a side with the points on it. From the outermost cluster on, those
+    nearest to it are of its object, as long as they are not further apart than its legs.
+    A cluster of several objects, side by side, is divided into its points.
+    """
+    if not len(points):
+        return []
+    apart_m = np.hypot(*np.moveaxis(points.xy_m[:, None] - points.xy_m, -1, 0))
+    labels, most_m = clusters(points.xy_m, config.apart_m), span_m + config.spread_m
+    nodes: list[Indices] = []
+    for label in range(labels.max() + 1):
+        rows = np.flatnonzero(labels == label)
+        wide_m = np.quantile(apart_m[np.ix_(rows, rows)], 0.95)
+        nodes += [rows] if wide_m <= config.several * most_m else np.split(rows, len(rows))
+    parts = []
+    while nodes:
+        middle_m = points.xy_m[np.concatenate(nodes)].mean(axis=0)
+        outer = [
+            (len(rows) > 1, np.hypot(*(points.xy_m[rows] - middle_m).T).max()) for rows in nodes
+        ]
+        group = nodes.pop(max(range(len(nodes)), key=outer.__getitem__))
+        to_m = [apart_m[np.ix_(group, rows)].min() for rows in nodes]
+        left = []
+        for index in np.argsort(to_m, kind="stable"):
+            to_group_m = apart_m[np.ix_(group, nodes[index])]
+            if np.quantile(to_group_m, config.agree) <= most_m:
+                group = np.concatenate([group, nodes[index]])
+            else:
+                left.append(nodes[index])
+        nodes = left
+        if len(group) >= config.min_feet:
+            parts.append(points.take(np.sort(group)))
+    return _objects(class_id, parts, config, on_legs=True)
+
+
+def _objects(
+    class_id: int, parts: list[Landmarks], config: ObjectConfig, *, on_legs: bool = False
+) -> list[MapObject]:
     """Return the objects of clusters of one class.
 
     Opposite sides of one box are two clusters, and each makes a whole base. Clusters with bases
     that overlap are one object.
     """
-    found = [_object(class_id, part, config) for part in parts]
+    found = [_object(class_id, part, config, on_legs=on_legs) for part in parts]
     for first, second in combinations(range(len(found)), 2):
         if _footprint(found[first]).overlaps(_footprint(found[second])):
             rest = [part for index, part in enumerate(parts) if index not in {first, second}]
-            return _objects(class_id, [*rest, parts[first].with_rows(parts[second])], config)
+            joined = [*rest, parts[first].with_rows(parts[second])]
+            return _objects(class_id, joined, config, on_legs=on_legs)
     return found
 
 
@@ -82,12 +141,12 @@ def _footprint(item: MapObject) -> Footprint:
     )
 
 
-def _object(class_id: int, members: Landmarks, config: ObjectConfig) -> MapObject:
+def _object(class_id: int, members: Landmarks, config: ObjectConfig, *, on_legs: bool) -> MapObject:
     """Return the object of some points: the rectangle with the points on its sides.
 
     A side shorter than the assumed depth is extended away from the camera.
     """
-    yaw_rad = _yaw_of_sides(members.xy_m, config)
+    yaw_rad = (_yaw_of_legs if on_legs else _yaw_of_sides)(members.xy_m, config)
     axes = rotation(yaw_rad)  # its columns
     along_m, from_m = members.xy_m @ axes, members.from_m @ axes
     low_m, high_m = along_m.min(axis=0), along_m.max(axis=0)
@@ -118,6 +177,17 @@ def _yaw_of_sides(points_m: Floats, config: ObjectConfig) -> float:
     """
     yaws, axes = _axes(config.yaws)
     return float(yaws[_closeness(points_m, axes, config.near_m).argmax()])
+
+
+def _yaw_of_legs(points_m: Floats, config: ObjectConfig) -> float:
+    """Return the yaw of the rectangle around legs with the shortest sides.
+
+    Four legs are the corners of their rectangle, and every other rectangle around them has points
+    on its sides, too.
+    """
+    yaws, axes = _axes(config.yaws)
+    sides_m = np.ptp(points_m @ axes, axis=1).sum(axis=1)
+    return float(yaws[sides_m.argmin()])
 
 
 @compiled("float64[::1](float64[:, ::1], float64[:, :, ::1], float64)")

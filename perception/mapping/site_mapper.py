@@ -76,6 +76,7 @@ class SiteMapper:
 
     def __init__(self, classes: LabClasses, config: SiteMapperConfig | None = None) -> None:
         self._classes = classes
+        self._on_legs = classes.legs_m > 0.0
         self.config = config or SiteMapperConfig()
         self.restarts = 0  # number of times that the map was restarted
         self._motion: MotionEstimate | None = None
@@ -151,7 +152,7 @@ class SiteMapper:
         self._recent.forget_trails(time_s + cfg.movers.life_s, self._trails_m())
         if time_s - self._objects_s >= cfg.objects_s:
             self._objects = self._known_objects.named(
-                find_objects(self._bases, self._classes.standing)
+                find_objects(self._bases, self._classes.standing, legs_m=self._classes.legs_m)
             )
             self._objects_s = time_s
 
@@ -213,7 +214,7 @@ class SiteMapper:
         """Count points that a view shows to be ground, and drop those missed too often."""
         cfg, kept, counts = self.config.landmarks, [], np.zeros(2, dtype=int)
         for known in (self._bases, self._edges):
-            in_view, free = find_free(known, view, cfg)
+            in_view, free = find_free(known, view, cfg, self._on_legs)
             counts += (in_view.sum(), free.sum())
             kept.append(drop_missed(known, free, cfg))
         self._bases, self._edges = kept
@@ -246,6 +247,8 @@ class SiteMapper:
         arrived = find_arrivals(
             bases, self._bases, on_ground, self._movers.owns(bases.xy_m), cfg.arrivals
         )
+        # Ground shows around a leg before the leg is near enough for the map.
+        arrived &= ~self._on_legs[bases.ids]
         stands = ~arrived
         stands[arrived] = self._movers.follow(
             bases.xy_m[arrived],

@@ -109,6 +109,8 @@ class View:
         contacts, height_m = find_bases(scan), frame.height_above_ground_m
         reach_m = min(config.max_range_m, config.max_range_ratio * height_m)
         firm = _have_neighbours(contacts.placed_m, config)
+        legs = class_map.classes.legs_m[contacts.placed_ids] > 0.0
+        firm |= legs & _stand_out(contacts.placed_m, config)
         firm &= np.hypot(*contacts.placed_m.T) <= reach_m
         near = np.hypot(*contacts.edges_m.T) <= reach_m
         return cls(
@@ -146,7 +148,9 @@ class View:
         return np.asarray(points_m + np.array([self.camera.forward_offset_m, 0.0]))
 
     def shows_ground(self, points_m: Floats) -> tuple[Flags, Flags]:
-        """Return which points lie in the image, and which of them show ground.
+        """Return which points lie in the image, and which of them show free ground.
+
+        Ground below the board of an object on legs is not free.
 
         Args:
             points_m: (..., 2) on the ground, forward and right of the point below the camera.
@@ -154,13 +158,16 @@ class View:
         Returns:
             Two arrays of flags, (...).
         """
+        places_m = np.ascontiguousarray(points_m.reshape(-1, 2))
         inside, shows = scan_loops.looked_up(
-            np.ascontiguousarray(points_m.reshape(-1, 2)),
+            places_m,
             max(self.height_m, MIN_HEIGHT_M),
             self.scan.image_roles,
             camera_axes(self.pitch_rad),
             self.camera.pinhole_px,
         )
+        if self.scan.covered is not None:
+            shows &= ~self.scan.covered.holds(places_m)
         shape = points_m.shape[:-1]
         return inside.reshape(shape), shows.reshape(shape)
 
@@ -182,3 +189,16 @@ def _have_neighbours(points_m: Floats, config: ViewConfig) -> Flags:
     found[1:] |= alike
     found[:-1] |= alike
     return found
+
+
+def _stand_out(points_m: Floats, config: ViewConfig) -> Flags:
+    """Return which points, sorted by bearing, are nearer than those on the bearings beside them.
+
+    A leg may be as narrow as one bearing.
+    """
+    ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(*points_m.T[::-1])
+    beside = np.diff(bearings_rad) <= config.beside_rad
+    nearer = np.ones(len(points_m), dtype=bool)
+    nearer[1:] &= ~beside | (np.diff(ranges_m) < 0.0)
+    nearer[:-1] &= ~beside | (np.diff(ranges_m) > 0.0)
+    return nearer

@@ -26,6 +26,7 @@ from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import writing
 from uav_bt.json_text import parse_json
+from uav_bt.lab.classes import LabClass
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
@@ -68,7 +69,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "policy_objects": list(options.policy_objects),
         "drone": options.drone_name,
         "drone_config": repr(drone) if is_dataclass(drone) else None,
-        "classes": [asdict(each) for each in flight.classes],
+        "classes": [_class_note(each) for each in flight.classes],
         "airframe": flight.drone.airframe,
         "simulated": flight.drone.referee is not None,
         "imageless": flight.context.sight is not None,
@@ -88,6 +89,14 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         values={**texts, **tree_facts(mission)},
         attachments=[*tree_files(mission), *scene_files(scene), *lab_files(options)],
     )
+
+
+def _class_note(item: LabClass) -> dict[str, Any]:
+    """Return a class as records keep it; older readers do not know legs."""
+    values = asdict(item)
+    if item.legs_m is None:
+        del values["legs_m"]
+    return values
 
 
 def _site(flight: Flight[Drone]) -> Site | None:

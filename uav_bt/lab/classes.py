@@ -20,6 +20,7 @@ from uav_bt.lab.roles import GROUND, MARK, NO_ROLE, OBSTACLE, ROLE_NAMES, RoleNa
 Colour = tuple[int, int, int]  # red, green, blue, 0 to 255
 
 MAX_CLASSES: Final = 64
+MAX_LEGS_M: Final = 10.0  # the largest object of a room
 _ROLE_COLOURS: Final[dict[RoleName, Colour]] = {
     "outside": (40, 40, 48),
     "ground": (126, 158, 120),
@@ -37,12 +38,15 @@ class LabClass:
         role: Meaning for a mission.
         colour: Colour in images of class maps, RGB.
         top: Name of the class of the level upper face; None if the class has no other one.
+        legs_m: Largest distance between two legs of one of its objects, from corner to corner;
+            None if they do not stand on legs.
     """
 
     name: str
     role: RoleName
     colour: Colour
     top: str | None = None
+    legs_m: float | None = None
 
 
 class LabClasses:
@@ -53,7 +57,8 @@ class LabClasses:
 
     Raises:
         ValueRangeError: A name comes twice, a top is unknown or has another role, the first class
-            does not lie outside, or there are too many classes.
+            does not lie outside, a class with legs is no obstacle or an upper face, or there are
+            too many classes.
     """
 
     def __init__(self, classes: Iterable[LabClass]) -> None:
@@ -117,6 +122,13 @@ class LabClasses:
     def standing(self) -> tuple[int, ...]:
         """The ids of the obstacles whose base meets the ground: all but upper faces."""
         return tuple(each for each in self.of_role(OBSTACLE) if each not in self.tops)
+
+    @cached_property
+    def legs_m(self) -> NDArray[np.float64]:
+        """(number of classes,): largest distance between legs of an object, m; 0 without legs."""
+        spans_m = np.array([each.legs_m or 0.0 for each in self._classes])
+        spans_m.flags.writeable = False
+        return spans_m
 
     @cached_property
     def mark_sides(self) -> int | None:
@@ -215,6 +227,8 @@ class LabClasses:
                 f"'{first.name}' has the role {first.role}"
             )
         for each in self._classes:
+            if each.legs_m is not None:
+                self._check_legs(each)
             if each.top is None:
                 continue
             top = self._classes[self.id_of(each.top)]
@@ -223,6 +237,18 @@ class LabClasses:
                     f"'{top.name}' cannot be the top of '{each.name}': it must have the same role "
                     "and no top"
                 )
+
+    def _check_legs(self, item: LabClass) -> None:
+        if item.legs_m is None or not 0.0 < item.legs_m <= MAX_LEGS_M:
+            raise ValueRangeError(
+                f"legs_m of '{item.name}' must lie above 0 and up to {MAX_LEGS_M:.0f} m, "
+                f"got {item.legs_m}"
+            )
+        if item.role != "obstacle" or item.name in {each.top for each in self._classes}:
+            raise ValueRangeError(
+                f"'{item.name}' cannot stand on legs: only an obstacle that is no upper face can; "
+                "remove its legs_m"
+            )
 
 
 def _frozen(array: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -86,7 +86,13 @@ def _classes(file: YamlFile[LabFile]) -> LabClasses:
                 name,
             )
     listed = [
-        LabClass(name=name, role=each.role, colour=_colour(each.colour), top=each.top)
+        LabClass(
+            name=name,
+            role=each.role,
+            colour=_colour(each.colour),
+            top=each.top,
+            legs_m=each.legs_m,
+        )
         for name, each in file.value.classes.items()
     ]
     try:
@@ -142,6 +148,10 @@ class _Class:
     role: RoleName
     colour: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description="Colour in drawings.")]
     top: Annotated[str | None, Field(description="Class of the level upper face.")] = None
+    legs_m: Annotated[
+        float | None,
+        Field(gt=0, le=10, description="Largest distance between two legs of an object, m."),
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True)

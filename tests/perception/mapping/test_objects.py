@@ -109,3 +109,58 @@ def test_closeness_is_the_sum_of_inverse_distances_to_the_nearest_sides() -> Non
     to_side_m = np.minimum(to_low_m, to_high_m).min(axis=-1)
     expected = (1.0 / np.maximum(to_side_m, 0.02)).sum(axis=1)
     assert _closeness(points_m, axes, 0.02) == pytest.approx(expected, rel=1e-9)
+
+
+def on_legs(
+    points_m: list[tuple[float, float]], from_m: tuple[float, float] = (0.0, 0.0)
+) -> tuple[MapObject, ...]:
+    """Return the objects of points of a class with legs up to 1.3 m apart."""
+    legs_m = np.zeros(BOXES[0] + 1)
+    legs_m[BOXES[0]] = 1.3
+    points = landmarks(points_m, class_id=BOXES[0])
+    seen_from = replace(points, from_m=np.tile(from_m, (len(points), 1)))
+    return find_objects(seen_from, BOXES[:1], legs_m=legs_m)
+
+
+def legs_at(x_m: float, y_m: float, turn_deg: float) -> list[tuple[float, float]]:
+    """Return four legs, 1.05 m and 0.55 m apart."""
+    corners_m = np.array([(0.525, 0.275), (-0.525, 0.275), (-0.525, -0.275), (0.525, -0.275)])
+    placed_m = corners_m @ rotation(math.radians(turn_deg)).T + (x_m, y_m)
+    return [(float(x), float(y)) for x, y in placed_m]
+
+
+@pytest.mark.parametrize("turn_deg", [0, 30, 75, 120])
+def test_four_legs_are_the_corners_of_one_object(turn_deg: int) -> None:
+    legs_m = legs_at(2.0, 1.0, turn_deg)
+    (found,) = on_legs(legs_m)
+    assert (found.x_m, found.y_m) == pytest.approx((2.0, 1.0), abs=0.02)
+    assert (found.size_m, found.width_m) == pytest.approx((1.05, 0.55), abs=0.04)
+    for leg_m in legs_m:
+        assert np.linalg.norm(found.corners_m() - leg_m, axis=1).min() < 0.03
+    assert not find_objects(landmarks(legs_m, class_id=BOXES[0]), BOXES)
+
+
+def test_two_legs_are_the_near_side_of_an_object() -> None:
+    """It extends away from the camera by the depth of boxes."""
+    (found,) = on_legs([(1.5, -0.5), (1.5, 0.5)])
+    assert found.size_m == pytest.approx(1.0, abs=0.01)
+    assert found.x_m == pytest.approx(1.5 + ObjectConfig().depth_m / 2, abs=0.01)
+    assert found.covers(1.6, 0.0)
+
+
+def test_legs_of_two_tables_are_two_objects() -> None:
+    found = on_legs([*legs_at(2.0, 1.0, 20), *legs_at(3.4, 1.6, -10)])
+    assert sorted(round(each.x_m, 1) for each in found) == [2.0, 3.4]
+
+
+def test_one_leg_is_no_object() -> None:
+    assert not on_legs([(1.5, -0.5)])
+
+
+def test_a_table_with_displaced_points_is_one_object() -> None:
+    """A few points lie up to 0.4 m beside their legs, so that the ends are 1.7 m apart."""
+    displaced = [(1.1, 0.9), (1.2, 1.2), (2.8, 1.35)]
+    again = [(x_m + 0.06, y_m - 0.05) for x_m, y_m in legs_at(2.0, 1.0, 0)]
+    (found,) = on_legs([*legs_at(2.0, 1.0, 0), *again, *displaced])
+    assert (found.x_m, found.y_m) == pytest.approx((2.0, 1.0), abs=0.2)
+    assert found.points >= 8

@@ -17,7 +17,7 @@ from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, MissingDependencyError, NodeFailedError
-from uav_bt.lab.shipped import default_mark
+from uav_bt.lab.shipped import default_mark, load_lab
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.record import channels, record_file
@@ -95,6 +95,8 @@ def test_a_record_tells_what_was_flown_and_how_it_ended(noted: tuple[Path, Notes
     assert (reader.metadata["seed"], reader.metadata["tree"]) == ("5", "mission.xml")
     assert json.loads(reader.metadata["versions"])["numpy"] == np.__version__
     assert reader.metadata["weights"] == "{}"  # this mission loads no network
+    assert reader.classes == load_lab().classes
+    assert "legs_m" not in reader.metadata["classes"]  # older readers do not know legs
     assert FLIGHT.encode() in reader.attachments["tree/mission.xml"].data
     assert reader.camera == NoisyDrone().camera
     end = reader.end

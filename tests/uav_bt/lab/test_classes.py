@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,6 +18,10 @@ PAPER = load_lab("paper").classes
 
 def a_class(name: str, role: RoleName, top: str | None = None) -> LabClass:
     return LabClass(name=name, role=role, colour=(1, 2, 3), top=top)
+
+
+def on_legs(name: str, role: RoleName, legs_m: float) -> LabClass:
+    return replace(a_class(name, role), legs_m=legs_m)
 
 
 WALL = a_class("wall", "outside")
@@ -77,6 +84,13 @@ def test_the_classes_by_role_are_the_roles() -> None:
     assert classes.roles(np.arange(4, dtype=np.uint8)).tolist() == [0, 1, 2, 3]
 
 
+def test_the_papers_objects_do_not_stand_on_legs_and_the_depots_tables_do() -> None:
+    assert not PAPER.legs_m.any()
+    depot = load_lab("depot").classes
+    on_legs = np.flatnonzero(depot.legs_m).tolist()
+    assert [depot.names[each] for each in on_legs] == ["rack", "table"]
+
+
 def test_equal_classes_are_equal() -> None:
     assert LabClasses(PAPER) == PAPER
     assert hash(LabClasses(PAPER)) == hash(PAPER)
@@ -97,6 +111,13 @@ def test_a_lab_without_ground_says_so_when_it_is_asked_for() -> None:
         ([a_class("floor", "ground")], "'floor' has the role ground"),
         ([WALL, a_class("box", "obstacle", "lid"), a_class("lid", "ground")], "same role"),
         ([WALL, a_class("box", "obstacle", "box")], "same role"),
+        ([WALL, on_legs("floor", "ground", 1.0)], "cannot stand on legs"),
+        (
+            [WALL, a_class("box", "obstacle", "lid"), on_legs("lid", "obstacle", 1.0)],
+            "'lid' cannot stand on legs",
+        ),
+        ([WALL, on_legs("desk", "obstacle", 0.0)], "legs_m of 'desk' must lie above 0"),
+        ([WALL, on_legs("desk", "obstacle", math.nan)], "got nan"),
     ],
 )
 def test_classes_that_make_no_lab_are_refused(classes: list[LabClass], message: str) -> None:

@@ -33,6 +33,13 @@ def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
     assert lab.classes.names == ("wall", "floor", "drum", "lid")
     assert lab.classes.colours[1].tolist() == [10, 11, 12]
     assert lab.classes.standing == (2,)
+    assert not lab.classes.legs_m.any()
+
+
+def test_a_class_may_stand_on_legs(tmp_path: Path) -> None:
+    lab = read_lab(lab_folder(tmp_path, GOOD.replace("top: lid", "top: lid, legs_m: 1.25")))
+
+    assert lab.classes.legs_m.tolist() == [0.0, 0.0, 1.25, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -46,6 +53,8 @@ def test_a_lab_file_gives_names_roles_colours_and_tops(tmp_path: Path) -> None:
         ("top: lid", "top: lit", "lab.yaml:2.*did you mean 'lid'"),
         ("role: outside", "role: ground", "lab.yaml:2.*'wall' has the role ground"),
         ("drum", "floor", "lab.yaml:5.*floor"),
+        ("top: lid", "legs_m: 0", "lab.yaml:5.*greater than 0"),
+        ("role: ground", "role: ground, legs_m: 1", "lab.yaml:2.*'floor' cannot stand on legs"),
     ],
 )
 def test_a_mistake_is_reported_with_its_line(
