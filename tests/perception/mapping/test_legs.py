@@ -62,7 +62,7 @@ def view_of(
         index=1,
         captured_s=captured_s,
         gimbal_pitch_rad=PITCH_RAD,
-        height_above_carpet_m=HEIGHT_M,
+        height_above_ground_m=HEIGHT_M,
     )
     class_map = ClassMap(ids=ids, classes=classes, captured_s=captured_s)
     found = View.of(class_map, frame, CAMERA, pose)
