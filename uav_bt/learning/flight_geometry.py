@@ -10,51 +10,34 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import ground_depth, view_of
+from perception.depth.metric import MetricDepthMaker
 from perception.depth.scale import ScaleConfig, sample_ground
-from perception.marks.helipad_detector import H_SHARE
-from perception.marks.region import region_on_plane
-from uav_bt.app.perceive.pipeline import Perceived, Pipeline, PipelineConfig
+from perception.depth.stage import DepthStage
 from uav_bt.errors import FileError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import DEFAULT_LAB
 from uav_bt.landing_marks import MarkView
+from uav_bt.learning.mark_ranges import MarkRanges, mark_ranges
 from uav_bt.plugins import make_mark_finder
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
-from uav_bt.types import CameraModel, LandingMark
+from uav_bt.types import CameraModel, ClassMap, Frame, LandingMark
 from uav_bt.types.arrays import Floats
 
 _MOST_FRAMES: Final = 60  # of all frames of a record, one a second or fewer
 _GROUND: Final = ScaleConfig(max_range_m=4.0)
-_LEAST_PX: Final = 60  # of the mark's top: the error of its size is then a few percent. Chosen.
-_LEAST_RANGE_M: Final = 0.5  # nearer the horizontal range is too short for a ratio. Chosen.
-LEAST_MARKS: Final = 3  # frames with the mark, below which no cause is named. Chosen.
-SYSTEMATIC: Final = 0.1  # median relative difference of ranges that has a cause. Chosen.
-
-
-@dataclass(frozen=True, kw_only=True)
-class MarkRanges:
-    """Horizontal range from the lens to the mark in one frame, metres.
-
-    Attributes:
-        by_size: From the mark's size: that of the tags, or of its top in the class map.
-        by_height: From the lens' height above the mark's top and the place in the class map.
-        by_depth: From the depth network, scaled by the ground; NaN without a scale.
-    """
-
-    by_size: float
-    by_height: float
-    by_depth: float
 
 
 @dataclass(kw_only=True)
@@ -123,23 +106,12 @@ def compare_lengths(
             with an image and finite telemetry.
     """
     readers = [_checked(flight_record(path), lab) for path in records]
-    found, mark = Geometry(), lab.mark
-    by_image = mark is not None and make_mark_finder(mark).uses_images
+    found = Geometry()
     for reader in readers:
-        generator = np.random.default_rng(0)
-        config = PipelineConfig(source="network")
-        pipeline = Pipeline(
-            segmenter, network, reader.camera, generator=generator, config=config, mark=mark
-        )
         frames = _spread_frames(reader)
+        meter = _Meter(reader.camera, lab.mark, segmenter, network)
         for done, stored in enumerate(frames, start=1):
-            seen = pipeline.perceive(stored.frame())
-            errors = _ground_errors(seen, pipeline.camera, generator)
-            marked = mark and _mark_ranges(seen, pipeline.camera, mark, by_image=by_image)
-            found.frames += 1
-            found.refusals += Counter([seen.refusal] if seen.depth is None else [])
-            found.ground_errors += [] if errors is None else [errors]
-            found.marks += [marked] if marked else []
+            meter.add(stored.frame(), found)
             advance(f"frames of {reader.path.name}", done, len(frames))
     return found
 
@@ -176,53 +148,49 @@ def _spread_frames(reader: RecordReader) -> list[StoredFrame]:
     if not found:
         raise FileError(
             reader.path,
-            "has no frame with an image and its telemetry: record a flight of a drone with a camera",
+            "has no frame with an image, height and gimbal pitch: record a flight with a camera",
         )
     return found
 
 
-def _ground_errors(
-    seen: Perceived, camera: CameraModel, generator: np.random.Generator
-) -> Floats | None:
-    """Return relative errors of scaled depth on ground, (N,); None with too little ground."""
-    if seen.depth is None:
-        return None
-    height_px, width_px = seen.depth.depth.shape
-    plane_m = ground_depth(view_of(seen.frame, camera, (width_px, height_px)))
-    is_ground = seen.class_map.is_ground
-    ground = sample_ground(seen.depth.depth, is_ground, plane_m, generator, _GROUND)
-    return None if ground is None else np.asarray(ground.predicted / ground.known_m - 1.0)
+class _Meter:
+    """Measures frames of one flight."""
 
+    def __init__(
+        self,
+        camera: CameraModel,
+        mark: LandingMark | None,
+        segmenter: Segmenter,
+        network: DepthEstimator,
+    ) -> None:
+        self._undistorter, self._mark = Undistorter(camera), mark
+        self._camera = self._undistorter.camera
+        self._finder = None if mark is None else make_mark_finder(mark)
+        self._segmenter, self._network = segmenter, network
+        self._generator = np.random.default_rng(0)
 
-def _mark_ranges(
-    seen: Perceived, camera: CameraModel, mark: LandingMark, *, by_image: bool
-) -> MarkRanges | None:
-    """Return the ranges of the mark; None if the frame does not show it whole and large enough."""
-    sighting, class_map = seen.sighting, seen.class_map
-    name = mark.options.get("class") if mark.kind == "region" else None
-    top = class_map.classes.mark_top if name is None else class_map.classes.id_of(name)
-    if sighting is None or top is None:
-        return None
-    height_px, width_px = class_map.ids.shape
-    view = view_of(seen.frame, camera, (width_px, height_px))
-    if not view.height_m > mark.height_m:
-        return None
-    region = region_on_plane(
-        class_map, top, MarkView(frame=seen.frame, camera=camera), mark.height_m
-    )
-    if region is None or region.cut or region.rows.size < _LEAST_PX:
-        return None
-    by_height = math.hypot(region.forward_m, region.right_m)
-    if by_height < _LEAST_RANGE_M:
-        return None
-    if by_image:
-        by_size = math.hypot(sighting.forward_m - camera.forward_offset_m, sighting.right_m)
-    else:
-        whole_m2 = mark.area_m2 * (H_SHARE if mark.kind == "helipad" else 1.0)
-        by_size = by_height * math.sqrt(whole_m2 / region.area_m2)
-    by_depth = math.nan
-    if seen.depth is not None:
-        plane_m = ground_depth(view, plane_m=mark.height_m)
-        places = region.rows, region.columns
-        by_depth = by_height * float(np.median(seen.depth.depth[places] / plane_m[places]))
-    return MarkRanges(by_size=by_size, by_height=by_height, by_depth=by_depth)
+    def add(self, frame: Frame, found: Geometry) -> None:
+        """Add what a frame shows."""
+        frame = replace(frame, image=self._undistorter.undistort(frame.image))
+        class_map = self._segmenter.segment(frame)
+        # A new maker for each frame: the scale of an earlier frame would hide a lack of ground.
+        maker = MetricDepthMaker(source="network", generator=self._generator)
+        metric = DepthStage(self._network, maker).perceive(frame, class_map, self._camera)
+        found.frames += 1
+        depth = None if metric.depth is None else metric.depth.depth
+        if depth is None:
+            found.refusals[metric.refusal] += 1
+        else:
+            found.ground_errors += self._ground_errors(frame, class_map, depth)
+        if self._mark is not None and self._finder is not None:
+            view = MarkView(frame=frame, camera=self._camera, class_map=class_map)
+            marked = mark_ranges(view, self._mark, self._finder, depth)
+            found.marks += [] if marked is None else [marked]
+
+    def _ground_errors(
+        self, frame: Frame, class_map: ClassMap, depth: NDArray[np.float32]
+    ) -> list[Floats]:
+        height_px, width_px = depth.shape
+        plane_m = ground_depth(view_of(frame, self._camera, (width_px, height_px)))
+        ground = sample_ground(depth, class_map.is_ground, plane_m, self._generator, _GROUND)
+        return [] if ground is None else [np.asarray(ground.predicted / ground.known_m - 1.0)]
