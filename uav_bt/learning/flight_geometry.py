@@ -8,11 +8,10 @@ its size, by height and pitch, and by the depth network.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +24,9 @@ from perception.depth.stage import DepthStage
 from uav_bt.errors import FileError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import DEFAULT_LAB
-from uav_bt.landing_marks import MarkView
-from uav_bt.learning.mark_ranges import MarkRanges, mark_ranges
+from uav_bt.landing_marks import MarkFinder, MarkView
+from uav_bt.learning.geometry import Geometry
+from uav_bt.learning.mark_ranges import mark_ranges
 from uav_bt.plugins import make_mark_finder
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
@@ -40,52 +40,31 @@ _MOST_FRAMES: Final = 60  # of all frames of a record, one a second or fewer
 _GROUND: Final = ScaleConfig(max_range_m=4.0)
 
 
-@dataclass(kw_only=True)
-class Geometry:
-    """Comparison of lengths in flights.
+def open_flight(path: Path, lab: Lab) -> RecordReader:
+    """Open the record of a flight in a lab.
 
-    Attributes:
-        frames: Number of frames that were compared.
-        ground_errors: Relative errors of the scaled depth on ground nearer than 4 m, by frame.
-        refusals: Frames without scaled depth, by reason.
-        marks: Ranges of the mark, one for each frame that shows it.
+    Args:
+        path: MCAP file of `uav-bt fly --record`.
+        lab: The lab.
+
+    Raises:
+        FileError: The record cannot be read, or is of another lab or other classes.
     """
-
-    frames: int = 0
-    ground_errors: list[Floats] = field(default_factory=list)
-    refusals: Counter[str] = field(default_factory=Counter)
-    marks: list[MarkRanges] = field(default_factory=list)
-
-    def ground_error(self, percentile: float) -> float:
-        """Return a percentile of the absolute relative error on the ground; NaN without ground."""
-        if not self.ground_errors:
-            return math.nan
-        return float(np.percentile(np.abs(np.concatenate(self.ground_errors)), percentile))
-
-    def ratio(self, of: str, to: str) -> float:
-        """Return the median ratio of two ranges of the mark, named as in `MarkRanges`."""
-        ratios = [getattr(each, of) / getattr(each, to) for each in self.marks]
-        known = [each for each in ratios if math.isfinite(each)]
-        return float(np.median(known)) if known else math.nan
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the figures as JSON values; None where nothing was measured."""
-        figures = {
-            "ground_error": self.ground_error(50),
-            "ground_error_90": self.ground_error(90),
-            "size_to_height": self.ratio("by_size", "by_height"),
-            "size_to_depth": self.ratio("by_size", "by_depth"),
-            "height_to_depth": self.ratio("by_height", "by_depth"),
-        }
-        known = {
-            name: round(each, 4) if math.isfinite(each) else None for name, each in figures.items()
-        }
-        refusals = dict(self.refusals.most_common())
-        return {"frames": self.frames, "refusals": refusals, "marks": len(self.marks), **known}
+    reader = flight_record(path)
+    text = reader.metadata.get("lab", "null")
+    flown = DEFAULT_LAB if text == "null" else text
+    if flown != lab.name:
+        raise FileError(path, f"was flown in the lab '{flown}', not in '{lab.name}'")
+    if reader.classes.names != lab.classes.names:
+        stated, recorded = ", ".join(lab.classes.names), ", ".join(reader.classes.names)
+        raise FileError(
+            path, f"expected the classes of {lab.file} ({stated}), got {recorded}: fly again"
+        )
+    return reader
 
 
 def compare_lengths(
-    records: Sequence[Path],
+    flights: Sequence[RecordReader],
     lab: Lab,
     segmenter: Segmenter,
     network: DepthEstimator,
@@ -95,39 +74,25 @@ def compare_lengths(
     """Compare lengths that height, camera and lab file state with those of the depth network.
 
     Args:
-        records: Records of flights in the lab.
+        flights: Records of `open_flight`.
         lab: The lab.
         segmenter: Segmentation with the lab's classes.
         network: Frame in, relative depth out.
         advance: Called after each frame.
 
     Raises:
-        FileError: A record cannot be read, is of another lab or of other classes, or has no frame
-            with an image and finite telemetry.
+        FileError: A record is damaged, or has no frame with an image and finite telemetry.
     """
-    readers = [_checked(flight_record(path), lab) for path in records]
-    found = Geometry()
-    for reader in readers:
+    finder = None if lab.mark is None else make_mark_finder(lab.mark)
+    # The area of a mask is less exact than the corners of a tag.
+    found = Geometry(tolerance=0.15 if finder is None or not finder.uses_images else 0.1)
+    for reader in flights:
         frames = _spread_frames(reader)
-        meter = _Meter(reader.camera, lab.mark, segmenter, network)
+        meter = _Meter(reader.camera, segmenter, network, lab.mark, finder)
         for done, stored in enumerate(frames, start=1):
             meter.add(stored.frame(), found)
             advance(f"frames of {reader.path.name}", done, len(frames))
     return found
-
-
-def _checked(reader: RecordReader, lab: Lab) -> RecordReader:
-    text = reader.metadata.get("lab", "null")
-    flown = DEFAULT_LAB if text == "null" else text
-    if flown != lab.name:
-        raise FileError(reader.path, f"was flown in the lab '{flown}', not in '{lab.name}'")
-    if reader.classes.names != lab.classes.names:
-        raise FileError(
-            reader.path,
-            f"was flown with other classes ({', '.join(reader.classes.names)}) than "
-            f"{lab.file} has: fly again",
-        )
-    return reader
 
 
 def _spread_frames(reader: RecordReader) -> list[StoredFrame]:
@@ -159,13 +124,14 @@ class _Meter:
     def __init__(
         self,
         camera: CameraModel,
-        mark: LandingMark | None,
         segmenter: Segmenter,
         network: DepthEstimator,
+        mark: LandingMark | None,
+        finder: MarkFinder | None,
     ) -> None:
-        self._undistorter, self._mark = Undistorter(camera), mark
+        self._undistorter = Undistorter(camera)
         self._camera = self._undistorter.camera
-        self._finder = None if mark is None else make_mark_finder(mark)
+        self._mark, self._finder = mark, finder
         self._segmenter, self._network = segmenter, network
         self._generator = np.random.default_rng(0)
 
