@@ -73,7 +73,7 @@ def check(
 
     With --flight the range of the landing mark is measured by its size, by height and pitch, and by
     the depth network. A wrong size, height or camera shows there and not in picks. A lab without
-    picks is then checked by its flights only.
+    picks or images is then checked by its flights only.
     """
     material = LabMaterial(lab=load_lab(lab))
     if out is not None:
@@ -81,8 +81,11 @@ def check(
     readers = [open_flight(path, material.lab) for path in flights]
     score: PickScore | None = None
     values: dict[str, Any] = {}
-    if material.picks.exists() or not readers or least_role_iou > 0.0:
+    picked = material.picks.exists() and material.frames.is_dir()
+    if picked or not readers or least_role_iou > 0.0:
         score, values = _score(material, model)
+    else:
+        click.echo(f"not scored: {material.lab.folder} has no picks or no images")
     geometry = _geometry(material.lab, model, readers) if readers else None
     if out is not None:
         lengths = None if geometry is None else geometry.to_json()

@@ -91,7 +91,7 @@ class Geometry:
             reasons = ", ".join(f"{why}: {count}" for why, count in self.refusals.most_common())
             yield f"  without metric depth: {share} of the frames ({reasons})"
         if not self.marks:
-            yield "  mark: in no frame whole and large enough"
+            yield "  mark: in no frame found whole and large enough, as a class of the role mark"
             return
         yield (
             f"  mark in {len(self.marks)} frames: the range by its size is "
@@ -117,16 +117,15 @@ class Geometry:
                 "of the mark agree (`uav-bt net train depth` trains it from records)"
             )
         large, small = ("large", "small") if to_height > 1.0 else ("small", "large")
-        raised = f"height_m of the mark in {lab_file} is too {large}"
-        others = (
-            f"the size of the mark in {lab_file} is too {large}, the height of the drone is too "
-            f"{small}, or focal length or pitch of the camera are wrong"
-        )
+        others = f", the height of the drone (too {small}), or focal length or pitch of the camera"
         if not self.ground_error(50) < _GROUND_ERROR or math.isnan(to_depth):
-            return f"likely wrong: {raised}, {others}"
-        # With a wrong height of the mark, its size and the depth network still agree.
-        agrees = abs(math.log(to_depth)) < abs(math.log(height_to_depth))
-        return f"likely wrong: {raised if agrees else others}"
+            keys = "size or height_m"
+        elif abs(math.log(to_depth)) < abs(math.log(height_to_depth)):
+            # With a wrong height of the mark, its size and the depth network still agree.
+            keys, others = "height_m", ""
+        else:
+            keys = "size"
+        return f"likely wrong: {keys} of the mark in {lab_file} (too {large}){others}"
 
 
 def _percent(share: float) -> str:
