@@ -81,7 +81,7 @@ def segmenter(model: str | None, lab: Lab) -> Callable[[Image], Image]:
     if model is None and not lab.network and lab.classes == load_lab().classes:
         model = SHIPPED_UNETS[0]
     if model is None:
-        return network_of_lab(lab)
+        return network_of_lab(lab).ids
     if model in SHIPPED_UNETS:
         return shipped_unet(model, threads=2).ids
     if model.endswith(".safetensors"):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from uav_bt.types import CameraModel, ClassMap, LandingMark
 from uav_bt.types.projection import ground_points
 
-_H_SHARE: Final = 0.6  # of the mark's top: the panel of the class with the H
+H_SHARE: Final = 0.6  # of the mark's top: the panel of the class with the H
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,4 +195,4 @@ def visible_share(
     )
     across, down = right - left, bottom - top
     pixel_m2 = abs(float(across[0] * down[1] - across[1] * down[0]))
-    return min(1.0, detection.h_area_px * pixel_m2 / (_H_SHARE * mark.area_m2))
+    return min(1.0, detection.h_area_px * pixel_m2 / (H_SHARE * mark.area_m2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import cv2
@@ -23,6 +24,66 @@ _SPECK: Final = 0.2
 _FARTHEST_M: Final = 15.0  # no lab is longer
 _COLOUR: Final = (240, 90, 30)
 _PICTURE_PX: Final = 64
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RegionOnPlane:
+    """The largest region of a class, projected to a level plane.
+
+    Attributes:
+        forward_m: Its middle ahead of the lens.
+        right_m: Its middle to the right of the lens.
+        area_m2: Its area on the plane.
+        cut: Whether the image's border cuts it.
+        rows: (N,) of its pixels in the class map.
+        columns: (N,) of its pixels in the class map.
+    """
+
+    forward_m: float
+    right_m: float
+    area_m2: float
+    cut: bool
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+
+
+def region_on_plane(
+    class_map: ClassMap, class_id: int, view: MarkView, plane_m: float
+) -> RegionOnPlane | None:
+    """Return the largest region of a class on a level plane below the lens.
+
+    Args:
+        class_map: Class map of the view.
+        class_id: The class.
+        view: Its camera, height and gimbal pitch, which are finite.
+        plane_m: Height of the plane above the ground; the lens is above it.
+
+    Returns:
+        The region; None if it has fewer than 6 pixels, or none of them within 15 m.
+    """
+    rows, columns, cut = _largest_region(class_map.ids == class_id)
+    if rows.size < _LEAST_PX:
+        return None
+    height_px, width_px = class_map.ids.shape
+    camera = view.camera.resized(width_px, height_px)
+    above_m, pitch_rad = view.frame.height_above_carpet_m - plane_m, view.frame.gimbal_pitch_rad
+    rays = pixel_rays(np.stack([columns, rows], axis=-1), camera, pitch_rad)
+    near = rays[:, 2] > above_m / _FARTHEST_M
+    rays, rows, columns = rays[near], rows[near], columns[near]
+    if not len(rays):
+        return None
+    places = rays[:, :2] * (above_m / rays[:, 2:])
+    # A pixel covers an area of the plane in proportion to 1 / down^3 of its ray.
+    areas_m2 = above_m**2 / rays[:, 2] ** 3 / (camera.fx_px * camera.fy_px)
+    forward_m, right_m = np.average(places, axis=0, weights=areas_m2)
+    return RegionOnPlane(
+        forward_m=float(forward_m),
+        right_m=float(right_m),
+        area_m2=float(areas_m2.sum()),
+        cut=cut,
+        rows=rows,
+        columns=columns,
+    )
 
 
 class RegionFinder:
@@ -59,27 +120,17 @@ class RegionFinder:
         above_m = frame.height_above_ground_m - self._mark.height_m
         if class_map is None or not (above_m > 0.0 and math.isfinite(frame.gimbal_pitch_rad)):
             return None
-        rows, columns, cut = _largest_region(class_map.ids == self._class_id(class_map))
-        if rows.size < _LEAST_PX:
+        seen = region_on_plane(class_map, self._class_id(class_map), view, self._mark.height_m)
+        if seen is None:
             return None
-        height_px, width_px = class_map.ids.shape
-        camera = view.camera.resized(width_px, height_px)
-        rays = pixel_rays(np.stack([columns, rows], axis=-1), camera, frame.gimbal_pitch_rad)
-        rays = rays[rays[:, 2] > above_m / _FARTHEST_M]
-        if not len(rays):
-            return None
-        places = rays[:, :2] * (above_m / rays[:, 2:])
-        # A pixel covers an area of the plane in proportion to 1 / down^3 of its ray.
-        areas_m2 = above_m**2 / rays[:, 2] ** 3 / (camera.fx_px * camera.fy_px)
-        forward_m, right_m = np.average(places, axis=0, weights=areas_m2)
-        share = min(1.0, float(areas_m2.sum()) / self._mark.area_m2)
-        if share < _SPECK and not cut:
+        share = min(1.0, seen.area_m2 / self._mark.area_m2)
+        if share < _SPECK and not seen.cut:
             return None
         return MarkSighting(
-            forward_m=float(forward_m) + camera.forward_offset_m,
-            right_m=float(right_m),
+            forward_m=seen.forward_m + view.camera.forward_offset_m,
+            right_m=seen.right_m,
             height_m=self._mark.height_m,
-            confidence=0.5 * share if cut else share,
+            confidence=0.5 * share if seen.cut else share,
         )
 
     def picture(self) -> Image:

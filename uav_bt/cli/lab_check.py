@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
+from perception.depth.runtime import load_depth_estimator
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, output_option
 from uav_bt.cli.progress import progress_bars
@@ -15,12 +17,16 @@ from uav_bt.cli.values import Number
 from uav_bt.errors import MissionError
 from uav_bt.files import writing
 from uav_bt.inputs import refuse_inputs
+from uav_bt.lab.lab import Lab
 from uav_bt.lab.roles import ROLE_NAMES
 from uav_bt.lab.shipped import load_lab
+from uav_bt.learning.flight_geometry import compare_lengths, open_flight
+from uav_bt.learning.geometry import Geometry
 from uav_bt.learning.lab_checks import picks_of_lab, teacher_of_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.learning.masks import MaskSource
 from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, write_sheet
+from uav_bt.record.reader import RecordReader
 from uav_bt.tree.loading.lookup import shipped_trees
 
 
@@ -39,9 +45,24 @@ from uav_bt.tree.loading.lookup import shipped_trees
     default=0.0,
     help="Exit with 1 if the intersection over union of a role is lower.",
 )
+@click.option(
+    "--flight",
+    "flights",
+    metavar="RECORD",
+    type=INPUT,
+    multiple=True,
+    help="Compare lengths in the record of a flight in the lab, too: heights, camera and mark. "
+    "Repeatable.",
+)
 @click.pass_context
 def check(
-    ctx: click.Context, *, lab: str, model: Path | None, out: Path | None, least_role_iou: float
+    ctx: click.Context,
+    *,
+    lab: str,
+    model: Path | None,
+    out: Path | None,
+    least_role_iou: float,
+    flights: tuple[Path, ...],
 ) -> None:
     """Score the segmentation network of a lab on its held-out picks.
 
@@ -49,13 +70,41 @@ def check(
     frames.csv is 'check', from which the network did not learn; each pick is a sample. The teacher
     is scored beside the network. LAB/training/check.png shows the worst images: image, class map
     and picks, wrong ones with a red rim.
+
+    With --flight the range of the landing mark is measured by its size, by height and pitch, and by
+    the depth network. A wrong size, height or camera shows there and not in picks. A lab without
+    picks or images is then checked by its flights only.
     """
     material = LabMaterial(lab=load_lab(lab))
     if out is not None:
-        refuse_inputs(out, [material.lab.folder], shipped_trees())
+        refuse_inputs(out, [material.lab.folder, *flights], shipped_trees())
+    readers = [open_flight(path, material.lab) for path in flights]
+    score: PickScore | None = None
+    values: dict[str, Any] = {}
+    picked = material.picks.exists() and material.frames.is_dir()
+    if picked or not readers or least_role_iou > 0.0:
+        score, values = _score(material, model)
+    else:
+        click.echo(f"not scored: {material.lab.folder} has no picks or no images")
+    geometry = _geometry(material.lab, model, readers) if readers else None
+    if out is not None:
+        lengths = None if geometry is None else geometry.to_json()
+        with writing(out):
+            text = json.dumps({"lab": material.lab.name, **values, "geometry": lengths}, indent=2)
+            out.write_text(text + "\n", encoding="utf-8")
+        click.echo(f"scores: {out}")
+    if score is not None and score.least_role_iou < least_role_iou:
+        click.echo(
+            f"the IoU of a role is {score.least_role_iou:.3f}, below {least_role_iou:g}", err=True
+        )
+        ctx.exit(MissionError.exit_code)
+
+
+def _score(material: LabMaterial, model: Path | None) -> tuple[PickScore, dict[str, Any]]:
+    """Score on picks, print the score, and return it, also as JSON values."""
     classes, uses = material.lab.classes, material.uses()
     picks = [pick for pick in picks_of_lab(material, uses) if uses[pick.image] == "check"]
-    segment, teacher = network_of_lab(material.lab, model), _teacher(material)
+    segment, teacher = network_of_lab(material.lab, model).ids, _teacher(material)
     with progress_bars() as advance:
         score = score_picks(segment, picks, material.frames, classes, advance=advance)
         beside = (
@@ -73,17 +122,20 @@ def check(
     sheet = material.training / "check.png"
     write_sheet(score, segment, material.frames, sheet)
     click.echo(f"worst images: {sheet}")
-    if out is not None:
-        teacher_json = None if beside is None else beside.to_json()
-        with writing(out):
-            values = {"lab": material.lab.name, **score.to_json(), "teacher": teacher_json}
-            out.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
-        click.echo(f"scores: {out}")
-    if score.least_role_iou < least_role_iou:
-        click.echo(
-            f"the IoU of a role is {score.least_role_iou:.3f}, below {least_role_iou:g}", err=True
-        )
-        ctx.exit(MissionError.exit_code)
+    return score, {**score.to_json(), "teacher": None if beside is None else beside.to_json()}
+
+
+def _geometry(lab: Lab, model: Path | None, flights: Sequence[RecordReader]) -> Geometry:
+    """Compare lengths in flights, print the result, and return it."""
+    segmenter, network = network_of_lab(lab, model), load_depth_estimator("depth")
+    with progress_bars() as advance:
+        geometry = compare_lengths(flights, lab, segmenter, network, advance=advance)
+    for line in geometry.lines():
+        click.echo(line)
+    wrong = geometry.likely_wrong(lab.file)
+    if wrong:
+        click.echo(wrong)
+    return geometry
 
 
 def _teacher(material: LabMaterial) -> MaskSource | None:

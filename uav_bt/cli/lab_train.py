@@ -71,7 +71,7 @@ def _result(data: LabData, loss: float) -> list[str]:
     material, picks = data.material, data.picks_on("check")
     lines = [] if math.isnan(loss) else [f"loss: {loss:.3f}"]
     if picks:
-        segment = network_of_lab(material.lab, material.network)
+        segment = network_of_lab(material.lab, material.network).ids
         score = score_picks(segment, picks, material.frames, material.lab.classes)
         lines += score_lines(score)
     else:

@@ -109,7 +109,7 @@ class PickScore:
         }
 
 
-def network_of_lab(lab: Lab, model: Path | None = None) -> Segment:
+def network_of_lab(lab: Lab, model: Path | None = None) -> OnnxSegmenter:
     """Return the segmentation network of a lab.
 
     Args:
@@ -120,14 +120,14 @@ def network_of_lab(lab: Lab, model: Path | None = None) -> Segment:
         InputError: The lab has no network, or it cannot be used.
     """
     if model is not None:
-        return OnnxSegmenter(model, lab.classes).ids
+        return OnnxSegmenter(model, lab.classes)
     stated = lab.network.get("model")
     file = None if stated is None else segmentation_file(stated)
     if file is None:
         raise InputError(
             f"the lab '{lab.name}' has no network: `uav-bt lab train {lab_address(lab)}` makes one"
         )
-    return OnnxSegmenter(file, lab.classes, lab.network.get("classes")).ids
+    return OnnxSegmenter(file, lab.classes, lab.network.get("classes"))
 
 
 def score_picks(

@@ -4,14 +4,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
+from sim_bridge.anafi import anafi_camera
 from tests.uav_bt.cli.cli_world import assert_refused, run
-from tests.uav_bt.learning.lab_world import draw_lab, write_colour_network
+from tests.uav_bt.learning.lab_world import (
+    COLOURS,
+    HEIGHT,
+    WIDTH,
+    draw_lab,
+    exact_ids,
+    write_colour_network,
+)
+from tests.uav_bt.record.footage_world import frame, write_record
 from uav_bt import app
+from uav_bt.types import DepthMap, Frame
 
 
 @pytest.fixture(autouse=True)
@@ -93,6 +105,51 @@ def test_the_teacher_is_scored_beside_the_network(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "12 held-out picks on 2 images: 1.000 right" in result.stdout
     assert "teacher: 0.667 of the picks right, IoU of the roles 1.000" in result.stdout
+
+
+class Flat:
+    """A depth network that sees everything at one distance."""
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        depth = np.ones((112, 224), dtype=np.float32)
+        return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
+
+
+def test_flights_are_checked_with_or_without_picks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uav_bt.cli.lab_check.load_depth_estimator", lambda _: Flat())
+    material = draw_lab(tmp_path / "hall")
+    folder, out = material.lab.folder, tmp_path / "scores.json"
+    write_colour_network(material.network)
+    images = [COLOURS[exact_ids(60 + 20 * index)] for index in range(3)]
+    frames = [frame(image, index, float(index)) for index, image in enumerate(images)]
+    camera = anafi_camera(WIDTH, HEIGHT)
+    facts = {
+        "lab": "hall",
+        "classes": json.dumps([asdict(each) for each in material.lab.classes], default=list),
+    }
+    flight = write_record(tmp_path / "flight.mcap", camera, frames, [], facts=facts)
+    result = run("lab", "check", folder, "--flight", flight, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "12 held-out picks on 2 images: 1.000 right" in result.stdout
+    assert "geometry in 3 frames of flights" in result.stdout
+    assert "mark: in no frame found" in result.stdout
+    scores = json.loads(out.read_text())
+    assert (scores["geometry"]["frames"], scores["geometry"]["size_to_height"]) == (3, None)
+    assert 0.05 < scores["geometry"]["ground_error"] < 1.0
+
+    material.picks.unlink()
+    alone = run("lab", "check", folder, "--flight", flight)
+    assert alone.exit_code == 0, alone.output
+    assert "not scored: " in alone.stdout
+    assert "geometry in 3 frames of flights" in alone.stdout
+    refused = run("lab", "check", folder, "--flight", flight, "--least-role-iou", 0.5)
+    assert_refused(refused, "there are no picks")
+
+    other = write_record(tmp_path / "other.mcap", camera, frames, [])
+    refused = run("lab", "check", folder, "--flight", other)
+    assert_refused(refused, "was flown in the lab 'paper', not in 'hall'")
 
 
 def test_a_lab_without_images_or_network_is_refused(tmp_path: Path) -> None:

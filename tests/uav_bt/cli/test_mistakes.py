@@ -165,6 +165,8 @@ MISTAKES = [
     ("lab pick", "Missing argument 'LAB'"),
     ("lab train absent", "unknown lab 'absent'"),
     ("lab check absent", "unknown lab 'absent'"),
+    ("lab check paper --flight absent.mcap", "absent.mcap"),
+    ("lab check paper --flight binary.bin", "binary.bin"),
     ("net train depth absent.mcap", "absent.mcap"),
     ("net train depth binary.bin", "binary.bin"),
     ("net train student photos", "photos"),

@@ -86,6 +86,7 @@ def contents(folder: Path) -> dict[str, bytes]:
         "net train depth old.mcap --start w.safetensors --out w.safetensors",
         "net train student old.mcap --start w.safetensors --out w.safetensors",
         "lab check labs/hall --model net.onnx --out net.onnx",
+        "lab check labs/hall --flight old.mcap --out old.mcap",
         "net evaluate depth --model net.onnx --out net.onnx",
         "net evaluate student old.mcap --out old.mcap",
         "net export depth --weights net.onnx --out net.onnx",

@@ -17,7 +17,7 @@ from uav_bt.learning.pick_scores import PickScore, network_of_lab, score_picks, 
 def scored(material: LabMaterial) -> PickScore:
     uses = material.uses()
     picks = [pick for pick in picks_of_lab(material, uses) if uses[pick.image] == "check"]
-    segment = network_of_lab(material.lab)
+    segment = network_of_lab(material.lab).ids
     return score_picks(segment, picks, material.frames, material.lab.classes)
 
 
@@ -54,7 +54,7 @@ def test_the_sheet_shows_image_class_map_and_picks(tmp_path: Path) -> None:
     material = draw_lab(tmp_path / "hall")
     write_colour_network(material.network, order=(2, 1, 3, 0))
     score = scored(material)
-    write_sheet(score, network_of_lab(material.lab), material.frames, tmp_path / "s" / "x.png")
+    write_sheet(score, network_of_lab(material.lab).ids, material.frames, tmp_path / "s" / "x.png")
     sheet = cv2.imread(str(tmp_path / "s" / "x.png"))
     assert sheet is not None
     assert sheet.shape == (2 * 180, 3 * 320, 3)

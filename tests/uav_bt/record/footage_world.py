@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -39,8 +39,12 @@ def write_record(
     states: Sequence[DroneState],
     *,
     finished: bool = True,
+    facts: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a record of frames (lossless) and states, and return its path."""
+    """Write a record of frames (lossless) and states, and return its path.
+
+    `facts` are further metadata.
+    """
     file = RecordFile(path)
     file.metadata(
         START,
@@ -49,6 +53,7 @@ def write_record(
             "start_ns": "0",
             "start_s": "0.0",
             "camera_model": dump(encode(camera)).decode(),
+            **(facts or {}),
         },
     )
     for item in sorted((*states, *frames), key=lambda one: one.captured_s):
