@@ -41,7 +41,7 @@ class MapSite(Leaf):
         # Late: SciPy takes long to import and `uav-bt check` must answer at once.
         from perception.mapping.site_mapper import SiteMapper  # noqa: PLC0415
 
-        self._mapper = SiteMapper(mission.classes, self.mapping)
+        self._mapper = SiteMapper(mission.classes, self.mapping, mark_m=mission.mark.radius_m)
         self._timer = StageTimer(mission, "map")
         self._last_s = -math.inf
 

@@ -72,10 +72,17 @@ class SiteMapper:
     Args:
         classes: classes of the lab.
         config: how the map is kept.
+        mark_m: radius of the landing mark; 0 without one.
     """
 
-    def __init__(self, classes: LabClasses, config: SiteMapperConfig | None = None) -> None:
-        self._classes = classes
+    def __init__(
+        self,
+        classes: LabClasses,
+        config: SiteMapperConfig | None = None,
+        *,
+        mark_m: float = 0.0,
+    ) -> None:
+        self._classes, self._mark_m = classes, mark_m
         self._on_legs = classes.legs_m > 0.0
         self.config = config or SiteMapperConfig()
         self.restarts = 0  # number of times that the map was restarted
@@ -131,6 +138,7 @@ class SiteMapper:
         """Add a view, whose pose is dead-reckoned."""
         cfg, time_s = self.config, view.captured_s
         self._captured_s = time_s
+        view = self._without_mark(view)
         self._recent.add(view)
         off_m = self._registration.match(view, *self._settled(time_s))
         if off_m is not None:
@@ -156,6 +164,17 @@ class SiteMapper:
             )
             self._objects_s = time_s
 
+    def _without_mark(self, view: View) -> View:
+        """Return a view without the bases on a tag: a tag that is seen has nothing on it.
+
+        Class maps of little training take parts of it for obstacles.
+        """
+        mark = self._mark.mark
+        if mark is None or mark.yaw_rad is None:
+            return view
+        x_m, y_m = self._registration.correction.to_body(mark.x_m, mark.y_m)
+        return view.without(Pose2D(x_m=x_m, y_m=y_m, yaw_rad=0.0), self._mark_m)
+
     def see_mark(self, fix: MarkFix) -> None:
         """Add a sighting of the landing mark, relative to the drone's present pose."""
         if self._motion is not None:
@@ -177,7 +196,7 @@ class SiteMapper:
             free=grid.free[window].copy(),
             outside=grid.outside(window),
             passed=grid.passed[window].copy(),
-            obstacles_m=self._bases.xy_m,
+            obstacles_m=self._obstacles_m(),
             edges_m=self._edges.xy_m,
             captured_s=self._captured_s,
             movers=self._movers.movers(max(motion.pose.time_s, self._captured_s)),
@@ -194,6 +213,14 @@ class SiteMapper:
             start=self._start or self._registration.corrected(motion.pose),
             near=self._recent.near(motion.pose),
         )
+
+    def _obstacles_m(self) -> Floats:
+        """Return the bases of obstacles, (N, 2), without those on a tag."""
+        xy_m, mark = self._bases.xy_m, self._mark.mark
+        if mark is None or mark.yaw_rad is None:
+            return xy_m
+        beside = np.hypot(*(xy_m - (mark.x_m, mark.y_m)).T) > self._mark_m
+        return np.asarray(xy_m[beside])
 
     def _trails_m(self) -> Floats:
         """Return recent positions of movers in the dead-reckoned frame, and radii, (K, 3)."""

@@ -143,6 +143,32 @@ class View:
         """Return the same view with another pose of the body, in the map's frame."""
         return replace(self, pose=pose)
 
+    def without(self, centre: Pose2D, radius_m: float) -> Self:
+        """Return the view without the bases within a circle.
+
+        Args:
+            centre: middle of the circle, in the frame of `pose`.
+            radius_m: radius of the circle.
+        """
+        forward_m, right_m = self.lens.to_body(centre.x_m, centre.y_m)
+
+        def outside(points_m: Floats) -> Flags:
+            return np.asarray(np.hypot(*(points_m - (forward_m, right_m)).T) > radius_m)
+
+        placed, bases = outside(self.contacts.placed_m), outside(self.bases_m)
+        return replace(
+            self,
+            contacts=replace(
+                self.contacts,
+                placed_m=self.contacts.placed_m[placed],
+                placed_ids=self.contacts.placed_ids[placed],
+                placed_heights_m=self.contacts.placed_heights_m[placed],
+            ),
+            bases_m=self.bases_m[bases],
+            base_ids=self.base_ids[bases],
+            base_heights_m=self.base_heights_m[bases],
+        )
+
     def body_m(self, points_m: Floats) -> Floats:
         """Return points of the view, (N, 2), forward and right of the body's centre."""
         return np.asarray(points_m + np.array([self.camera.forward_offset_m, 0.0]))

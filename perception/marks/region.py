@@ -66,7 +66,7 @@ def region_on_plane(
         return None
     height_px, width_px = class_map.ids.shape
     camera = view.camera.resized(width_px, height_px)
-    above_m, pitch_rad = view.frame.height_above_carpet_m - plane_m, view.frame.gimbal_pitch_rad
+    above_m, pitch_rad = view.frame.height_above_ground_m - plane_m, view.frame.gimbal_pitch_rad
     rays = pixel_rays(np.stack([columns, rows], axis=-1), camera, pitch_rad)
     near = rays[:, 2] > above_m / _FARTHEST_M
     rays, rows, columns = rays[near], rows[near], columns[near]

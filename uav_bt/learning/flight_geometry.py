@@ -103,7 +103,7 @@ def _spread_frames(reader: RecordReader) -> list[StoredFrame]:
         if not isinstance(item, StoredFrame) or item.image is None:
             continue
         note = item.note
-        if not math.isfinite(note.height_above_carpet_m + note.gimbal_pitch_rad):
+        if not math.isfinite(note.height_above_ground_m + note.gimbal_pitch_rad):
             continue
         if found and note.captured_s - found[-1].note.captured_s < apart_s - 1e-9:
             continue

@@ -365,3 +365,25 @@ def test_time_without_views_does_not_count_against_the_map() -> None:
     found = show_ground(mapper, len(flown()) * STEP_S + 10.0)
     assert found.restarts == 0
     assert found.contradicted_s < 1.0
+
+
+@pytest.mark.parametrize("heading_deg", [None, 30.0])
+def test_on_a_tag_stands_nothing(heading_deg: float | None) -> None:
+    """A tag that is seen is whole; parts of another mark may be hidden by what stands on it."""
+    mapper = SiteMapper(CLASSES, mark_m=0.4)
+    before = fly(mapper)[-1]
+    x_m, y_m = before.obstacles_m[0]
+    forward_m, right_m = before.pose.to_body(float(x_m), float(y_m))
+    fix = MarkFix(
+        forward_m=forward_m,
+        right_m=right_m,
+        height_m=0.0,
+        captured_s=before.captured_s,
+        detected=True,
+        confidence=1.0,
+        heading_deg=heading_deg,
+    )
+    mapper.see_mark(fix)
+    after = fly(mapper)[-1]
+    near = np.hypot(*(after.obstacles_m - (x_m, y_m)).T) <= 0.35
+    assert near.any() == (heading_deg is None)

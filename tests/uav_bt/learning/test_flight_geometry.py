@@ -46,7 +46,7 @@ class Painted:
 
 
 class Exact:
-    """A depth network whose unit is 2 m, exact on carpet and mark."""
+    """A depth network whose unit is 2 m, exact on ground and mark."""
 
     def estimate(self, frame: Frame) -> DepthMap:
         view = replace(view_of(frame, CAMERA, SIZE), height_m=1.5)
@@ -114,8 +114,8 @@ def test_a_frame_without_ground_has_no_scale_of_an_earlier_one(tmp_path: Path) -
     level = [shot(4, gimbal_pitch_rad=1.0), shot(6, height_m=0.1)]
     found = flown(tmp_path, [shot(0), shot(2), *level])
     assert found.refusals == {
-        "no scale: too little carpet": 1,
-        "no height above the carpet": 1,
+        "no scale: too little ground": 1,
+        "no height above the ground": 1,
     }
     assert "  without metric depth: 50.0 % of the frames" in "\n".join(found.lines())
 
