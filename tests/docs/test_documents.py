@@ -86,6 +86,7 @@ BROUGHT: Final = {
     "docs/anafi.md": ("boards/1.jpg",),
     "docs/labs.md": ("walk.mp4",),
     "docs/your-room.md": ("runs/depot-video/train-a.mp4",),
+    "docs/results.md": ("runs/depot-video/train-a.mp4",),
 }
 
 
