@@ -136,7 +136,7 @@ class _Meter:
         self._generator = np.random.default_rng(0)
 
     def add(self, frame: Frame, found: Geometry) -> None:
-        """Add what a frame shows."""
+        """Add a frame."""
         frame = replace(frame, image=self._undistorter.undistort(frame.image))
         class_map = self._segmenter.segment(frame)
         # A new maker for each frame: the scale of an earlier frame would hide a lack of ground.

@@ -205,7 +205,7 @@ def _files(path: Path, own: Path) -> list[Path]:
 
 
 def _names(files: Iterable[Path]) -> dict[Path, str]:
-    """Return a different name for each file: its own, or with its folder where two are the same."""
+    """Return a different name for each file: the file name, with the folder where two are equal."""
     names: dict[Path, str] = {}
     for file in files:
         # Names that are not UTF-8 cannot be written to a list.

@@ -1,4 +1,4 @@
-"""Lengths of a lab in its flights, measured in several ways, and what a difference means."""
+"""Lengths of a lab in its flights, measured in several ways, and likely causes of differences."""
 
 from __future__ import annotations
 

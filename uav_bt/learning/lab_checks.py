@@ -29,7 +29,7 @@ class LabData:
         uses: Use of every image, by file name.
         picks: Picks on all images; may be empty if another network makes the masks.
         source: Network of the lab file that makes the masks; None: a teacher learns from picks.
-        warnings: What is allowed and may be a mistake.
+        warnings: Allowed things that may be mistakes.
     """
 
     material: LabMaterial

@@ -35,7 +35,7 @@ _WRONG: Final = (255, 0, 0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageScore:
-    """Picks of one image and what a segmentation answered there.
+    """Picks of one image and the classes that a segmentation gives there.
 
     Attributes:
         image: File name.

@@ -125,7 +125,7 @@ class PickImages:
 
 
 def _kept(store: OrderedDict[str, _Kept], name: str, most: int, make: Callable[[], _Kept]) -> _Kept:
-    """Return what a store has for a name; what was used longest ago leaves it."""
+    """Return the entry of a name; the entry that was used longest ago is removed."""
     if name not in store:
         store[name] = make()
         if len(store) > most:

@@ -45,7 +45,7 @@ def inside(material: LabMaterial) -> list[str]:
     return sorted(path.name for path in material.frames.iterdir())
 
 
-# --- what is taken --------------------------------------------------------------------------------
+# --- chosen images --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("codec", "suffix"), [("libx264", ".mp4"), ("libx265", ".mkv")])

@@ -1,4 +1,4 @@
-"""What is wrong with a picks file is found before a teacher is trained."""
+"""Mistakes in a picks file are found before a teacher is trained."""
 
 from pathlib import Path
 
