@@ -226,13 +226,20 @@ def film(scene: str, rounds: Sequence[Round], seed: int, size_px: Point, out: Pa
             image_size_px=(width_px, height_px),
             movers=plan.movers,
         ).create()
+        unfinished = path.with_name(f"unfinished-{path.name}")
         drone.connect()
-        film_file = VideoFile(path, size_px=(width_px, height_px), frames_per_s=Fraction(10))
         try:
-            fly_round(Pilot(drone, film_file), drone.scene, plan)
+            film_file = VideoFile(
+                unfinished, size_px=(width_px, height_px), frames_per_s=Fraction(10)
+            )
+            try:
+                fly_round(Pilot(drone, film_file), drone.scene, plan)
+            finally:
+                film_file.close()
+            unfinished.rename(path)
         finally:
             drone.disconnect()
-            film_file.close()
+            unfinished.unlink(missing_ok=True)
     return files
 
 

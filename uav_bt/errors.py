@@ -25,7 +25,7 @@ import difflib
 import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 
 def did_you_mean(name: str, known: Iterable[str], *, cutoff: float = 0.6, suffix: str = "") -> str:
@@ -86,6 +86,16 @@ class FileError(InputError):
         self.line = line
         where = f"{path}:{line}" if line is not None else str(path)
         super().__init__(f"{where}: {message}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Errors cross processes, and their text is not the argument that makes them.
+        return _remade, (type(self), self.args, vars(self))
+
+
+def _remade(kind: type[FileError], texts: tuple[Any, ...], values: dict[str, Any]) -> FileError:
+    error = kind.__new__(kind, *texts)
+    vars(error).update(values)
+    return error
 
 
 class SceneError(FileError):

@@ -86,6 +86,7 @@ class MoverTrack:
         self.radius_m = config.min_radius_m
         self.sightings = 1
         self.moves = self.stands = self.has_moved = False
+        self.was_lost = False  # it was another track before it left the view
         self.is_whole = True  # it was seen as a whole
         self.trail: list[tuple[float, float, float]] = []  # s, x, y
 

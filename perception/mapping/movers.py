@@ -115,17 +115,22 @@ class MoverTracker:
         return stands
 
     def _drop_found_again(self, time_s: float) -> None:
-        """Drop movers out of view that may be the one that is seen to move elsewhere."""
-        seen = [track for track in self._tracks if track.moves and track.seen_s == time_s]
-
-        def is_found(lost: MoverTrack) -> bool:
-            unseen_s = time_s - lost.seen_s
-            reach_m = self._turned_mps(lost) * unseen_s + self._config.same_m
-            return unseen_s > self._config.carry_s and any(
-                math.dist(track.place_m, lost.seen_m) <= reach_m for track in seen
-            )
-
-        self._tracks = [track for track in self._tracks if not is_found(track)]
+        """Drop, for each new mover, the nearest one out of view that it may have been before."""
+        for found in [each for each in self._tracks if each.moves and each.seen_s == time_s]:
+            if found.was_lost:
+                continue
+            lost = [
+                each
+                for each in self._tracks
+                if each.seen_s <= found.first_s
+                and time_s - each.seen_s > self._config.carry_s
+                and math.dist(found.place_m, each.seen_m)
+                <= self._turned_mps(each) * (time_s - each.seen_s) + self._config.same_m
+            ]
+            if lost:
+                found.was_lost = True
+                nearest = min(lost, key=lambda each: math.dist(found.place_m, each.seen_m))
+                self._tracks.remove(nearest)
 
     def _turned_mps(self, track: MoverTrack) -> float:
         """Return the speed at which a mover out of view may go anywhere."""

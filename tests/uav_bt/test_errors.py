@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
 from pathlib import Path
 
@@ -171,3 +172,13 @@ def test_a_failed_policy_names_its_own_line_and_not_that_of_the_leaf(
         "node 'Bench/Explore' failed: PolicyFailedError: policy Broken: AttributeError: "
         "'NoneType' object has no attribute 'passed' (my_policy.py:3)"
     )
+
+
+@pytest.mark.parametrize(
+    "error",
+    [errors.FileError("a.csv", "is damaged", line=3), errors.TreeError("a.xml", ["no root"])],
+)
+def test_an_error_of_a_file_crosses_processes(error: errors.FileError) -> None:
+    other = copy.copy(error)  # by the same method as between processes
+    assert type(other) is type(error)
+    assert (str(other), other.path, other.line) == (str(error), error.path, error.line)

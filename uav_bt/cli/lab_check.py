@@ -14,7 +14,7 @@ from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, output_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.values import Number
-from uav_bt.errors import MissionError
+from uav_bt.errors import MissionError, WeightsError
 from uav_bt.files import writing
 from uav_bt.inputs import refuse_inputs
 from uav_bt.lab.lab import Lab
@@ -105,13 +105,14 @@ def _score(material: LabMaterial, model: Path | None) -> tuple[PickScore, dict[s
     classes, uses = material.lab.classes, material.uses()
     picks = [pick for pick in picks_of_lab(material, uses) if uses[pick.image] == "check"]
     segment, teacher = network_of_lab(material.lab, model).ids, _teacher(material)
+    beside = None
     with progress_bars() as advance:
         score = score_picks(segment, picks, material.frames, classes, advance=advance)
-        beside = (
-            None
-            if teacher is None
-            else score_picks(teacher.load(), picks, material.frames, classes)
-        )
+        if teacher is not None:
+            try:
+                beside = score_picks(teacher.load(), picks, material.frames, classes)
+            except WeightsError as error:  # the score of the network does not depend on it
+                click.echo(f"teacher: not scored ({error})", err=True)
     for line in score_lines(score):
         click.echo(line)
     if beside is not None:
@@ -139,7 +140,7 @@ def _geometry(lab: Lab, model: Path | None, flights: Sequence[RecordReader]) -> 
 
 
 def _teacher(material: LabMaterial) -> MaskSource | None:
-    file = material.training / "teacher.safetensors"
+    file = material.teacher
     trained = MaskSource(file=file, classes=material.lab.classes) if file.is_file() else None
     return teacher_of_lab(material) or trained
 

@@ -41,9 +41,9 @@ def train(*, lab: str, config: dict[str, Any], workers: int) -> None:
 
     LAB is a shipped lab, a folder of labs/, or a path, with images in frames/ and picks in
     picks.csv. A teacher learns from the picks and makes a class map of every image for training;
-    from these learns the network. It begins with the lab's last network, the
-    first time with the shipped U-Net. If the lab file
-    names another network as `teacher`, that one makes the class maps.
+    from these learns the network. It begins with the lab's last network, the first time and
+    after a change of the classes with the shipped U-Net. If the lab file names another network as
+    `teacher`, that one makes the class maps.
 
     Writes LAB/segmentation.onnx, with which the lab is flown unless its file states a network. An
     existing one is replaced when the training has finished. LAB/training keeps teacher, masks and

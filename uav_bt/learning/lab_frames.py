@@ -171,18 +171,20 @@ class _Run:
             candidates, notes = self._looked_at(unread, Path(folder))
             clear = [one for one in candidates if one.file is not None]
             order = different_ones([one.look for one in clear])
-            chosen = [clear[index] for index in sorted(order[: self._count])]
+            wanted = max(0, self._count - len(there))
+            chosen = [clear[index] for index in sorted(order[:wanted])]
             earlier = sum(_is_photograph(frame.source) for frame in self._listed)
             uses: list[Use] = [
                 "check" if number % _PARTS_A_CHECK == 0 else "train"
                 for number in range(earlier + 1, earlier + 1 + len(chosen))
             ]
-            if not chosen:
+            if not chosen and not there:
                 where = unread[0].path if len(unread) == 1 else unread[0].path.parent
                 raise FileError(
                     where, f"no photograph can be used: {'; '.join(notes) or 'all are blank'}"
                 )
-            self._keep(chosen, uses, self._photograph_names(chosen))
+            if chosen:
+                self._keep(chosen, uses, self._photograph_names(chosen))
         summary = SourceSummary(
             source=_PHOTOGRAPHS,
             read=len(unread),

@@ -21,7 +21,7 @@ from typing import Final, Literal, cast, get_args
 
 from perception.camera.image_files import image_files
 from uav_bt.errors import FileError
-from uav_bt.files import read_bounded, write_whole
+from uav_bt.files import read_bounded, reading, write_whole
 from uav_bt.lab.lab import NETWORK_FILE, Lab
 
 Use = Literal["train", "check"]
@@ -82,6 +82,11 @@ class LabMaterial:
         return self.lab.folder / "training"
 
     @property
+    def teacher(self) -> Path:
+        """Weights of the teacher of the picks."""
+        return self.training / "teacher.safetensors"
+
+    @property
     def network(self) -> Path:
         """The network that training writes; see also `Lab.network`."""
         return self.lab.folder / NETWORK_FILE
@@ -115,12 +120,17 @@ class LabMaterial:
         """
         if not self.list_file.exists():
             return []
-        reader = csv.reader(io.StringIO(read_bounded(self.list_file, _MAX_BYTES).decode()))
+        with reading(self.list_file):
+            text = read_bounded(self.list_file, _MAX_BYTES).decode()
+        reader = csv.reader(io.StringIO(text))
         frames = []
-        for row in reader:
-            if reader.line_num == 1 and tuple(row) == _COLUMNS:
-                continue
-            frames.append(_parsed(row, self.list_file, reader.line_num))
+        try:
+            for row in reader:
+                if reader.line_num == 1 and tuple(row) == _COLUMNS:
+                    continue
+                frames.append(_parsed(row, self.list_file, reader.line_num))
+        except csv.Error as error:
+            raise FileError(self.list_file, f"no CSV: {error}", line=reader.line_num) from error
         return frames
 
     def write_frames(self, frames: Iterable[LabFrame]) -> None:

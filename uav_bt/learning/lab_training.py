@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -31,7 +32,6 @@ from uav_bt.learning.masks import SIZE_PX, MaskSource, make_masks, mask_files
 from uav_bt.progress import Advance, silent
 from uav_bt.types.arrays import Image
 
-TEACHER_FILE: Final = "teacher.safetensors"
 WEIGHTS_FILE: Final = "unet.safetensors"
 UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
 """Weights that a lab's first network begins with."""
@@ -118,7 +118,7 @@ def mask_source(data: LabData, *, seed: int = 0, advance: Advance = silent) -> M
     if data.source is not None:
         return data.source
     material, classes = data.material, data.material.lab.classes
-    file = material.training / TEACHER_FILE
+    file = material.teacher
     teacher = fit_lab_teacher(
         data.picks_on("train"),
         material.frames,
@@ -268,6 +268,9 @@ def train_lab(
     for file in folder.glob("checkpoint-*.safetensors"):
         if file != checkpoint:  # of trainings with other settings, picks or images
             file.unlink(missing_ok=True)
+    for old in folder.glob("masks-*"):
+        if old != masks:
+            shutil.rmtree(old)
     last = losses[-max(len(losses) // 10, 1) :]
     return float(np.mean(last)) if last else float("nan")
 

@@ -81,9 +81,9 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         if not self._is_ours():
             return
-        asked = urlsplit(self.path)
-        place, _, name = unquote(asked.path)[1:].partition("/")
         try:
+            asked = urlsplit(self.path)  # raises ValueError, such as for "//["
+            place, _, name = unquote(asked.path)[1:].partition("/")
             if place == "" and not name:
                 self._send(HTTPStatus.OK, "text/html; charset=utf-8", _PAGE.read_bytes())
             elif place == "state" and not name:
@@ -104,7 +104,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self._refuse(HTTPStatus.NOT_FOUND, f"there is no {asked.path}")
         except ConnectionError:
             pass  # the browser no longer waits
-        except (UavBtError, OSError) as error:
+        except (UavBtError, OSError, ValueError) as error:
             self._refuse(HTTPStatus.NOT_FOUND, str(error))
 
     def do_POST(self) -> None:

@@ -13,8 +13,8 @@ from typing import Final
 from perception.segmentation.training.next_image import CHECK, TRAIN
 from perception.segmentation.training.pick_images import PickImages
 from perception.segmentation.training.picks import Pick, read_picks, write_picks
-from uav_bt.errors import ValueRangeError
-from uav_bt.files import writing
+from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.files import reading, writing
 from uav_bt.lab.classes import LabClasses
 
 _MOST_UNDONE: Final = 200  # strokes
@@ -42,6 +42,7 @@ class PickSession:
         self.classes: Final = classes
         self.path: Final = picks_path
         self.picks: list[Pick] = read_picks(picks_path, classes) if picks_path.exists() else []
+        self._written = _content(picks_path)  # to notice the changes of another program
         self._strokes: deque[tuple[str, list[Pick]]] = deque(maxlen=_MOST_UNDONE)
         self._lock = threading.Lock()  # several tabs may pick at once
 
@@ -160,9 +161,22 @@ class PickSession:
         self._strokes.append((image, before))
 
     def _write(self, picks: list[Pick]) -> None:
+        if _content(self.path) != self._written:
+            raise FileError(
+                self.path,
+                "was changed by another program; nothing was written: end `uav-bt lab pick` and "
+                "call it again",
+            )
         if picks:
             write_picks(self.path, picks, self.classes)
         else:  # a picks file without picks is refused where it is read
             with writing(self.path):
                 self.path.unlink(missing_ok=True)
+        self._written = _content(self.path)
         self.picks = picks
+
+
+def _content(path: Path) -> bytes:
+    """Return the content of a picks file; empty if there is none."""
+    with reading(path):
+        return path.read_bytes() if path.exists() else b""

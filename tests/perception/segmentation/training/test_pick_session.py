@@ -154,3 +154,12 @@ def test_a_malformed_picks_file_is_refused(tmp_path: Path, session: PickSession)
     session.path.write_text("image,x,y,class,origin\na.png,1,1,flor,hand\n", encoding="utf-8")
     with pytest.raises(FileError, match=r"picks\.csv:2: unknown class 'flor'"):
         session_of(tmp_path, {"a.png": "train"})
+
+
+def test_picks_of_another_program_are_not_overwritten(session: PickSession) -> None:
+    session.add("a.png", 1, 1, "floor")
+    text = session.path.read_text() + "a.png,3,3,crate,hand\n"
+    session.path.write_text(text)
+    with pytest.raises(FileError, match="was changed by another program"):
+        session.add("a.png", 5, 5, "floor")
+    assert session.path.read_text() == text
