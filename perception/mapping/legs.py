@@ -25,7 +25,9 @@ from uav_bt.lab.roles import NO_ROLE, OBSTACLE
 from uav_bt.types.arrays import Flags, Floats, Indices
 
 _OVERHANG_M: Final = 0.25  # a board may extend beyond its outer legs by this; chosen
-_DEEPER: Final = 0.5  # of the span: an outer point so much behind a leg is a board's edge; chosen
+_DEEPER: Final = (
+    0.5  # of the span: an outer point this far behind a leg is the edge of a board. Chosen
+)
 
 
 @dataclass(frozen=True, eq=False)

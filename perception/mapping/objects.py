@@ -87,12 +87,12 @@ def _on_legs(
     if not len(points):
         return []
     apart_m = np.hypot(*np.moveaxis(points.xy_m[:, None] - points.xy_m, -1, 0))
-    labels, most_m = clusters(points.xy_m, config.apart_m), span_m + config.spread_m
+    labels, max_m = clusters(points.xy_m, config.apart_m), span_m + config.spread_m
     nodes: list[Indices] = []
     for label in range(labels.max() + 1):
         rows = np.flatnonzero(labels == label)
         wide_m = np.quantile(apart_m[np.ix_(rows, rows)], 0.95)
-        nodes += [rows] if wide_m <= config.several * most_m else np.split(rows, len(rows))
+        nodes += [rows] if wide_m <= config.several * max_m else np.split(rows, len(rows))
     parts = []
     while nodes:
         middle_m = points.xy_m[np.concatenate(nodes)].mean(axis=0)
@@ -104,7 +104,7 @@ def _on_legs(
         left = []
         for index in np.argsort(to_m, kind="stable"):
             to_group_m = apart_m[np.ix_(group, nodes[index])]
-            if np.quantile(to_group_m, config.agree) <= most_m:
+            if np.quantile(to_group_m, config.agree) <= max_m:
                 group = np.concatenate([group, nodes[index]])
             else:
                 left.append(nodes[index])

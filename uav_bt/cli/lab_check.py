@@ -40,7 +40,7 @@ from uav_bt.tree.loading.lookup import shipped_trees
 )
 @output_option("--out", "Write the scores there too, as JSON.")
 @click.option(
-    "--least-role-iou",
+    "--min-role-iou",
     type=Number(min=0.0, max=1.0),
     default=0.0,
     help="Exit with 1 if the intersection over union of a role is lower.",
@@ -61,7 +61,7 @@ def check(
     lab: str,
     model: Path | None,
     out: Path | None,
-    least_role_iou: float,
+    min_role_iou: float,
     flights: tuple[Path, ...],
 ) -> None:
     """Score the segmentation network of a lab on its held-out picks.
@@ -82,7 +82,7 @@ def check(
     score: PickScore | None = None
     values: dict[str, Any] = {}
     picked = material.picks.exists() and material.frames.is_dir()
-    if picked or not readers or least_role_iou > 0.0:
+    if picked or not readers or min_role_iou > 0.0:
         score, values = _score(material, model)
     else:
         click.echo(f"not scored: {material.lab.folder} has no picks or no images")
@@ -93,9 +93,9 @@ def check(
             text = json.dumps({"lab": material.lab.name, **values, "geometry": lengths}, indent=2)
             out.write_text(text + "\n", encoding="utf-8")
         click.echo(f"scores: {out}")
-    if score is not None and score.least_role_iou < least_role_iou:
+    if score is not None and score.min_role_iou < min_role_iou:
         click.echo(
-            f"the IoU of a role is {score.least_role_iou:.3f}, below {least_role_iou:g}", err=True
+            f"the IoU of a role is {score.min_role_iou:.3f}, below {min_role_iou:g}", err=True
         )
         ctx.exit(MissionError.exit_code)
 

@@ -17,8 +17,8 @@ from uav_bt.types import LandingMark
 
 # Least pixels of the mark's top. A mask is up to a pixel too large on each side: with fewer pixels
 # its area is more than 15 % too large.
-_LEAST_PX: Final = 60
-_LEAST_MEASURED_PX: Final = 400
+_MIN_PX: Final = 60
+_MIN_MEASURED_PX: Final = 400
 _LEAST_RANGE_M: Final = 0.5  # nearer the horizontal range is too short for a ratio. Chosen.
 
 
@@ -46,8 +46,8 @@ def mark_ranges(
     if top is None or not lens.height_m > mark.height_m:
         return None
     region = region_on_plane(class_map, top, view, mark.height_m)
-    least_px = _LEAST_PX if finder.uses_images else _LEAST_MEASURED_PX
-    if region is None or region.cut or region.rows.size < least_px:
+    min_px = _MIN_PX if finder.uses_images else _MIN_MEASURED_PX
+    if region is None or region.cut or region.rows.size < min_px:
         return None
     by_height = math.hypot(region.forward_m, region.right_m)
     if by_height < _LEAST_RANGE_M:

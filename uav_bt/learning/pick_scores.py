@@ -77,7 +77,7 @@ class PickScore:
         return [name for name, count in self.picks.items() if not count]
 
     @property
-    def least_role_iou(self) -> float:
+    def min_role_iou(self) -> float:
         """Lowest intersection over union of the roles with picks."""
         return float(np.nanmin(self.total.role_iou))
 

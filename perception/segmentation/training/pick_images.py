@@ -30,7 +30,7 @@ _Kept = TypeVar("_Kept")
 
 
 class PickImages:
-    """The images of a folder, with what was computed of the last ones.
+    """The images of a folder, and a cache of patches and super-pixels of the last ones.
 
     Args:
         folder: Folder of the images.

@@ -1,4 +1,4 @@
-"""`uav-bt lab pick`: what it prints, and what it refuses."""
+"""`uav-bt lab pick`: output and refusals."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def test_a_check_prints_scores_and_writes_sheet_and_json(tmp_path: Path) -> None
     out, folder = tmp_path / "scores.json", material.lab.folder
     refused = run("lab", "check", folder, "--out", material.picks)
     assert_refused(refused, "is an input and would be overwritten")
-    result = run("lab", "check", folder, "--out", out, "--least-role-iou", 0.9)
+    result = run("lab", "check", folder, "--out", out, "--min-role-iou", 0.9)
     assert result.exit_code == 0, result.output
     lines = [line.split() for line in result.stdout.splitlines()]
     assert ["floor", "4", "1.000"] in lines
@@ -89,7 +89,7 @@ def test_a_check_prints_scores_and_writes_sheet_and_json(tmp_path: Path) -> None
     assert scores["teacher"] is None
 
     write_colour_network(tmp_path / "bad.onnx", order=(1, 2, 0, 3))
-    bad = run("lab", "check", folder, "--model", tmp_path / "bad.onnx", "--least-role-iou", 0.9)
+    bad = run("lab", "check", folder, "--model", tmp_path / "bad.onnx", "--min-role-iou", 0.9)
     assert bad.exit_code == 1, bad.output
     assert "the IoU of a role is 0.000, below 0.9" in bad.stderr
 
@@ -144,7 +144,7 @@ def test_flights_are_checked_with_or_without_picks(
     assert alone.exit_code == 0, alone.output
     assert "not scored: " in alone.stdout
     assert "geometry in 3 frames of flights" in alone.stdout
-    refused = run("lab", "check", folder, "--flight", flight, "--least-role-iou", 0.5)
+    refused = run("lab", "check", folder, "--flight", flight, "--min-role-iou", 0.5)
     assert_refused(refused, "there are no picks")
 
     other = write_record(tmp_path / "other.mcap", camera, frames, [])

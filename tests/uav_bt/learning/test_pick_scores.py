@@ -26,7 +26,7 @@ def test_a_right_network_has_no_error(tmp_path: Path) -> None:
     write_colour_network(material.network)
     score = scored(material)
     assert score.total.accuracy == 1.0
-    assert score.least_role_iou == 1.0
+    assert score.min_role_iou == 1.0
     assert score.picks == {"wall": 4, "floor": 4, "crate": 4, "cart": 0}
     assert score.unchecked == ["cart"]
     assert score.confusions() == []
