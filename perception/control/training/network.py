@@ -78,7 +78,7 @@ def _ports(net: ControlNet) -> OnnxPorts:
             "frames": (1, config.views, 3, config.height_px, config.width_px),
             "state": (1, state_size(config.views)),
         },
-        output="prediction",
+        outputs=("prediction",),
         metadata={"control": json.dumps(about, sort_keys=True)},
     )
 

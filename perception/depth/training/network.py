@@ -144,7 +144,7 @@ def _build(details: dict[str, Any]) -> DepthNet:
 
 def _ports(net: DepthNet) -> OnnxPorts:
     return OnnxPorts(
-        inputs={"image": (1, 3, net.config.height_px, net.config.width_px)}, output="depth"
+        inputs={"image": (1, 3, net.config.height_px, net.config.width_px)}, outputs=("depth",)
     )
 
 

@@ -40,12 +40,12 @@ Net = TypeVar("Net", bound=nn.Module)
 
 @dataclass(frozen=True, kw_only=True)
 class OnnxPorts:
-    """Inputs and output of an ONNX file. All shapes are fixed."""
+    """Inputs and outputs of an ONNX file. All shapes are fixed."""
 
     # Shapes by name, in the order of `forward`. The first takes images, (..., 3, H, W) RGB in
     # [0, 1].
     inputs: Mapping[str, tuple[int, ...]]
-    output: str
+    outputs: tuple[str, ...]
     metadata: Mapping[str, str] = field(default_factory=dict)  # checked by the runtime
 
 
@@ -163,7 +163,7 @@ def _traced(net: nn.Module, ports: OnnxPorts) -> onnx.ModelProto:
             tuple(torch.zeros(shape) for shape in ports.inputs.values()),
             content,  # type: ignore[arg-type]  # torch's stubs know paths only
             input_names=list(ports.inputs),
-            output_names=[ports.output],
+            output_names=list(ports.outputs),
             opset_version=_OPSET,
             dynamo=False,
         )

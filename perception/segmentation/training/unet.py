@@ -29,6 +29,7 @@ class UNetConfig:
     height_px: int = 112
     channels: tuple[int, ...] = (24, 48, 96, 160)  # by level, from half size downwards
     outputs: int  # number of classes
+    context: bool = False  # whether the lowest level sees the mean of the whole image
 
     def __post_init__(self) -> None:
         halvings = 2 ** len(self.channels)
@@ -76,6 +77,12 @@ class UNet(nn.Module):
             for below, here in zip(widths[:0:-1], widths[-2::-1], strict=True)
         )
         self.merge = nn.ModuleList(_Block(2 * here, here) for here in widths[-2::-1])
+        lowest = widths[-1]
+        self.context = (
+            nn.Sequential(nn.AdaptiveAvgPool2d(1), nn.Conv2d(lowest, lowest, 1), nn.ReLU())
+            if config.context
+            else None
+        )
         self.head = nn.Conv2d(widths[0], 4 * config.outputs, 1)
         self.spread = nn.PixelShuffle(2)
 
@@ -88,15 +95,28 @@ class UNet(nn.Module):
         Returns:
             (N, C, H, W) float.
         """
+        return cast("Tensor", self.spread(self.head(self.features(rgb))))
+
+    def features(self, rgb: Tensor) -> Tensor:
+        """Return the features of each half-size pixel, from which the head makes the logits.
+
+        Args:
+            rgb: (N, 3, H, W) float, 0 to 1.
+
+        Returns:
+            (N, F, H / 2, W / 2) float.
+        """
         skips: list[Tensor] = []
         features = rgb - 0.5  # so that the convolutions' zero padding is mid-grey, not black
         for level, block in enumerate(self.down):
             features = block(features if level == 0 else self.pool(features))
             skips.append(features)
         skips.pop()
+        if self.context is not None:
+            features = features + self.context(features)
         for grow, merge in zip(self.up, self.merge, strict=True):
             features = merge(torch.cat([grow(features), skips.pop()], dim=1))
-        return cast("Tensor", self.spread(self.head(features)))
+        return features
 
 
 def _build(details: dict[str, Any]) -> UNet:
@@ -108,7 +128,7 @@ def _build(details: dict[str, Any]) -> UNet:
 def _ports(net: UNet) -> OnnxPorts:
     return OnnxPorts(
         inputs={"image": (1, 3, net.config.height_px, net.config.width_px)},
-        output="logits",
+        outputs=("logits",),
         metadata={"classes": json.dumps(net.classes)},
     )
 

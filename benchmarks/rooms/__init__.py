@@ -1,0 +1,1 @@
+"""Furnished rooms by chance, from furniture and pictures of packages with a free licence."""

@@ -1,0 +1,82 @@
+"""One network with two heads: the roles of pixels, and their depth.
+
+The trunk is the U-Net of `perception.segmentation.training.unet`. Both heads read its features at
+half size, so a frame costs one inference. Depth is relative to the camera's height above the
+ground: at the right scale the factor from relative depth to metres is that height.
+
+This module imports torch; only training and export need it.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Final, cast
+
+import torch
+from torch import Tensor, nn
+
+from perception.networks.training.network_files import NetworkFiles, OnnxPorts
+from perception.segmentation.training.unet import UNet, UNetConfig
+
+ROLES: Final = ("outside", "ground", "obstacle")
+_DEPTH_RANGE: Final = 4.0  # of the logarithm of relative depth: 0.02 to 55 heights
+
+
+class RoomNet(nn.Module):
+    """RGB in [0, 1], (N, 3, H, W), to scores of the roles, relative depth and features.
+
+    Args:
+        config: the trunk's shape.
+    """
+
+    def __init__(self, config: UNetConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.trunk = UNet(config, ROLES)
+        width = config.channels[0]
+        self.depth = nn.Sequential(
+            nn.Conv2d(width, width, 3, padding=1, bias=False),
+            nn.BatchNorm2d(width),
+            nn.ReLU(inplace=True),
+            nn.Conv2d(width, 1, 1),
+        )
+
+    def forward(self, rgb: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Return scores, depth and features.
+
+        Args:
+            rgb: (N, 3, H, W) float, 0 to 1.
+
+        Returns:
+            Logits of the roles (N, 3, H, W), depth along the optical axis in heights of the camera
+            above the ground (N, 1, H / 2, W / 2), and features (N, F, H / 2, W / 2); floats.
+        """
+        features = self.trunk.features(rgb)
+        logits = self.trunk.spread(self.trunk.head(features))
+        return logits, torch.exp(self.log_depth(features)), features
+
+    def log_depth(self, features: Tensor) -> Tensor:
+        """Return the logarithm of relative depth, (N, 1, H / 2, W / 2), of the features."""
+        return cast("Tensor", self.depth(features)).clamp(-_DEPTH_RANGE, _DEPTH_RANGE)
+
+
+def _build(details: dict[str, Any]) -> RoomNet:
+    config = details["config"]
+    return RoomNet(UNetConfig(**{**config, "channels": tuple(config["channels"])}))
+
+
+def _ports(net: RoomNet) -> OnnxPorts:
+    return OnnxPorts(
+        inputs={"image": (1, 3, net.config.height_px, net.config.width_px)},
+        outputs=("logits", "depth", "features"),
+        metadata={"roles": json.dumps(ROLES), "depth": "relative to the height above the ground"},
+    )
+
+
+ROOM_FILES: Final = NetworkFiles(
+    kind="room-network",
+    remedy="docs/any-room.md says how it is made",
+    build=_build,
+    ports=_ports,
+)
+"""Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Outputs as `RoomNet.forward` returns them."""
