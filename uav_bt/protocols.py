@@ -186,6 +186,16 @@ class Segmenter(Protocol):
 
 
 @runtime_checkable
+class DepthBeside(Protocol):
+    """A segmenter whose network gives relative depth, too."""
+
+    @property
+    def relative_depth(self) -> DepthMap | None:
+        """Relative depth of the frame that was segmented last; None before the first."""
+        ...
+
+
+@runtime_checkable
 class DepthEstimator(Protocol):
     """Makes depth maps from frames."""
 

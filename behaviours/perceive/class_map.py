@@ -13,6 +13,7 @@ from uav_bt.board import (
     FRAME,
     MARK,
     ODOMETRY,
+    RELATIVE_DEPTH,
     SITE_MAP,
     STATE,
 )
@@ -21,7 +22,7 @@ from uav_bt.errors import FileError
 from uav_bt.files import did_you_mean_file
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import make_mark_finder
-from uav_bt.protocols import Segmenter
+from uav_bt.protocols import DepthBeside, Segmenter
 from uav_bt.tree import Leaf, Port, Status
 
 
@@ -35,7 +36,8 @@ def _mapping_file(classes: str) -> None:
 class Segment(Leaf):
     """Segment each new frame into the classes of the lab; SUCCESS always.
 
-    The age of the class map on the board shows staleness.
+    The age of the class map on the board shows staleness. A network with a second head writes the
+    relative depth of the frame, too.
     """
 
     answers = (Status.SUCCESS,)
@@ -44,7 +46,7 @@ class Segment(Leaf):
             "model",
             str,
             default="unet",
-            doc="'unet', 'unet-fp32', 'teacher', or an ONNX file",
+            doc="'unet', 'unet-fp32', 'any' (any room, by roles), 'teacher', or an ONNX file",
             look_up=segmentation_file,
             at_setup=True,
         ),
@@ -58,11 +60,12 @@ class Segment(Leaf):
         ),
     )
     reads = (FRAME,)
-    writes = (CLASS_MAP,)
+    writes = (CLASS_MAP, RELATIVE_DEPTH)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError or FileError when it cannot be loaded."""
         self._segmenter = mission.segmenter or self._load(mission)
+        self._beside = self._segmenter if isinstance(self._segmenter, DepthBeside) else None
         if mission.ground:
             from perception.segmentation.mapping import CountedAsGround  # noqa: PLC0415 - late, as below
 
@@ -78,6 +81,9 @@ class Segment(Leaf):
             with self._timer:
                 class_map = self._segmenter.segment(frame)
             self.write(CLASS_MAP, class_map, captured_s=frame.captured_s)
+            depth = None if self._beside is None else self._beside.relative_depth
+            if depth is not None:
+                self.write(RELATIVE_DEPTH, depth, captured_s=depth.captured_s)
         return Status.SUCCESS
 
     def _load(self, mission: MissionContext) -> Segmenter:
@@ -91,7 +97,7 @@ class Segment(Leaf):
             return runtime.shipped_teacher(mission.classes)
         mapping = read_mapping(Path(classes), mission.classes) if classes else None
         threads = mission.inference_threads
-        return runtime.OnnxSegmenter(path, mission.classes, mapping, threads=threads)
+        return runtime.load_segmenter(path, mission.classes, mapping, threads=threads)
 
 
 class FindMark(Leaf):

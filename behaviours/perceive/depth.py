@@ -9,7 +9,7 @@ from typing import Final
 from behaviours.stage_timer import StageTimer
 from perception.camera.ground_plane import view_of
 from perception.depth.corridor import CorridorBuilder, CorridorConfig
-from perception.networks.named import CONTACT, depth_file
+from perception.networks.named import CONTACT, SHIPPED_DEPTHS, depth_file
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
@@ -24,6 +24,7 @@ from uav_bt.board import (
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import DepthMap, Frame
 
 # Obstacles beyond the front plane of the corridor, 2 m, stop no step. Chosen.
 NETWORK_AHEAD_M: Final = 2.5
@@ -43,7 +44,8 @@ class EstimateDepth(Leaf):
             "model",
             str,
             default="depth",
-            doc="'depth', 'depth-fp32', an ONNX file (and its mapping), or 'contact' (no network)",
+            doc="'depth', 'depth-fp32', an ONNX file (and its mapping), or 'contact' (no network); "
+            "'depth' is not run for frames of which the network of `Segment` gives the depth",
             look_up=depth_file,
             at_setup=True,
         ),
@@ -66,7 +68,7 @@ class EstimateDepth(Leaf):
             at_setup=True,
         ),
     )
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP, ODOMETRY)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP, ODOMETRY, RELATIVE_DEPTH)
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -124,13 +126,26 @@ class EstimateDepth(Leaf):
     def _spent(self, stage: str, spent_s: float) -> None:
         self._times_s.setdefault(stage, []).append(spent_s)
 
-    @staticmethod
-    def _load(model: str, mission: MissionContext) -> DepthEstimator:
+    def _load(self, model: str, mission: MissionContext) -> DepthEstimator:
         # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
         from perception.depth.runtime import load_depth_estimator  # noqa: PLC0415
 
         network: DepthEstimator = load_depth_estimator(model, threads=mission.inference_threads)
-        return network
+        return _SegmentsDepth(self, network) if model == SHIPPED_DEPTHS[0] else network
+
+
+class _SegmentsDepth:
+    """The depth that `Segment` wrote for a frame; of other frames that of a network."""
+
+    def __init__(self, leaf: Leaf, network: DepthEstimator) -> None:
+        self._leaf, self._network = leaf, network
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        """Return the relative depth of a frame."""
+        depth = self._leaf.read(RELATIVE_DEPTH).value
+        if depth is not None and depth.captured_s == frame.captured_s:
+            return depth
+        return self._network.estimate(frame)
 
 
 class BuildCorridor(Leaf):

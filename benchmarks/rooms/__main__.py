@@ -146,11 +146,14 @@ def train(given: argparse.Namespace) -> None:
         steps=given.steps,
         batch=given.batch,
         learning_rate=given.learning_rate,
-        average=0.999,
-        checkpoint_every=10**9,
+        average=0.999 if given.device == "cuda" else 0.99,
+        checkpoint_every=100 if given.checkpoint else 10**9,
         device=given.device,
     )
-    net = train_room_net(images, config, progress=progress)
+    start = None if given.start is None else ROOM_FILES.load(given.start)[0]
+    net = train_room_net(
+        images, config, start=start, checkpoint=given.checkpoint, progress=progress
+    )
     notes = {"rooms": len(rooms), "images": len(images.rgb), "steps": given.steps}
     ROOM_FILES.save(given.out, net, notes=notes)
     report(f"network: {given.out}")
@@ -186,6 +189,8 @@ def main() -> None:
     command.add_argument("--steps", type=int, default=20_000)
     command.add_argument("--batch", type=int, default=256)
     command.add_argument("--learning-rate", type=float, default=3e-3)
+    command.add_argument("--start", type=Path, help="weights to begin with")
+    command.add_argument("--checkpoint", type=Path, help="state of the run, to go on from")
     command.add_argument("--workers", type=int, default=0)
     command.add_argument("--device", default="cpu")
     command.add_argument("--out", type=Path, required=True)

@@ -147,9 +147,7 @@ def _floor(folder: Path, assets: Assets, rng: np.random.Generator) -> dict[str, 
 def _light(size_m: tuple[float, ...], rng: np.random.Generator) -> dict[str, Any]:
     lamps = [
         {
-            "position_m": [
-                round(float(rng.uniform(-side / 2, side / 2)), 2) for side in size_m
-            ]
+            "position_m": [round(float(rng.uniform(-side / 2, side / 2)), 2) for side in size_m]
             + [round(float(rng.uniform(2.0, 2.4)), 2)],
             "brightness": round(float(rng.uniform(0.3, 1.2)), 2),
             "reach_m": round(float(rng.uniform(1.5, 6.0)), 1),
@@ -224,9 +222,7 @@ def _placed(
             place[axis] = room[axis] * (1 if rng.random() < 0.5 else -1)
         radius = math.hypot(length_m, width_m) / 2
         gap = 0.0 if along else gap_m
-        if all(
-            math.dist(place, other[:2]) > radius + other[2] + gap for other in circles
-        ):
+        if all(math.dist(place, other[:2]) > radius + other[2] + gap for other in circles):
             circles.append((place[0], place[1], radius))
             spot = [round(each, 3) for each in place]
             objects.append({"kind": name, "position_m": spot, "yaw_deg": yaw_deg})

@@ -113,9 +113,7 @@ def convex_pieces(
     )
 
 
-def write_obj(
-    path: Path, pieces: list[tuple[NDArray[np.float64], NDArray[np.int64]]]
-) -> None:
+def write_obj(path: Path, pieces: list[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> None:
     """Write pieces to an OBJ file."""
     lines, first = [], 1
     for corners, triangles in pieces:

@@ -115,7 +115,9 @@ def _planks(rng: np.random.Generator) -> _Colours:
         band[:, cut:] += tones[1]
         band[:2] *= 0.6
         band[:, cut : cut + 2] *= 0.6
-    grain = cv2.GaussianBlur(rng.standard_normal((SIDE_PX,) * 2).astype(np.float32), (0, 0), 8, None, 0.7)
+    grain = cv2.GaussianBlur(
+        rng.standard_normal((SIDE_PX,) * 2).astype(np.float32), (0, 0), 8, None, 0.7
+    )
     image += rng.uniform(10, 60) * grain[..., None]
     return np.rot90(image) if rng.random() < 0.5 else image
 

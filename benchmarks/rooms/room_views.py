@@ -128,6 +128,4 @@ def draw_views(
         vary_light=True,
         seed=seed,
     ):
-        yield RoomView(
-            rgb=view.image, roles=roles_of[view.ids], depth_m=view.depth, pose=view.pose
-        )
+        yield RoomView(rgb=view.image, roles=roles_of[view.ids], depth_m=view.depth, pose=view.pose)

@@ -15,6 +15,9 @@ SHIPPED_UNETS: Final = ("unet", "unet-fp32")
 SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
 """The shipped depth networks: in 8-bit integers, and in floats."""
 
+ANY: Final = "any"
+"""The shipped network for any room: roles and relative depth by one inference."""
+
 TEACHER: Final = "teacher"
 """The segmentation without a network: the teacher of the U-Nets."""
 
@@ -28,7 +31,7 @@ def segmentation_file(model: str) -> Path | None:
     """Return the file of a segmentation network; None for the teacher.
 
     Args:
-        model: one of `SHIPPED_UNETS`, an ONNX file, or `TEACHER`.
+        model: `ANY`, one of `SHIPPED_UNETS`, an ONNX file, or `TEACHER`.
 
     Raises:
         UnknownNameError: the name is unknown.
@@ -36,8 +39,8 @@ def segmentation_file(model: str) -> Path | None:
     """
     if model == TEACHER:
         return None
-    known = (*SHIPPED_UNETS, TEACHER, "FILE.onnx")
-    return _file(model, SHIPPED_UNETS, "segmentation", known)
+    shipped = (ANY, *SHIPPED_UNETS)
+    return _file(model, shipped, "segmentation", (*shipped, TEACHER, "FILE.onnx"))
 
 
 def depth_file(model: str) -> Path | None:

@@ -23,6 +23,7 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping, class_id_of, read_mapping
 from perception.segmentation.output_form import OutputForm, output_form
+from perception.segmentation.room_runtime import RoomSegmenter, is_room_network
 from perception.segmentation.teacher import Teacher, load_teacher
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.lab.classes import LabClasses
@@ -207,6 +208,27 @@ class TeacherSegmenter:
             classes=self._teacher.classes,
             captured_s=frame.captured_s,
         )
+
+
+def load_segmenter(
+    path: Path, classes: LabClasses, mapping: ClassMapping | None = None, *, threads: int = 1
+) -> OnnxSegmenter | RoomSegmenter:
+    """Return the segmenter of an ONNX file: one of roles, or one of classes.
+
+    Args:
+        path: the ONNX file.
+        classes: classes of the lab.
+        mapping: meaning of its classes; None for a network of roles, or with the lab's classes.
+        threads: number of inference threads.
+
+    Raises:
+        WeightsError: the file cannot be used.
+        ValueRangeError: the mapping names a class that the network does not have.
+    """
+    model = read_model(path, "`uav-bt lab train`")
+    if mapping is None and is_room_network(model):
+        return RoomSegmenter(path, classes, threads=threads)
+    return OnnxSegmenter(path, classes, mapping, threads=threads)
 
 
 def shipped_unet(name: str = "unet", *, threads: int = 1) -> OnnxSegmenter:

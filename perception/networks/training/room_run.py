@@ -63,6 +63,7 @@ def train_room_net(
     images: RoomImages,
     config: RoomTrainingConfig,
     *,
+    start: RoomNet | None = None,
     checkpoint: Path | None = None,
     progress: Callable[[Progress, RoomNet], None] = ignore_progress,
 ) -> RoomNet:
@@ -71,6 +72,7 @@ def train_room_net(
     Args:
         images: the training set.
         config: how to train.
+        start: network whose weights it begins with; None: random ones.
         checkpoint: file of the run's state; read first if it exists.
         progress: called after every step with the averaged network.
 
@@ -82,7 +84,7 @@ def train_room_net(
         ValueRangeError: the loss has become NaN or infinite.
     """
     torch.manual_seed(config.seed)
-    net = RoomNet(ROOM_SHAPE)
+    net = RoomNet(ROOM_SHAPE) if start is None else start
     net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # not in the stubs
     stored = [torch.from_numpy(each).to(config.device) for each in _arrays(images)]
 
