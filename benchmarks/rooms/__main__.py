@@ -23,7 +23,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.rooms.furnish import Assets, Furniture, RoomPlan, write_room
+from benchmarks.rooms.furnish import FLOWN, Assets, Furniture, RoomPlan, write_room
 
 
 def load_assets(folder: Path, use: str) -> Assets:
@@ -178,8 +178,7 @@ def main() -> None:
     command.add_argument("--use", choices=["train", "test"], required=True)
     command.add_argument("--rooms", type=int, default=400)
     command.add_argument("--seed", type=int, default=0)
-    command.add_argument("--gap", type=float, default=RoomPlan.gap_m, help="metres")
-    command.add_argument("--most", type=float, default=RoomPlan.per_m2[1], help="objects per m2")
+    command.add_argument("--flown", action="store_true", help="with passages, light and texture")
     command.add_argument("--out", type=Path, required=True)
     command = commands.add_parser("train", help="render and train")
     command.add_argument("rooms", type=Path)
@@ -198,7 +197,7 @@ def main() -> None:
     if given.command == "assets":
         make_assets(given.furniture, given.pictures, given.out)
     elif given.command == "furnish":
-        plan = RoomPlan(gap_m=given.gap, per_m2=(min(0.2, given.most), given.most))
+        plan = FLOWN if given.flown else RoomPlan()
         furnish(load_assets(given.assets, given.use), plan, given.seed, given.rooms, given.out)
     else:
         train(given)

@@ -66,11 +66,19 @@ class RoomPlan:
         sides_m: Shortest and longest side of the floor.
         per_m2: Least and most objects per square metre of floor.
         gap_m: Least distance between two objects that stand away from the walls.
+        ambient: Least and most light without a direction.
+        plain_floors: Share of floors that are nearly of one colour.
     """
 
     sides_m: tuple[float, float] = (3.5, 8.0)
     per_m2: tuple[float, float] = (0.2, 0.6)
     gap_m: float = 0.15
+    ambient: tuple[float, float] = (0.2, 0.75)
+    plain_floors: float = 0.15
+
+
+FLOWN: Final = RoomPlan(gap_m=0.9, per_m2=(0.2, 0.45), ambient=(0.45, 0.8), plain_floors=0.0)
+"""Rooms to fly in: with passages, light, and floors on which odometry works."""
 
 
 def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: RoomPlan) -> Path:
@@ -92,13 +100,13 @@ def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: Roo
         "mark": MARK,
         "limits": {"speed_mps": 0.6, "ceiling_m": 2.0},
         "room": {
-            "ground": {"size_m": list(size_m), "surface": _floor(folder, assets, rng)},
+            "ground": {"size_m": list(size_m), "surface": _floor(folder, assets, rng, plan)},
             "walls": {
                 "height_m": round(float(rng.uniform(2.4, 3.6)), 2),
                 "beside_m": 0,
                 "surface": _surface(folder, "walls", assets, rng, plain=0.55),
             },
-            "light": _light(size_m, rng),
+            "light": _light(size_m, rng, plan),
             "objects": kinds,
         },
     }
@@ -125,9 +133,11 @@ def _surface(
     return {"image": file, "tile_m": [side_m, side_m]}
 
 
-def _floor(folder: Path, assets: Assets, rng: np.random.Generator) -> dict[str, Any]:
+def _floor(
+    folder: Path, assets: Assets, rng: np.random.Generator, plan: RoomPlan
+) -> dict[str, Any]:
     """Return a floor, with a rug on some."""
-    surface = _surface(folder, "floor", assets, rng, plain=0.15)
+    surface = _surface(folder, "floor", assets, rng, plain=plan.plain_floors)
     if rng.random() < 0.35:
         x, y = rng.uniform(-1.0, 1.0, 2).round(2).tolist()
         length_m, angle = rng.uniform(1.0, 2.5), rng.uniform(0, math.pi)
@@ -144,7 +154,9 @@ def _floor(folder: Path, assets: Assets, rng: np.random.Generator) -> dict[str, 
     return surface
 
 
-def _light(size_m: tuple[float, ...], rng: np.random.Generator) -> dict[str, Any]:
+def _light(
+    size_m: tuple[float, ...], rng: np.random.Generator, plan: RoomPlan
+) -> dict[str, Any]:
     lamps = [
         {
             "position_m": [round(float(rng.uniform(-side / 2, side / 2)), 2) for side in size_m]
@@ -154,7 +166,7 @@ def _light(size_m: tuple[float, ...], rng: np.random.Generator) -> dict[str, Any
         }
         for _ in range(int(rng.integers(1, 5)))
     ]
-    return {"ambient": round(float(rng.uniform(0.2, 0.75)), 2), "lamps": lamps}
+    return {"ambient": round(float(rng.uniform(*plan.ambient)), 2), "lamps": lamps}
 
 
 def _kinds(folder: Path, assets: Assets, rng: np.random.Generator) -> dict[str, Any]:

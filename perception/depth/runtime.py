@@ -14,6 +14,7 @@ from perception.networks.onnx_runtime import (
     accept_uint8,
     compile_model,
     input_size,
+    only_output,
     read_model,
     shrunk,
 )
@@ -27,8 +28,8 @@ class OnnxDepthEstimator:
     """A depth network in an ONNX file.
 
     The network has one input image, (1, 3, H, W) RGB in [0, 1] or as in its mapping file, and one
-    output (1, 1, h, w) or (1, h, w), h and w at most H and W. The output is relative depth along
-    the optical axis, or disparity, which is inverted. The same frame always gives the same depth,
+    output (1, 1, h, w) or (1, h, w), h and w at most H and W. Of several outputs `depth` is used.
+    The output is relative depth along the optical axis, or disparity, which is inverted. The same frame always gives the same depth,
     also under load.
 
     Args:
@@ -45,6 +46,7 @@ class OnnxDepthEstimator:
         self._path = path
         model = read_model(path, "`uav-bt net train depth`")
         mapping = depth_mapping(path, model)
+        model = only_output(model, "depth")
         self._inverse = mapping.output == "disparity"
         wanted = mapping.input
         planar = wanted.layout == "nchw"

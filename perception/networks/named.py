@@ -12,11 +12,11 @@ from uav_bt.files import did_you_mean_file, reading
 SHIPPED_UNETS: Final = ("unet", "unet-fp32")
 """The shipped U-Nets: in 8-bit integers, and in floats."""
 
-SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
-"""The shipped depth networks: in 8-bit integers, and in floats."""
-
 ANY: Final = "any"
 """The shipped network for any room: roles and relative depth by one inference."""
+
+SHIPPED_DEPTHS: Final = ("depth", "depth-fp32", ANY)
+"""The shipped depth networks: in 8-bit integers, in floats, and the second head of `any`."""
 
 TEACHER: Final = "teacher"
 """The segmentation without a network: the teacher of the U-Nets."""

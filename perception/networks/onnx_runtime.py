@@ -158,6 +158,16 @@ def accept_uint8(
     return steps.build()
 
 
+def only_output(model: Any, name: str) -> Any:
+    """Return a network with one of its outputs; the network itself if it has one, or not that."""
+    ports = [port for port in model.outputs if name in port.get_names()]
+    if len(model.outputs) == 1 or not ports:
+        return model
+    openvino = import_openvino()
+    result = openvino.opset13.result(ports[0].get_node().input_value(0))
+    return openvino.Model([result], model.get_parameters(), model.get_friendly_name())
+
+
 def class_numbers(model: Any, *, planar: bool = True) -> Any:
     """Add an argmax over the classes to a network; inside the network it is faster.
 

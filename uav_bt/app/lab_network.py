@@ -1,13 +1,32 @@
-"""Whether a flight in a lab has a segmentation network for the classes there."""
+"""The segmentation network that a lab is flown with, and whether a flight has it."""
 
 from __future__ import annotations
 
-from perception.networks.named import SHIPPED_UNETS, TEACHER
+from perception.networks.named import ANY, SHIPPED_UNETS, TEACHER
 from uav_bt.board import CLASS_MAP
 from uav_bt.errors import InputError
+from uav_bt.lab.flight_keys import NetworkKeys
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address, load_lab
 from uav_bt.tree import MissionTree
+
+
+def network_of(lab: Lab) -> NetworkKeys:
+    """Return the network that a lab is flown with; empty for the network that the tree names.
+
+    It is the lab's own, else the one for any room. A lab with the classes of the paper's lab is
+    flown with the tree's network.
+
+    Args:
+        lab: The lab.
+    """
+    if "model" in lab.network or _has_paper_classes(lab):
+        return lab.network
+    return {**lab.network, "model": ANY}
+
+
+def _has_paper_classes(lab: Lab) -> bool:
+    return lab.classes.names == load_lab().classes.names
 
 
 def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool) -> None:
@@ -21,7 +40,7 @@ def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool
     Raises:
         InputError: A leaf segments with a shipped network, which does not have the lab's classes.
     """
-    if lab is None or lab.classes.names == load_lab().classes.names:
+    if lab is None or _has_paper_classes(lab):
         return
     for leaf in mission.leaves():
         values = {port.name: leaf.initial_value(port) for port in leaf.ports}
@@ -29,13 +48,13 @@ def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool
         if CLASS_MAP not in leaf.writes or not shipped or values.get("classes"):
             continue
         address = lab_address(lab)
-        if not named and lab.network:
+        if not named:
             raise InputError(
                 f"'{leaf.path}' segments with the network '{values['model']}', which does not have "
                 f"the classes of the lab '{lab.name}': add --lab {address} for the lab's network"
             )
         raise InputError(
-            f"the lab '{lab.name}' has no segmentation network, and the shipped "
-            f"'{values['model']}' does not have its classes: `uav-bt lab train {address}` makes "
-            "one; in the twin --exact-masks flies without it"
+            f"'{leaf.path}' segments with the network '{values['model']}', which does not have "
+            f"the classes of the lab '{lab.name}': set its model to '{ANY}', or make a network by "
+            f"`uav-bt lab train {address}`"
         )

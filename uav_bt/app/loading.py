@@ -13,7 +13,7 @@ from py_trees.behaviour import Behaviour
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.place_of_flight import limits_of, site_of
 from uav_bt.app.site import Site
-from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
+from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, METRIC_DEPTH, Key
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.lab.lab import Lab
 from uav_bt.mission.limits import Limits
@@ -207,6 +207,7 @@ def _site_values(site: Site | None) -> _ByKey:
     classes = None if site.classes is None else str(site.classes)
     wanted: dict[Key[Any], dict[str, str | None]] = {
         CLASS_MAP: {"model": site.model, "classes": classes},
+        METRIC_DEPTH: {"model": site.depth},
         FLIGHT_HEIGHT: {_HEIGHT_PORT: height_m},
     }
     given = {
@@ -217,10 +218,14 @@ def _site_values(site: Site | None) -> _ByKey:
 
 
 def _stated(by_key: _ByKey, options: FlightOptions) -> _ByKey:
-    """Return the attributes without the network that no lab file states: a tree may ignore it."""
-    if isinstance(options.lab, Lab) and options.lab.flight.network is None:
-        return {key: values for key, values in by_key.items() if key is not CLASS_MAP}
-    return by_key
+    """Return the attributes without networks that a tree may ignore.
+
+    They are those of depth, and a segmentation network that no lab file states.
+    """
+    ignored = {METRIC_DEPTH}
+    if isinstance(options.lab, Lab) and "model" not in (options.lab.flight.network or {}):
+        ignored.add(CLASS_MAP)
+    return {key: values for key, values in by_key.items() if key not in ignored}
 
 
 def _check_site_reaches(mission: MissionTree, by_key: _ByKey, source: str) -> None:

@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from uav_bt.app.lab_network import network_of
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.lab.flight_keys import FlightKeys, take_off_pose
@@ -40,6 +41,7 @@ class Site:
         camera: a camera file; None: the drone's own intrinsics.
         model: the segmentation network's name or file; None: as the tree says.
         classes: Class-mapping file of that network.
+        depth: the depth network's name or file; None: as the tree says.
         ground: names of the classes that the drone may fly over and scale depth by.
         limits: Limits of all commands.
         area: corners of the polygon that every mission stays in; None: no bound.
@@ -61,6 +63,7 @@ class Site:
     camera: Path | None = None
     model: str | None = None
     classes: Path | None = None
+    depth: str | None = None
     ground: tuple[str, ...] = ()
     limits: Limits = field(default_factory=Limits)
     area: tuple[Place, ...] | None = None
@@ -111,7 +114,7 @@ def site_of_lab(lab: Lab) -> Site:
         FileError: A limit is out of its range; the message has the line of the lab file.
     """
     return _site(
-        replace(lab.flight, network=lab.network),
+        replace(lab.flight, network=network_of(lab)),
         partial(lab_error, lab.file),
         mark=lab.mark,
         mark_pose=lab.mark_pose,
@@ -152,6 +155,7 @@ def _site(keys: FlightKeys, failure: Callable[..., InputError], **given: Any) ->
         camera=keys.camera,
         model=network.get("model"),
         classes=network.get("classes"),
+        depth=network.get("depth"),
         ground=keys.ground,
         limits=allowed,
         area=None if keys.area is None else area_corners(keys.area),

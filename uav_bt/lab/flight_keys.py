@@ -4,7 +4,7 @@
     flight_height_m: 1.2           # above the ground; replaces `height_m` of the tree's take-off
     take_off_surface_m: 0.4        # height of the take-off surface above the ground
     camera: anafi-720p.yaml        # of `uav-bt lab calibrate`
-    network: {model: hall.onnx, classes: hall-classes.yaml}   # for all that segment
+    network: {model: hall.onnx, classes: hall-classes.yaml, depth: any}
     ground: [carpet, background]   # which of the classes it may fly over and scale depth by
     limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2.0}
     take_off: {position_m: [0.5, -1.2], yaw_deg: 90}   # in the lab's drawing, for lab:1,2
@@ -81,10 +81,17 @@ _Switch = Annotated[bool, WithJsonSchema({"enum": [True, False, "on", "off"]})]
 
 
 class NetworkKeys(TypedDict, total=False):
-    """The segmentation network: a file or the name of a shipped one, and its class mapping."""
+    """The networks: files or names of shipped ones.
+
+    Attributes:
+        model: Segmentation network.
+        classes: Class mapping of the segmentation network.
+        depth: Depth network.
+    """
 
     model: Annotated[str, AfterValidator(_network)]
     classes: _FileBeside
+    depth: Annotated[str, AfterValidator(_network)]
 
 
 class TeacherKeys(TypedDict):

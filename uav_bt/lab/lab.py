@@ -54,14 +54,15 @@ class Lab:
 
     @property
     def network(self) -> NetworkKeys:
-        """The segmentation network that the lab is flown with; empty without one.
+        """The networks that the lab is flown with; empty without any.
 
-        It is that of the lab file, else the network in the folder of the lab.
+        They are those of the lab file. The segmentation network is else the one in the folder of
+        the lab.
         """
-        if self.flight.network is not None:
-            return self.flight.network
-        trained = self.folder / NETWORK_FILE
-        return {"model": str(trained)} if trained.is_file() else {}
+        stated, trained = self.flight.network or {}, self.folder / NETWORK_FILE
+        if "model" in stated or not trained.is_file():
+            return stated
+        return {**stated, "model": str(trained)}
 
     @property
     def scenes(self) -> dict[str, Path]:

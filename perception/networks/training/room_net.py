@@ -12,7 +12,9 @@ from __future__ import annotations
 import json
 from typing import Any, Final, cast
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from perception.networks.training.network_files import NetworkFiles, OnnxPorts
@@ -58,6 +60,13 @@ class RoomNet(nn.Module):
     def log_depth(self, features: Tensor) -> Tensor:
         """Return the logarithm of relative depth, (N, 1, H / 2, W / 2), of the features."""
         return cast("Tensor", self.depth(features)).clamp(-_DEPTH_RANGE, _DEPTH_RANGE)
+
+    def predict_roles(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the numbers of the roles, (H, W) uint8, of an image, (H, W, 3) uint8 RGB."""
+        planes = torch.from_numpy(rgb).permute(2, 0, 1)[None].float() / 255.0
+        with torch.inference_mode():
+            logits, _, _ = self(planes)
+        return np.asarray(logits[0].argmax(dim=0).to(torch.uint8).numpy(), np.uint8)
 
 
 def _build(details: dict[str, Any]) -> RoomNet:
