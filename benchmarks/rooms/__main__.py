@@ -3,6 +3,7 @@ r"""Make furnished rooms, and train the network `any` on them.
     pip install coacd
     python -m benchmarks.rooms assets --furniture BlendSwap-CC-0.sh3f --pictures DIR --out runs/assets
     python -m benchmarks.rooms furnish runs/assets --use train --rooms 400 --out runs/rooms/train
+    python -m benchmarks.rooms score runs/rooms/test
     python -m benchmarks.rooms train runs/rooms/train --views 150 --out runs/any.safetensors
 
 docs/any-room.md states the packages of furniture and pictures, and their licences.
@@ -117,7 +118,7 @@ def train(given: argparse.Namespace) -> None:
     def report(text: str) -> None:
         print(f"{time.monotonic() - began_s:7.1f} s  {text}", flush=True)
 
-    rooms = sorted(given.rooms.glob("*/scenes/*.yaml"))
+    rooms = sorted(given.rooms.glob("*/scenes/*[0-9].yaml"))
     jobs = [
         RoomJob(scene=str(scene), views=given.views, seed=number)
         for number, scene in enumerate(rooms)
@@ -159,6 +160,22 @@ def train(given: argparse.Namespace) -> None:
     report(f"network: {given.out}")
 
 
+def score(given: argparse.Namespace) -> None:
+    """Score networks on rooms."""
+    from benchmarks.rooms.score import score_rooms  # noqa: PLC0415  (OpenGL)
+    from perception.networks.named import segmentation_file  # noqa: PLC0415
+    from perception.segmentation.runtime import load_segmenter  # noqa: PLC0415  (OpenVINO)
+    from uav_bt.lab.shipped import load_lab  # noqa: PLC0415
+
+    scenes = [str(scene) for scene in sorted(given.rooms.glob("*/scenes/*[0-9].yaml"))]
+    for model in given.model:
+        path = segmentation_file(model)
+        assert path is not None, "the teacher is no network"
+        segmenter = load_segmenter(path, load_lab().classes)
+        print(f"{model}, {len(scenes)} rooms:")
+        print("\n".join(score_rooms(segmenter, scenes, given.views).lines()), flush=True)
+
+
 def _copied(net: Any) -> Any:
     import copy  # noqa: PLC0415
 
@@ -193,12 +210,18 @@ def main() -> None:
     command.add_argument("--workers", type=int, default=0)
     command.add_argument("--device", default="cpu")
     command.add_argument("--out", type=Path, required=True)
+    command = commands.add_parser("score", help="score networks on rooms")
+    command.add_argument("rooms", type=Path)
+    command.add_argument("--model", nargs="+", default=["any", "unet"])
+    command.add_argument("--views", type=int, default=24, help="images of a room")
     given = parser.parse_args()
     if given.command == "assets":
         make_assets(given.furniture, given.pictures, given.out)
     elif given.command == "furnish":
         plan = FLOWN if given.flown else RoomPlan()
         furnish(load_assets(given.assets, given.use), plan, given.seed, given.rooms, given.out)
+    elif given.command == "score":
+        score(given)
     else:
         train(given)
 

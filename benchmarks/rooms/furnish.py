@@ -1,4 +1,4 @@
-"""A furnished room by chance, as a lab folder with one scene."""
+"""A furnished room by chance, as a lab folder with a scene, and with one without a mark."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ FLOWN: Final = RoomPlan(gap_m=0.9, per_m2=(0.2, 0.45), ambient=(0.45, 0.8), plai
 
 
 def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: RoomPlan) -> Path:
-    """Write a room, and return its scene.
+    """Write a room, and return its scene with a landing mark.
 
     Args:
         folder: Folder of the lab; its name is the name of the scene.
@@ -120,6 +120,13 @@ def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: Roo
     }
     path = scenes / f"{folder.name}.yaml"
     path.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
+    bare = {
+        "objects": scene["objects"],
+        "take_off": {"from": pad_m, "yaw_deg": scene["take_off"]["yaw_deg"]},
+    }
+    path.with_stem(f"{path.stem}-bare").write_text(
+        yaml.safe_dump(bare, sort_keys=False), encoding="utf-8"
+    )
     return path
 
 

@@ -32,6 +32,9 @@ class VelocityErrorConfig:
         seen_m: Standard deviation of the displacement between two frames, m, for points with a
             spread of `wide_m`. It grows with the inverse square of the spread.
         wide_m: Spread of the points for `seen_m`, root mean square around their middle, m.
+        gate: Squared innovation over its variance above which a measurement is an outlier. A wall
+            that passes for ground moves unlike the ground.
+        outliers: After this number of outliers in a row the next one is believed.
     """
 
     wander_mps: float = 0.015
@@ -40,6 +43,8 @@ class VelocityErrorConfig:
     doubt_mps: float = 0.012
     seen_m: float = 0.003
     wide_m: float = 0.6
+    gate: float = 25.0
+    outliers: int = 8
 
 
 class VelocityError:
@@ -54,6 +59,7 @@ class VelocityError:
         # Drift in the odometry's frame and bias in the body frame, m/s: x or forward, y or right.
         self._mean = np.zeros(2, dtype=np.complex128)
         self._covariance = np.eye(2, dtype=np.complex128) * self._config.first_mps**2 / 2
+        self._rejected = 0  # in a row
 
     def mps(self, yaw_rad: float) -> NDArray[np.float64]:
         """Return the error in the odometry's frame, (2,), m/s, shrunk by its uncertainty.
@@ -84,7 +90,7 @@ class VelocityError:
     def correct(
         self, seen_mps: NDArray[np.float64], passed_s: float, spread_m: float, yaw_rad: float
     ) -> None:
-        """Correct the error by the motion between two frames.
+        """Correct the error by the motion between two frames; an outlier is left out.
 
         Args:
             seen_mps: velocity beyond telemetry's, (2,), in the odometry's frame.
@@ -96,8 +102,13 @@ class VelocityError:
         closer = max(1.0, cfg.wide_m / spread_m) ** 2
         noise = (cfg.seen_m * closer / passed_s) ** 2
         spread = self._covariance @ seen.conj()
-        gain = spread / ((seen @ spread).real + noise)
-        self._mean += gain * (complex(*seen_mps) - self._mean @ seen)
+        variance, innovation = (seen @ spread).real + noise, complex(*seen_mps) - self._mean @ seen
+        if abs(innovation) ** 2 > cfg.gate * variance and self._rejected < cfg.outliers:
+            self._rejected += 1
+            return
+        self._rejected = 0
+        gain = spread / variance
+        self._mean += gain * innovation
         self._covariance -= np.outer(gain, spread.conj())
 
 

@@ -60,3 +60,13 @@ def test_a_turn_tells_a_bias_from_a_drift(turns: bool) -> None:  # noqa: FBT001
 def test_an_error_counts_half_as_either_before_a_turn() -> None:
     error = learned(0.2, 10.0)
     assert error.bias_mps(0.0) == pytest.approx([0.1, 0.0], abs=0.02)
+
+
+def test_one_wrong_motion_is_left_out_and_many_are_believed() -> None:
+    error = learned(0.0, 10.0)
+    error.correct(np.array([0.9, -0.5]), STEP_S, 0.6, 0.0)
+    assert np.hypot(*error.mps(0.0)) < 0.01
+    for _ in range(40):
+        error.predict(STEP_S)
+        error.correct(np.array([0.3, 0.0]), STEP_S, 0.6, 0.0)
+    assert error.mps(0.0) == pytest.approx([0.3, 0.0], abs=0.05)

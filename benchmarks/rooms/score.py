@@ -1,0 +1,97 @@
+"""Scores of segmentation networks on images of generated rooms, by roles."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.rooms.room_views import NO_LABEL, ROLE_IDS, RoomView, draw_views
+from sim_bridge.twin.scene_file import load_scene
+from uav_bt.lab.roles import GROUND
+from uav_bt.protocols import Segmenter
+from uav_bt.types import Frame
+
+ROLES: Final = ("outside", "ground", "obstacle")
+SCALE_OFF: Final = 0.2
+FEWEST: Final = 100  # ground pixels for a scale
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoomScore:
+    """Score of a network.
+
+    Attributes:
+        confusion: (3, 3) pixels of each role that were called each role.
+        scales: (N,) of the images with ground in view: relative depth's factor to metres, over the
+            height of the camera. Empty for a network without depth.
+        milliseconds: Median time of an image.
+    """
+
+    confusion: NDArray[np.int64]
+    scales: NDArray[np.float64]
+    milliseconds: float
+
+    def lines(self) -> list[str]:
+        """Return the rows of a Markdown table."""
+        right = np.diag(self.confusion)
+        recall, precision = right / self.confusion.sum(1), right / self.confusion.sum(0)
+        union = self.confusion.sum(0) + self.confusion.sum(1) - right
+        rows = ["| role | recall | precision | IoU |", "|---|---|---|---|"]
+        for role, *values in zip(ROLES, recall, precision, right / union, strict=True):
+            rows.append(f"| {role} | " + " | ".join(f"{value:.3f}" for value in values) + " |")
+        if self.scales.size:
+            near = np.abs(np.log(self.scales)) < np.log(1.0 + SCALE_OFF)
+            rows.append(
+                f"scale within {SCALE_OFF:.0%} of the height: {near.mean():.1%} of {near.size} images"
+            )
+        return [*rows, f"{self.milliseconds:.1f} ms an image"]
+
+
+def score_rooms(segmenter: Segmenter, scenes: Sequence[str], views: int) -> RoomScore:
+    """Score a network on views of a flight in rooms.
+
+    Args:
+        segmenter: Gives class maps, and relative depth if it has a second head.
+        scenes: Names or files of the scenes.
+        views: Images of each scene.
+    """
+    confusion = np.zeros((3, 3), np.int64)
+    scales: list[float] = []
+    spent_s: list[float] = []
+    for number, name in enumerate(scenes):
+        for view in draw_views(load_scene(name), views, number, level=True):
+            began_s = time.perf_counter()
+            roles = segmenter.segment(_frame(view)).roles
+            spent_s.append(time.perf_counter() - began_s)
+            _count(confusion, view, roles)
+            depth = getattr(segmenter, "relative_depth", None)
+            ground = cv2.resize(roles, view.roles.shape[::-1], interpolation=0) == GROUND
+            if depth is not None and ground.sum() > FEWEST:
+                size = view.roles.shape[::-1]
+                relative = cv2.resize(depth.depth, size, interpolation=cv2.INTER_LINEAR)
+                ratio = float(np.median(view.depth_m[ground] / relative[ground]))
+                scales.append(ratio / view.pose.z_m)
+    milliseconds = 1e3 * float(np.median(spent_s))
+    return RoomScore(confusion=confusion, scales=np.array(scales), milliseconds=milliseconds)
+
+
+def _frame(view: RoomView) -> Frame:
+    return Frame(
+        image=view.rgb, index=0, captured_s=0.0, gimbal_pitch_rad=view.pose.pitch_rad
+    )
+
+
+def _count(confusion: NDArray[np.int64], view: RoomView, roles: NDArray[np.uint8]) -> None:
+    """Count the pixels by true and called role; a mark has no role of these."""
+    table = np.full(256, NO_LABEL, np.uint8)
+    for role, number in ROLE_IDS.items():
+        table[role] = number
+    called = table[cv2.resize(roles, view.roles.shape[::-1], interpolation=cv2.INTER_NEAREST)]
+    known = (view.roles != NO_LABEL) & (called != NO_LABEL)
+    np.add.at(confusion, (view.roles[known], called[known]), 1)
