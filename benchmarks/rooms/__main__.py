@@ -17,6 +17,7 @@ import time
 import zipfile
 import zlib
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -160,6 +161,24 @@ def train(given: argparse.Namespace) -> None:
     report(f"network: {given.out}")
 
 
+def export(weights: Path, rooms: Path, out: Path) -> None:
+    """Write the ONNX file of a network in 8-bit integers, calibrated on images of rooms and lab."""
+    from benchmarks.rooms.room_views import draw_views  # noqa: PLC0415  (OpenGL)
+    from perception.networks.training.room_net import ROOM_FILES  # noqa: PLC0415  (torch)
+    from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415
+    from uav_bt.learning.exporting import CALIBRATION_VIEWS  # noqa: PLC0415
+    from uav_bt.learning.views import twin_views  # noqa: PLC0415
+
+    scenes = sorted(rooms.glob("*/scenes/*[0-9].yaml"))[:24]
+    images = [
+        view.rgb
+        for number, scene in enumerate(scenes)
+        for view in draw_views(load_scene(str(scene)), 6, number, level=True)
+    ]
+    images += [rgb for _, rgb, _ in twin_views(replace(CALIBRATION_VIEWS, views=12))]
+    ROOM_FILES.export(weights, out, calibration=images)
+
+
 def score(given: argparse.Namespace) -> None:
     """Score networks on rooms."""
     from benchmarks.rooms.score import score_rooms  # noqa: PLC0415  (OpenGL)
@@ -210,6 +229,10 @@ def main() -> None:
     command.add_argument("--workers", type=int, default=0)
     command.add_argument("--device", default="cpu")
     command.add_argument("--out", type=Path, required=True)
+    command = commands.add_parser("export", help="write the ONNX file")
+    command.add_argument("weights", type=Path)
+    command.add_argument("rooms", type=Path)
+    command.add_argument("--out", type=Path, required=True)
     command = commands.add_parser("score", help="score networks on rooms")
     command.add_argument("rooms", type=Path)
     command.add_argument("--model", nargs="+", default=["any", "unet"])
@@ -220,6 +243,8 @@ def main() -> None:
     elif given.command == "furnish":
         plan = FLOWN if given.flown else RoomPlan()
         furnish(load_assets(given.assets, given.use), plan, given.seed, given.rooms, given.out)
+    elif given.command == "export":
+        export(given.weights, given.rooms, given.out)
     elif given.command == "score":
         score(given)
     else:

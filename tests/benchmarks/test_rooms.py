@@ -1,0 +1,78 @@
+"""Tests for furnished rooms and their images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.rooms.furnish import FLOWN, Assets, Furniture, write_room
+from benchmarks.rooms.pictures import SIDE_PX, draw_surface
+from benchmarks.rooms.room_views import NO_LABEL, draw_views
+from sim_bridge.twin.scene_file import load_scene
+from uav_bt.lab.shipped import load_lab
+
+BARRIER = Path(__file__).parents[2] / "labs" / "depot" / "barrier.obj"
+
+
+@pytest.fixture
+def assets() -> Assets:
+    noise = np.random.default_rng(5).integers(0, 255, (128, 96, 3), dtype=np.uint8)
+    return Assets(
+        furniture=[Furniture(path=BARRIER, size_m=(1.0, 0.4, 0.8))], photographs=[noise]
+    )
+
+
+def furnished(folder: Path, assets: Assets, seed: int = 3) -> Path:
+    return write_room(folder, assets, np.random.default_rng(seed), FLOWN)
+
+
+def test_a_room_is_a_lab_with_a_scene_and_one_without_a_mark(
+    tmp_path: Path, assets: Assets
+) -> None:
+    path = furnished(tmp_path / "room", assets)
+    scene = load_scene(str(path))
+    assert scene.placed
+    assert scene.helipad is not None
+    bare = load_scene(str(path.with_stem("room-bare")))
+    assert bare.helipad is None
+    assert bare.take_off.position_m == scene.helipad.position_m
+    assert load_lab(str(tmp_path / "room")).mark.kind == "apriltag"
+
+
+def test_the_same_seed_gives_the_same_room(tmp_path: Path, assets: Assets) -> None:
+    paths = [tmp_path / name / "room" for name in ("one", "other")]
+    for folder in paths:
+        furnished(folder, assets)
+    one, other = (
+        {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.*")}
+        for folder in paths
+    )
+    assert one == other
+    third = furnished(tmp_path / "third" / "room", assets, seed=4)
+    assert third.read_bytes() != one[Path("scenes/room.yaml")]
+
+
+def test_views_have_roles_and_depth_from_above_the_floor(tmp_path: Path, assets: Assets) -> None:
+    scene = load_scene(str(furnished(tmp_path / "room", assets)))
+    views = list(draw_views(scene, 12, seed=1, level=True))
+    shares = np.zeros(256)
+    for view in views:
+        assert set(np.unique(view.roles)) <= {0, 1, 2, NO_LABEL}
+        shares += np.bincount(view.roles.ravel(), minlength=256)
+        ground = view.roles == 1
+        if ground.any():
+            # A level camera sees the floor at its height or beyond; this one looks down.
+            assert view.depth_m[ground].min() > 0.5 * view.pose.z_m
+    assert (shares[:3] > 0.01 * shares.sum()).all(), "outside, ground and obstacle are in view"
+    again = next(draw_views(scene, 12, seed=1, level=True))
+    np.testing.assert_array_equal(again.rgb, views[0].rgb)
+
+
+def test_surfaces_repeat_without_a_seam(assets: Assets) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        image = draw_surface(assets.photographs, rng, plain=0.3)
+        assert image.shape == (SIDE_PX, SIDE_PX, 3)
+        assert image.dtype == np.uint8
