@@ -28,6 +28,7 @@ MARK: Final = {
     "height_m": 0.01,
     "options": {"family": "36h11", "id": 7, "size_m": 0.4},
 }
+EDGE_M: Final = 0.45  # walls stand at the edge of the floor
 TRIES: Final = 200
 WALL_GAP_M: Final = 0.04
 
@@ -99,6 +100,7 @@ def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: Roo
         "classes": CLASSES,
         "mark": MARK,
         "limits": {"speed_mps": 0.6, "ceiling_m": 2.0},
+        "margins": {"edge_m": EDGE_M},
         "room": {
             "ground": {"size_m": list(size_m), "surface": _floor(folder, assets, rng, plan)},
             "walls": {
@@ -115,7 +117,7 @@ def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: Roo
     pad_m = [round(float(rng.uniform(-side / 2 + 0.8, side / 2 - 0.8)), 2) for side in size_m]
     scene = {
         "helipad": {"position_m": pad_m, "yaw_deg": round(float(rng.uniform(0, 360)))},
-        "objects": _placed(kinds, size_m, pad_m, wanted, rng, plan.gap_m),
+        "objects": _placed(kinds, size_m, pad_m, wanted, rng=rng, gap_m=plan.gap_m),
         "take_off": {"from": "helipad", "yaw_deg": round(float(rng.uniform(0, 360)))},
     }
     path = scenes / f"{folder.name}.yaml"
@@ -161,9 +163,7 @@ def _floor(
     return surface
 
 
-def _light(
-    size_m: tuple[float, ...], rng: np.random.Generator, plan: RoomPlan
-) -> dict[str, Any]:
+def _light(size_m: tuple[float, ...], rng: np.random.Generator, plan: RoomPlan) -> dict[str, Any]:
     lamps = [
         {
             "position_m": [round(float(rng.uniform(-side / 2, side / 2)), 2) for side in size_m]
@@ -217,6 +217,7 @@ def _placed(
     size_m: tuple[float, ...],
     pad_m: list[float],
     wanted: int,
+    *,
     rng: np.random.Generator,
     gap_m: float,
 ) -> list[dict[str, Any]]:

@@ -11,6 +11,7 @@ import re
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Final
 
@@ -68,6 +69,21 @@ def list_models(library: zipfile.ZipFile) -> Iterator[Model]:
             )
 
 
+def convert(library: zipfile.ZipFile, model: Model, path: Path) -> bool:
+    """Write a model as closed convex pieces; return whether it is coarse enough.
+
+    Args:
+        library: The archive.
+        model: One of its models.
+        path: The OBJ file to write.
+    """
+    corners, triangles = read_triangles(library.read(model.path).decode("latin-1"))
+    if len(triangles) > FINEST:
+        return False
+    write_obj(path, convex_pieces(corners, triangles))
+    return True
+
+
 def read_triangles(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the corners, (V, 3), z up, and triangles, (N, 3), of an OBJ file.
 
@@ -83,7 +99,7 @@ def read_triangles(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         elif key == "f":
             face = [int(word.partition("/")[0]) for word in words]
             face = [each - 1 if each > 0 else len(corners) + each for each in face]
-            triangles += [(face[0], a, b) for a, b in zip(face[1:], face[2:], strict=False)]
+            triangles += [(face[0], a, b) for a, b in pairwise(face[1:])]
     return np.array(corners), np.array(triangles)
 
 

@@ -47,9 +47,8 @@ class RoomScore:
             rows.append(f"| {role} | " + " | ".join(f"{value:.3f}" for value in values) + " |")
         if self.scales.size:
             near = np.abs(np.log(self.scales)) < np.log(1.0 + SCALE_OFF)
-            rows.append(
-                f"scale within {SCALE_OFF:.0%} of the height: {near.mean():.1%} of {near.size} images"
-            )
+            share = f"{near.mean():.1%} of {near.size} images"
+            rows.append(f"scale within {SCALE_OFF:.0%} of the height: {share}")
         return [*rows, f"{self.milliseconds:.1f} ms an image"]
 
 
@@ -82,9 +81,7 @@ def score_rooms(segmenter: Segmenter, scenes: Sequence[str], views: int) -> Room
 
 
 def _frame(view: RoomView) -> Frame:
-    return Frame(
-        image=view.rgb, index=0, captured_s=0.0, gimbal_pitch_rad=view.pose.pitch_rad
-    )
+    return Frame(image=view.rgb, index=0, captured_s=0.0, gimbal_pitch_rad=view.pose.pitch_rad)
 
 
 def _count(confusion: NDArray[np.int64], view: RoomView, roles: NDArray[np.uint8]) -> None:

@@ -29,8 +29,8 @@ class OnnxDepthEstimator:
 
     The network has one input image, (1, 3, H, W) RGB in [0, 1] or as in its mapping file, and one
     output (1, 1, h, w) or (1, h, w), h and w at most H and W. Of several outputs `depth` is used.
-    The output is relative depth along the optical axis, or disparity, which is inverted. The same frame always gives the same depth,
-    also under load.
+    The output is relative depth along the optical axis, or disparity, which is inverted. The same
+    frame always gives the same depth, also under load.
 
     Args:
         path: the ONNX file; for the mapping file beside it see `depth_mapping`.

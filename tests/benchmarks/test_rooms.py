@@ -19,9 +19,7 @@ BARRIER = Path(__file__).parents[2] / "labs" / "depot" / "barrier.obj"
 @pytest.fixture
 def assets() -> Assets:
     noise = np.random.default_rng(5).integers(0, 255, (128, 96, 3), dtype=np.uint8)
-    return Assets(
-        furniture=[Furniture(path=BARRIER, size_m=(1.0, 0.4, 0.8))], photographs=[noise]
-    )
+    return Assets(furniture=[Furniture(path=BARRIER, size_m=(1.0, 0.4, 0.8))], photographs=[noise])
 
 
 def furnished(folder: Path, assets: Assets, seed: int = 3) -> Path:

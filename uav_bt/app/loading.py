@@ -222,7 +222,7 @@ def _stated(by_key: _ByKey, options: FlightOptions) -> _ByKey:
 
     They are those of depth, and a segmentation network that no lab file states.
     """
-    ignored = {METRIC_DEPTH}
+    ignored: set[Key[Any]] = {METRIC_DEPTH}
     if isinstance(options.lab, Lab) and "model" not in (options.lab.flight.network or {}):
         ignored.add(CLASS_MAP)
     return {key: values for key, values in by_key.items() if key not in ignored}
