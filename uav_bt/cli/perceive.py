@@ -76,6 +76,11 @@ def _options(
         metavar="FILE",
         help="Class-mapping file of a foreign segmentation network.",
     ),
+    sequence=click.option(
+        "--sequence",
+        is_flag=True,
+        help="The images of the folder follow one another; without it each stands for itself.",
+    ),
     every=click.option(
         "--every",
         type=WholeNumber(min=1),
@@ -101,8 +106,9 @@ def perceive(
     """Show what perception makes of a video: masks, depth in metres, corridor, mark.
 
     SOURCE is a video file, a folder of images, an image, a live camera such as camera:0, or a
-    record of `uav-bt fly --record`, which brings its camera and telemetry along. Ctrl-C keeps what
-    was written and exits with 1.
+    record of `uav-bt fly --record`, which brings its camera and telemetry along. The images of a
+    folder are unrelated unless --sequence or --telemetry is given. Ctrl-C keeps what was written
+    and exits with 1.
     """
     with progress_bars() as advance:
         summary = perceive_source(source, options, out=out, lines=json, advance=advance)
@@ -118,6 +124,8 @@ def perceive(
 def _show(summary: PerceiveSummary) -> None:
     none = sum(summary.without_depth.values())
     stopped = ", then interrupted" if summary.interrupted else ""
+    if summary.unrelated and summary.frames > 1:
+        stopped = f"{stopped}, each for itself (--sequence: they follow one another)"
     rows = [
         ("frames", f"{summary.frames}{stopped}"),
         ("camera", summary.camera),

@@ -36,7 +36,7 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
     result = perceive(views, "--out", out, "--json", lines)
     assert result.exit_code == 0, result.output
     for words in (
-        "frames          2",
+        "frames          2, each for itself (--sequence: they follow one another)",
         "camera          the ANAFI's video, 69 deg wide (none given)",
         "telemetry       1.5 m above the ground, camera at -30 deg, assumed for all frames",
         "metric depth    in ",
@@ -54,6 +54,10 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
     assert [line["image"] for line in told] == ["1.png", "2.png"]
     assert told[1]["refusal"] == "the frame is black"
     assert {"depth", "corridor", "mark", "ms"} <= told[0].keys()
+
+
+def test_a_sequence_is_not_each_for_itself(views: Path) -> None:
+    assert "frames          2\n" in perceive(views, "--sequence").stdout
 
 
 def test_a_break_exits_with_1_and_sums_up(

@@ -6,6 +6,7 @@ each, so that a tree file shows what it flies with.
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -92,20 +93,29 @@ class Pipeline:
         self._config = config or PipelineConfig()
         self._segmenter = segmenter
         self._undistorter = Undistorter(camera)
-        maker = MetricDepthMaker(
-            source="contact" if network is None else self._config.source,
-            generator=generator,
-        )
-        self._depth = DepthStage(network, maker, timer=timer)
+        self._network, self._generator, self._timer = network, generator, timer
         self._corridors = CorridorBuilder(self._config.corridor)
-        self._finder, self._track = make_mark_finder(mark or default_mark()), TrackedMark()
-        self._state: DroneState | None = None
-        self._timer = timer
+        self._finder = make_mark_finder(mark or default_mark())
+        self.restart()
 
     @property
     def camera(self) -> CameraModel:
         """The camera of the undistorted frames."""
         return self._undistorter.camera
+
+    def restart(self) -> None:
+        """Forget all earlier frames.
+
+        The scale, the track of the mark, the telemetry, the image with which a frozen one is
+        compared, and the random numbers start anew. Images are then perceived alike in any order.
+        """
+        maker = MetricDepthMaker(
+            source="contact" if self._network is None else self._config.source,
+            generator=copy.deepcopy(self._generator),
+        )
+        self._depth = DepthStage(self._network, maker, timer=self._timer)
+        self._track = TrackedMark()
+        self._state: DroneState | None = None
 
     def perceive(self, frame: Frame, states: Sequence[DroneState] = ()) -> Perceived:
         """Return the perception of a frame.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -38,6 +38,7 @@ class PerceiveSummary:
     """Result of a run of perception."""
 
     frames: int
+    unrelated: bool  # whether each image was perceived without the others
     camera: str  # whose intrinsics, in words
     telemetry: str  # whose pose, in words
     stage_ms: Mapping[str, Percentiles]  # wall time by stage, "all" their sum
@@ -91,6 +92,8 @@ def perceive(
             writers.append(stack.enter_context(_json_lines(lines)))
         try:
             for image in images:
+                if given.unrelated:
+                    pipeline.restart()
                 frame = given.telemetry.frame(image.image, image.index, image.time_s)
                 seen = pipeline.perceive(frame, given.telemetry.states(image.time_s))
                 counts.add(seen)
@@ -99,9 +102,7 @@ def perceive(
                 advance(f"frames, {image.name}", *given.progress(image))
         except KeyboardInterrupt:
             counts.interrupted = True
-    return counts.summary(
-        camera=given.camera_words, telemetry=given.telemetry_words, skipped=given.source.skipped
-    )
+    return counts.summary(given)
 
 
 def _keep_apart(written: list[Path], read: list[Path | None]) -> None:
@@ -167,18 +168,19 @@ class _Counts:
             (self.without_depth if seen.depth is None else self.in_part)[seen.refusal] += 1
         self.with_mark += seen.mark is not None and seen.mark.detected
 
-    def summary(self, *, camera: str, telemetry: str, skipped: Sequence[str]) -> PerceiveSummary:
+    def summary(self, given: PerceiveInput) -> PerceiveSummary:
         names = (*STAGES, _ALL)
         stages = ((name, Percentiles.of_seconds(self.stage_s.get(name, []))) for name in names)
         return PerceiveSummary(
             frames=self.frames,
-            camera=camera,
-            telemetry=telemetry,
+            unrelated=given.unrelated,
+            camera=given.camera_words,
+            telemetry=given.telemetry_words,
             stage_ms={name: figures for name, figures in stages if figures is not None},
             without_depth=dict(self.without_depth.most_common()),
             in_part=dict(self.in_part.most_common()),
             with_mark=self.with_mark,
-            skipped=tuple(skipped),
+            skipped=tuple(given.source.skipped),
             interrupted=self.interrupted,
         )
 

@@ -42,11 +42,13 @@ class Painted:
 
 
 class Halves:
-    """A depth network whose unit is 2 m, exact on the ground."""
+    """A depth network, exact on the ground, whose unit is first 2 m."""
+
+    unit_m = 2.0
 
     def estimate(self, frame: Frame) -> DepthMap:
         exact = ground_depth(view_of(frame, CAMERA, SIZE))
-        depth = np.where(np.isfinite(exact), 0.5 * exact, np.float32(4.0)).astype(np.float32)
+        depth = np.where(np.isfinite(exact), exact / self.unit_m, 4.0).astype(np.float32)
         return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
 
 
@@ -179,6 +181,34 @@ def test_a_picture_that_stands_still_while_the_drone_flies_is_frozen() -> None:
     frozen = flying.perceive(again, [state(0.1)])
     assert (frozen.refusal, frozen.depth) == ("the image is frozen", None)
     assert "relative_depth" not in frozen.stage_s
+
+
+def test_a_restarted_pipeline_measures_the_scale_anew() -> None:
+    network = Halves()
+    flying = pipeline(bare_ground(), network)
+
+    def factor(index: int) -> float:
+        scale = flying.perceive(frame(index)).scale
+        assert scale is not None
+        return scale.factor
+
+    factor(0)
+    network.unit_m = 3.0
+    assert factor(1) == pytest.approx(2.0, rel=1e-3), "one outlier is rejected"
+    flying.restart()
+    assert factor(2) == pytest.approx(3.0, rel=1e-3)
+
+
+def test_a_restarted_pipeline_knows_no_image_mark_or_telemetry() -> None:
+    segmenter, first = Painted(pad_at(2.0, 0.5)), frame()
+    flying = Pipeline(segmenter, None, CAMERA, generator=np.random.default_rng(0))
+    assert flying.perceive(first, [state(0.0)]).mark is not None
+    flying.restart()
+    segmenter.ids = with_box()
+    seen = flying.perceive(replace(first, index=1, captured_s=0.1))
+    assert (seen.refusal, seen.mark) == ("", None)
+    assert seen.corridor is not None
+    assert seen.corridor.time_to_impact_s == math.inf
 
 
 @pytest.mark.parametrize("states", [[], [state(0.0, forward_mps=0.0)]], ids=["unknown", "hovers"])

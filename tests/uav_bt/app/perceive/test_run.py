@@ -12,11 +12,20 @@ import av
 import numpy as np
 import pytest
 
-from tests.uav_bt.app.perceive.perceive_world import flight, write_flight, write_images, write_video
+from perception.camera.ground_plane import ground_depth, view_of
+from tests.uav_bt.app.perceive.perceive_world import (
+    SIZE,
+    camera,
+    flight,
+    write_flight,
+    write_images,
+    write_video,
+)
 from uav_bt.app import perceive
-from uav_bt.app.perceive import PerceiveOptions
+from uav_bt.app.perceive import PerceiveOptions, inputs
 from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.errors import FileError, InputError, ShapeError, UnknownNameError, ValueRangeError
+from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
 
 CONTACT = PerceiveOptions(model="contact")
@@ -120,6 +129,36 @@ def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[I
     assert summary.without_depth == {"the frame is black": 1}
     assert summary.skipped == ("2.png: is not a readable image",)
     assert rows(tmp_path / "seen.jsonl")[0]["depth"] is None
+
+
+class Growing:
+    """A depth network, exact on the ground, whose unit doubles from frame to frame."""
+
+    def __init__(self) -> None:
+        self.unit_m = 0.5
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        self.unit_m *= 2.0
+        exact = ground_depth(view_of(frame, camera(), SIZE))
+        depth = np.where(np.isfinite(exact), exact, 9.0).astype(np.float32) / self.unit_m
+        return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
+
+
+@pytest.mark.parametrize("related", ["", "sequence", "telemetry", "video"])
+def test_images_of_a_folder_stand_for_themselves_unless_they_are_a_sequence(
+    tmp_path: Path, images: list[Image], monkeypatch: pytest.MonkeyPatch, related: str
+) -> None:
+    monkeypatch.setattr(inputs, "_network", lambda _options: Growing())
+    source = write_images(tmp_path / "views", images[:3])
+    if related == "video":
+        source = write_video(tmp_path / "flight.mp4", images[:3])
+    flown = write_flight(tmp_path / "flight.mcap", images[:3]) if related == "telemetry" else None
+    options = PerceiveOptions(sequence=related == "sequence", telemetry=flown)
+    summary = perceive.perceive(str(source), options, lines=tmp_path / "seen.jsonl")
+    factors = [row["depth"]["scale"]["factor"] for row in rows(tmp_path / "seen.jsonl")]
+    assert summary.unrelated == (not related)
+    expected = [1.0, 1.0, 1.0] if related else [1.0, 2.0, 4.0]
+    assert factors == pytest.approx(expected, rel=0.03)
 
 
 def test_every_second_frame_of_the_first_moments(tmp_path: Path, images: list[Image]) -> None:
