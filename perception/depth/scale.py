@@ -65,6 +65,8 @@ class GroundSample:
     pixels: NDArray[np.intp]  # (N, 2) column, row
     known_m: Floats32  # (N,) along the optical axis, from the ground plane
     predicted: Floats32  # (N,) along the optical axis, in the network's unit
+    # Usable ground over all pixels whose rays meet the plane of the ground within range.
+    share: float = 1.0
 
     def __len__(self) -> int:
         return len(self.known_m)
@@ -107,7 +109,8 @@ def sample_ground(
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     inner = cv2.erode(padded, kernel)[reach:-reach, reach:-reach]
     with np.errstate(invalid="ignore"):
-        usable = (inner > 0) & (ground_m <= config.max_range_m) & (relative > 0.0)
+        near = ground_m <= config.max_range_m
+        usable = (inner > 0) & near & (relative > 0.0)
     places = np.flatnonzero(usable)
     if places.size < config.min_points:
         return None
@@ -117,6 +120,7 @@ def sample_ground(
         pixels=np.stack([columns, rows], axis=-1),
         known_m=ground_m[rows, columns],
         predicted=relative[rows, columns].astype(np.float32),
+        share=places.size / int(np.count_nonzero(near)),
     )
 
 

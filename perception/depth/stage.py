@@ -83,7 +83,7 @@ class DepthStage:
         """
         refusal = self._frozen(frame, state) or self._misfit(frame, camera)
         if refusal:
-            return MetricDepth(depth=None, refusal=refusal)
+            return MetricDepth.refused(refusal)
         began_s, network_s = self._timer(), 0.0
 
         def relative(network: DepthEstimator) -> DepthMap:

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from perception.depth.confidence import Confidence
 from perception.depth.scale import Scale
 from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
@@ -199,11 +200,21 @@ def _as_json(image: TimedImage, seen: Perceived) -> dict[str, Any]:
             "scale": None if seen.scale is None else _scale_json(seen.scale),
             "known_share": round(float(np.isfinite(depth.depth).mean()), 4),
         },
+        "confidence": {
+            "ground": _confidence_json(seen.confidences.ground),
+            "scale": _confidence_json(seen.confidences.scale),
+            "depth": _confidence_json(seen.confidences.depth),
+        },
         "refusal": seen.refusal or None,
         "corridor": None if seen.corridor is None else _corridor_json(seen.corridor),
         "mark": None if seen.mark is None else _mark_json(seen.mark),
         "ms": {stage: round(1000.0 * spent_s, 3) for stage, spent_s in seen.stage_s.items()},
     }
+
+
+def _confidence_json(confidence: Confidence) -> dict[str, float | str | None]:
+    value = None if confidence.value is None else round(confidence.value, 4)
+    return {"value": value, "reason": confidence.reason or None}
 
 
 def _scale_json(scale: Scale) -> dict[str, float]:

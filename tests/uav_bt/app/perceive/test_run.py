@@ -128,7 +128,13 @@ def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[I
     assert summary.frames == 2
     assert summary.without_depth == {"the frame is black": 1}
     assert summary.skipped == ("2.png: is not a readable image",)
-    assert rows(tmp_path / "seen.jsonl")[0]["depth"] is None
+    black, seen = rows(tmp_path / "seen.jsonl")
+    nothing = {"value": None, "reason": "the frame is black"}
+    assert black["depth"] is None
+    assert black["confidence"] == {"ground": nothing, "scale": nothing, "depth": nothing}
+    assert seen["confidence"]["depth"]["value"] == seen["depth"]["confidence"] > 0.0
+    by_contact = "the depth is by ground contact, without the network"
+    assert seen["confidence"]["scale"] == {"value": None, "reason": by_contact}
 
 
 class Growing:
