@@ -18,12 +18,14 @@ from perception.depth.confidence import Confidence
 from perception.depth.scale import Scale
 from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
+from uav_bt.app.perceive.mask_folder import MaskFolder
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.sources.streams import TimedImage
 from uav_bt.display.video.perception_video import PerceptionPanes
 from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import InputError
 from uav_bt.files import writing
+from uav_bt.inputs import same_file
 from uav_bt.mission.flight_report import Percentiles
 from uav_bt.progress import Advance, silent
 from uav_bt.types import CameraModel, Corridor, MarkFix
@@ -56,6 +58,7 @@ def perceive(
     *,
     out: str | Path | None = None,
     lines: str | Path | None = None,
+    masks: str | Path | None = None,
     advance: Advance = silent,
 ) -> PerceiveSummary:
     """Perceive every image of a source. Ctrl-C ends it and keeps the outputs.
@@ -65,14 +68,16 @@ def perceive(
         options: Facts about the images, and the networks.
         out: an mp4 file with the overlays.
         lines: a file with one JSON object for each frame.
+        masks: a folder, new or empty, for the class map of each frame (`MaskFolder`).
         advance: called with the progress.
 
     Raises:
         InputError: source, camera, telemetry or network cannot be used, or nothing is readable.
-        FileError: a file cannot be written.
+        FileError: a file cannot be written, or the folder of the masks has files.
     """
     options = options or PerceiveOptions()
     out, lines = as_file("out", out), as_file("lines", lines)
+    mask_folder = _mask_folder(as_file("masks", masks, "a folder"), out, lines)
     read = [
         Path(source),
         as_file("telemetry", options.telemetry),
@@ -89,6 +94,8 @@ def perceive(
             video = _OverlayVideo(out, pipeline.camera, given.source.rate_per_s / options.every)
             stack.callback(video.close)
             writers.append(lambda _, seen: video.write(seen))
+        if mask_folder is not None:
+            writers.append(lambda image, seen: mask_folder.write(image, seen.class_map))
         if lines is not None:
             writers.append(stack.enter_context(_json_lines(lines)))
         try:
@@ -111,6 +118,15 @@ def _keep_apart(written: list[Path], read: list[Path | None]) -> None:
         for other in read:
             if other is not None and other.exists() and path.exists() and path.samefile(other):
                 raise InputError(f"{path} would overwrite an input; name another file")
+
+
+def _mask_folder(folder: Path | None, *files: Path | None) -> MaskFolder | None:
+    if folder is None:
+        return None
+    for file in files:
+        if file is not None and same_file(file.parent, folder):
+            raise InputError(f"{file} lies in the folder of the masks; name another place for it")
+    return MaskFolder(folder)
 
 
 @contextmanager

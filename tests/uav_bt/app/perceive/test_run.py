@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
 
 from perception.camera.ground_plane import ground_depth, view_of
+from perception.segmentation.runtime import shipped_unet
 from tests.uav_bt.app.perceive.perceive_world import (
     SIZE,
     camera,
@@ -25,6 +27,7 @@ from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions, inputs
 from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.errors import FileError, InputError, ShapeError, UnknownNameError, ValueRangeError
+from uav_bt.lab.shipped import load_lab
 from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
 
@@ -239,6 +242,50 @@ def test_a_folder_of_unreadable_images_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(b"no image")
     with pytest.raises(InputError, match=r"can be read: a\.png: is not a readable"):
         perceive.perceive(str(tmp_path), CONTACT)
+
+
+def test_masks_are_class_ids_by_the_names_of_the_images(
+    tmp_path: Path, images: list[Image]
+) -> None:
+    folder = write_images(tmp_path / "views", images[:2])
+    (folder / "0.png").rename(folder / "a b.png")
+    assert cv2.imwrite(str(folder / "a b.jpg"), images[0][..., ::-1])
+    masks = tmp_path / "new" / "masks"
+    perceive.perceive(str(folder), CONTACT, masks=masks)
+    names = {path.name for path in masks.iterdir()}
+    assert names == {"1.png", "a b.png", "a b.png.png", "classes.json"}
+    segmenter = shipped_unet()
+    for name, index in (("1.png", 1), ("a b.png.png", 0)):
+        ids = cv2.imread(str(masks / name), cv2.IMREAD_UNCHANGED)
+        assert (ids == segmenter.ids(images[index])).all()
+        assert (ids.dtype, ids.ndim) == (np.uint8, 2)
+    classes = load_lab().classes
+    listed = json.loads((masks / "classes.json").read_text(encoding="utf-8"))["classes"]
+    assert [one["name"] for one in listed] == list(classes.names)
+    assert [one["id"] for one in listed] == list(range(len(classes)))
+    assert listed[classes.ground]["role"] == "ground"
+    assert listed[classes.ground]["rgb"] == classes.colours[classes.ground].tolist()
+
+
+def test_masks_of_a_video_are_numbered_by_its_frames(tmp_path: Path, images: list[Image]) -> None:
+    source = write_video(tmp_path / "flight.mp4", images)
+    masks = tmp_path / "masks"
+    perceive.perceive(str(source), replace(CONTACT, every=2), masks=masks)
+    assert {path.name for path in masks.iterdir()} == {
+        *("000000.png", "000002.png", "classes.json")
+    }
+
+
+def test_masks_need_a_folder_without_files(tmp_path: Path, images: list[Image]) -> None:
+    folder = write_images(tmp_path / "views", images[:1])
+    before = (folder / "0.png").read_bytes()
+    with pytest.raises(FileError, match="has files"):
+        perceive.perceive(str(folder), CONTACT, masks=folder)
+    assert (folder / "0.png").read_bytes() == before
+    (tmp_path / "masks").mkdir()
+    lines = tmp_path / "masks" / "classes.json"
+    with pytest.raises(InputError, match="lies in the folder of the masks"):
+        perceive.perceive(str(folder), CONTACT, masks=tmp_path / "masks", lines=lines)
 
 
 @pytest.mark.parametrize("what", ["out", "lines"])
