@@ -106,6 +106,10 @@ class MetricDepthMaker:
         self._scale = AdaptiveScale(self._config.sampling) if scale is None else scale
         self._generator = generator
 
+    def restart(self) -> None:
+        """Forget the scale of earlier frames; the next one shows another place."""
+        self._scale.restart()
+
     def make(
         self,
         frame: Frame,

@@ -134,6 +134,10 @@ class ScaleEstimator(Protocol):
         """Process a frame's ground (None: too little of it) and return the scale, or None."""
         ...
 
+    def restart(self) -> None:
+        """Forget the scale of earlier frames; the next one shows another place."""
+        ...
+
 
 class AdaptiveScale:
     """The paper's adaptive scale: each frame's median ratio, smoothed over time.
@@ -148,6 +152,10 @@ class AdaptiveScale:
     ) -> None:
         self._config = config or ScaleConfig()
         self._filter = smooth or ScaleFilter()
+
+    def restart(self) -> None:
+        """Forget the scale of earlier frames."""
+        self._filter.restart()
 
     def update(self, sample: GroundSample | None, captured_s: float) -> Scale | None:
         """Return the smoothed scale.
@@ -199,6 +207,10 @@ class ScaleFilter:
         self._filter: KalmanFilter | None = None
         self._time_s = -math.inf
         self._rejected = 0
+
+    def restart(self) -> None:
+        """Forget all measurements."""
+        self._filter, self._time_s, self._rejected = None, -math.inf, 0
 
     def update(self, log_scale: float, std: float, captured_s: float) -> bool:
         """Update the filter with a measurement.

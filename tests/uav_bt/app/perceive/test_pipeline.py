@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -193,16 +194,36 @@ def test_a_restarted_pipeline_measures_the_scale_anew() -> None:
     network = Halves()
     flying = pipeline(bare_ground(), network)
 
-    def factor(index: int) -> float:
-        scale = flying.perceive(frame(index)).scale
-        assert scale is not None
-        return scale.factor
-
-    factor(0)
+    same = frame().image
+    assert factor(flying, 0, same) == pytest.approx(2.0, rel=1e-3)
     network.unit_m = 3.0
-    assert factor(1) == pytest.approx(2.0, rel=1e-3), "one outlier is rejected"
+    assert factor(flying, 1, same) == pytest.approx(2.0, rel=1e-3), "one outlier is rejected"
     flying.restart()
-    assert factor(2) == pytest.approx(3.0, rel=1e-3)
+    assert factor(flying, 2, same) == pytest.approx(3.0, rel=1e-3)
+
+
+def test_at_a_cut_to_another_place_the_scale_is_measured_anew() -> None:
+    network = Halves()
+    flying = pipeline(bare_ground(), network)
+    here, there = place(1), place(2)
+    assert factor(flying, 0, here) == pytest.approx(2.0, rel=1e-3)
+    network.unit_m = 3.0
+    assert factor(flying, 1, np.roll(here, 2, axis=1)) == pytest.approx(2.0, rel=1e-3)
+    assert factor(flying, 2, there) == pytest.approx(3.0, rel=1e-3)
+
+
+def place(seed: int) -> NDArray[np.uint8]:
+    """Return an image of coarse and fine texture."""
+    rng = np.random.default_rng(seed)
+    coarse = cv2.resize(rng.uniform(40, 200, (9, 16)), (64, 36), interpolation=cv2.INTER_CUBIC)
+    grey = np.clip(coarse + rng.uniform(-30, 30, (36, 64)), 0, 255).astype(np.uint8)
+    return np.repeat(grey[..., None], 3, axis=2)
+
+
+def factor(flying: Pipeline, index: int, image: NDArray[np.uint8]) -> float:
+    scale = flying.perceive(replace(frame(index), image=image)).scale
+    assert scale is not None
+    return scale.factor
 
 
 def test_a_restarted_pipeline_knows_no_image_mark_or_telemetry() -> None:
