@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 
@@ -10,7 +11,9 @@ class Confidence:
     """A number from 0 to 1, or the reason why there is none."""
 
     value: float | None = None
-    reason: str = ""  # why there is none, or what lowers it most
+    reason: str = ""  # why there is none, or what lowers it most where it is below a half
+    # What it is computed from, by name; each has its number and what was measured.
+    measures: Mapping[str, Confidence] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,6 +15,7 @@ from perception.camera.ground_plane import CameraView, GroundPlane, view_of
 from perception.depth.confidence import Confidence, Confidences
 from perception.depth.contact.contacts import Remembered
 from perception.depth.contact.depth import ContactDepth, ContactDepthConfig, ContactEstimation
+from perception.depth.evidence import ground_confidence
 from perception.depth.scale import (
     AdaptiveScale,
     Scale,
@@ -103,7 +104,7 @@ class MetricDepthMaker:
             raise UnknownNameError("depth source", source, SOURCES)
         self._source = source
         self._config = config or MetricDepthConfig()
-        self._scale = AdaptiveScale(self._config.sampling) if scale is None else scale
+        self._scale = AdaptiveScale() if scale is None else scale
         self._generator = generator
 
     def restart(self) -> None:
@@ -159,8 +160,8 @@ class MetricDepthMaker:
         depth = _fused(scale, network_m, known, captured_s)
         confidences = Confidences(
             ground=on_ground,
-            scale=Confidence(value=scale.confidence),
-            depth=Confidence(value=depth.confidence),
+            scale=scale.why or Confidence(value=scale.confidence),
+            depth=Confidence(value=depth.confidence, reason=scale.why.reason if scale.why else ""),
         )
         return MetricDepth(depth=depth, scale=scale, relative=relative, confidences=confidences)
 
@@ -185,7 +186,7 @@ class MetricDepthMaker:
         )
         on_ground = Confidence(reason="too little ground")
         if sample is not None:
-            on_ground = Confidence(value=sample.share)
+            on_ground = ground_confidence(sample.measures)
         scale = self._scale.update(sample, class_map.captured_s)
         if scale is not None:
             return scale, "", on_ground

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import cv2
@@ -21,6 +22,8 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
+from perception.depth.confidence import Confidence
+from perception.depth.evidence import GroundMeasures, evidence, scale_confidence
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types.arrays import Flags, Floats32
 
@@ -32,6 +35,7 @@ class Scale:
     factor: float  # metres per unit of relative depth, positive
     shift_m: float = 0.0
     confidence: float = 1.0  # 0 to 1
+    why: Confidence | None = None  # that confidence with what it is computed from
 
     def apply(self, relative: Floats32) -> Floats32:
         """Return metres, (H, W) float32, of relative depth."""
@@ -48,7 +52,6 @@ class ScaleConfig:
     margin_share: float = 10.0 / 256.0
     min_points: int = 20  # with fewer inner ground pixels a frame gives no scale
     max_range_m: float = 6.0  # of ground pixels; beyond the lab one row spans metres
-    spread_half: float = 0.1  # relative spread of the ratios at which the confidence is 0.5
 
     def __post_init__(self) -> None:
         if self.points < 1 or not 1 <= self.min_points <= self.points:
@@ -70,6 +73,11 @@ class GroundSample:
 
     def __len__(self) -> int:
         return len(self.known_m)
+
+    @cached_property
+    def measures(self) -> GroundMeasures:
+        """Median ratio of known to predicted depth, and measures of its quality."""
+        return GroundMeasures.of(self.known_m, self.predicted, self.share)
 
 
 def sample_ground(
@@ -143,15 +151,12 @@ class AdaptiveScale:
     """The paper's adaptive scale: each frame's median ratio, smoothed over time.
 
     Args:
-        config: number of ground pixels and spread, for the confidence.
         smooth: the filter over time.
     """
 
-    def __init__(
-        self, config: ScaleConfig | None = None, smooth: ScaleFilter | None = None
-    ) -> None:
-        self._config = config or ScaleConfig()
+    def __init__(self, smooth: ScaleFilter | None = None) -> None:
         self._filter = smooth or ScaleFilter()
+        self._measured = 0.0  # confidence of the last frame that entered the filter
 
     def restart(self) -> None:
         """Forget the scale of earlier frames."""
@@ -162,23 +167,21 @@ class AdaptiveScale:
 
         Without ground in view the last scale is used until it is too uncertain.
         """
-        own = 0.0
+        why, carried = None, "no ground in this frame: the scale is that of earlier frames"
         if sample is not None:
-            logs = np.log(sample.known_m / sample.predicted)
-            middle = float(np.median(logs))
-            # Median absolute deviation; 1.4826 converts it to a normal standard deviation.
-            spread = 1.4826 * float(np.median(np.abs(logs - middle)))
-            std = 1.2533 * spread / math.sqrt(len(sample))  # standard error of a median
-            if self._filter.update(middle, std, captured_s):
-                own = 1.0 / (1.0 + (spread / self._config.spread_half) ** 2)
-                own *= min(1.0, len(sample) / self._config.points)
+            measures, before = sample.measures, self._filter.at(captured_s)
+            if self._filter.update(measures.log_scale, measures.std, captured_s):
+                innovation = None if before is None else measures.log_scale - before[0]
+                why = scale_confidence(evidence(measures, innovation))
+                self._measured = why.value or 0.0
+            carried = "the scale is that of earlier frames, with which this one disagrees"
         state = self._filter.at(captured_s)
         if state is None:
             return None
         log_factor, certainty = state
-        # Without a measurement the confidence follows from the filter, and is lower.
-        confidence = own if own > 0.0 else 0.5 * certainty
-        return Scale(factor=math.exp(log_factor), confidence=confidence)
+        if why is None:  # the confidence follows from the filter, and is lower
+            why = Confidence(value=min(0.5, self._measured) * certainty, reason=carried)
+        return Scale(factor=math.exp(log_factor), confidence=why.value or 0.0, why=why)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -228,9 +228,14 @@ def _as_json(image: TimedImage, seen: Perceived) -> dict[str, Any]:
     }
 
 
-def _confidence_json(confidence: Confidence) -> dict[str, float | str | None]:
+def _confidence_json(confidence: Confidence) -> dict[str, Any]:
     value = None if confidence.value is None else round(confidence.value, 4)
-    return {"value": value, "reason": confidence.reason or None}
+    row: dict[str, Any] = {"value": value, "reason": confidence.reason or None}
+    if confidence.measures:
+        row["measures"] = {
+            name: _confidence_json(each) for name, each in confidence.measures.items()
+        }
+    return row
 
 
 def _scale_json(scale: Scale) -> dict[str, float]:

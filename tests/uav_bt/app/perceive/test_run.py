@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from perception.camera.ground_plane import ground_depth, view_of
+from perception.depth.evidence import COEFFICIENTS
 from perception.segmentation.runtime import shipped_unet
 from tests.uav_bt.app.perceive.perceive_world import (
     SIZE,
@@ -164,7 +165,12 @@ def test_images_of_a_folder_stand_for_themselves_unless_they_are_a_sequence(
     flown = write_flight(tmp_path / "flight.mcap", images[:3]) if related == "telemetry" else None
     options = PerceiveOptions(sequence=related == "sequence", telemetry=flown)
     summary = perceive.perceive(str(source), options, lines=tmp_path / "seen.jsonl")
-    factors = [row["depth"]["scale"]["factor"] for row in rows(tmp_path / "seen.jsonl")]
+    lines = rows(tmp_path / "seen.jsonl")
+    factors = [row["depth"]["scale"]["factor"] for row in lines]
+    confidence = lines[0]["confidence"]
+    assert confidence["scale"]["value"] == confidence["depth"]["value"] > 0.5
+    assert set(confidence["scale"]["measures"]) == set(COEFFICIENTS)
+    assert set(confidence["ground"]["measures"]) == {"extent", "slope"}
     assert summary.unrelated == (not related)
     expected = [1.0, 1.0, 1.0] if related else [1.0, 2.0, 4.0]
     assert factors == pytest.approx(expected, rel=0.03)
