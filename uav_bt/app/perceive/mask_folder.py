@@ -11,7 +11,6 @@ from uav_bt.app.sources.streams import TimedImage
 from uav_bt.errors import FileError
 from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.roles import ROLE_NAMES
 from uav_bt.record.images import encode_bytes
 from uav_bt.types import ClassMap
 
@@ -73,4 +72,4 @@ def _classes_json(classes: LabClasses) -> str:
         }
         for number, each in enumerate(classes)
     ]
-    return json.dumps({"classes": rows, "roles": list(ROLE_NAMES)}, indent=2) + "\n"
+    return json.dumps({"classes": rows}, indent=2) + "\n"
