@@ -122,6 +122,26 @@ def check_output_folder(folder: Path) -> None:
             pass
 
 
+def check_empty_folder(folder: Path, writer: str) -> None:
+    """Refuse a folder that has files, or that cannot be written to or made.
+
+    Args:
+        folder: the folder; a missing one will be made.
+        writer: what writes to it, for the message.
+
+    Raises:
+        FileError: the path is no folder, has files, or is not writable.
+    """
+    check_output_folder(folder)
+    with writing(folder):
+        if folder.is_dir() and any(folder.iterdir()):
+            raise FileError(
+                folder,
+                f"has files, and {writer} writes to an empty or a new folder: name another one, "
+                "or empty this one",
+            )
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Write a file so that a reader never sees half of it.

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, GroundPlane, view_of
+from perception.depth.confidence import Confidence, Confidences
 from perception.depth.contact.contacts import Remembered
 from perception.depth.contact.depth import ContactDepth, ContactDepthConfig, ContactEstimation
+from perception.depth.evidence import ground_confidence
 from perception.depth.scale import (
     AdaptiveScale,
     Scale,
@@ -33,6 +35,7 @@ from uav_bt.types import (
 
 Source = Literal["network", "contact", "fused"]
 SOURCES: Final[tuple[Source, ...]] = ("network", "contact", "fused")
+_NO_NETWORK: Final = "the depth is by ground contact, without the network"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +67,13 @@ class MetricDepth:
     refusal: str = ""  # for the status line and the records; depth by ground contact may remain
     scale: Scale | None = None  # of the network's depth; None if no network depth was used
     relative: DepthMap | None = None  # the network's relative depth, if the network ran here
+    confidences: Confidences = field(default_factory=Confidences)
+
+    @classmethod
+    def refused(cls, refusal: str, relative: DepthMap | None = None) -> MetricDepth:
+        """Return no depth, for a reason."""
+        none = Confidences.none(refusal)
+        return cls(depth=None, refusal=refusal, relative=relative, confidences=none)
 
 
 class MetricDepthMaker:
@@ -94,8 +104,12 @@ class MetricDepthMaker:
             raise UnknownNameError("depth source", source, SOURCES)
         self._source = source
         self._config = config or MetricDepthConfig()
-        self._scale = AdaptiveScale(self._config.sampling) if scale is None else scale
+        self._scale = AdaptiveScale() if scale is None else scale
         self._generator = generator
+
+    def restart(self) -> None:
+        """Forget the scale of earlier frames; the next one shows another place."""
+        self._scale.restart()
 
     def make(
         self,
@@ -117,33 +131,39 @@ class MetricDepthMaker:
         """
         refusal = self._refusal(frame, class_map)
         if refusal:
-            return MetricDepth(depth=None, refusal=refusal)
+            return MetricDepth.refused(refusal)
         height_px, width_px = class_map.ids.shape
         view = view_of(frame, camera, (width_px, height_px), roll_rad=self._config.roll_rad)
         if not view.height_m > 0.0:
-            return MetricDepth(depth=None, refusal="no height above the ground")
+            return MetricDepth.refused("no height above the ground")
         ground, captured_s = GroundPlane.of(view), frame.captured_s
         contact = None
         if self._source != "network":
             contact = ContactEstimation(class_map, ground, self._config.contact, remembered)
             measured = contact.result()
             if self._source == "contact" or self._suffices(measured, class_map, ground):
-                return _contact_only(measured, captured_s, "")
+                return _contact_only(measured, captured_s, "", _NO_NETWORK)
         relative = relative() if callable(relative) else relative
         refusal = _relative_refusal(frame, relative)
         if refusal or relative is None:
-            return MetricDepth(depth=None, refusal=refusal, relative=relative)
-        scale, no_scale = self._scale_of(relative, class_map, ground)
+            return MetricDepth.refused(refusal, relative)
+        scale, no_scale, on_ground = self._scale_of(relative, class_map, ground)
         if scale is None:
             known = None if contact is None else contact.result()
-            return replace(_contact_only(known, captured_s, no_scale), relative=relative)
+            without = _contact_only(known, captured_s, no_scale, no_scale, on_ground)
+            return replace(without, relative=relative)
         metres = scale.apply(_resized(relative.depth, view))
         network_m = np.clip(metres, 0.0, self._config.max_m)
         if contact is not None:
             contact.complete(network_m)
         known = None if contact is None else contact.result()
         depth = _fused(scale, network_m, known, captured_s)
-        return MetricDepth(depth=depth, scale=scale, relative=relative)
+        confidences = Confidences(
+            ground=on_ground,
+            scale=scale.why or Confidence(value=scale.confidence),
+            depth=Confidence(value=depth.confidence, reason=scale.why.reason if scale.why else ""),
+        )
+        return MetricDepth(depth=depth, scale=scale, relative=relative, confidences=confidences)
 
     def _suffices(self, contact: ContactDepth, class_map: ClassMap, ground: GroundPlane) -> bool:
         """Return whether no obstacle of unknown depth may be near the path ahead."""
@@ -158,17 +178,20 @@ class MetricDepthMaker:
 
     def _scale_of(
         self, relative: DepthMap, class_map: ClassMap, ground: GroundPlane
-    ) -> tuple[Scale | None, str]:
-        """Return the scale of a network's depth, or None and the reason."""
+    ) -> tuple[Scale | None, str, Confidence]:
+        """Return the scale of a network's depth, or None and the reason; and the ground's."""
         fitting, sampling = _resized(relative.depth, ground.view), self._config.sampling
         sample = sample_ground(
             fitting, class_map.is_ground, ground.depth_m, self._generator, sampling
         )
+        on_ground = Confidence(reason="too little ground")
+        if sample is not None:
+            on_ground = ground_confidence(sample.measures)
         scale = self._scale.update(sample, class_map.captured_s)
         if scale is not None:
-            return scale, ""
+            return scale, "", on_ground
         why = "too little ground" if sample is None else "the ground disagrees with itself"
-        return None, f"no scale: {why}"
+        return None, f"no scale: {why}", on_ground
 
     def _refusal(self, frame: Frame, class_map: ClassMap) -> str:
         height_m, pitch_rad = frame.height_above_ground_m, frame.gimbal_pitch_rad
@@ -208,11 +231,21 @@ def _relative_refusal(frame: Frame, relative: DepthMap | None) -> str:
     return "" if np.isfinite(relative.depth).all() else "relative depth is not finite"
 
 
-def _contact_only(contact: ContactDepth | None, captured_s: float, no_scale: str) -> MetricDepth:
+def _contact_only(
+    contact: ContactDepth | None,
+    captured_s: float,
+    refusal: str,
+    no_scale: str,
+    ground: Confidence | None = None,
+) -> MetricDepth:
     """Return the depth by ground contact; None instead of an empty map, which would mean free."""
+    confidences = Confidences(
+        ground=ground or Confidence(reason=no_scale), scale=Confidence(reason=no_scale)
+    )
     if contact is None or not np.isfinite(contact.depth).any():
-        refusal = no_scale or "nothing in view stands on ground"
-        return MetricDepth(depth=None, refusal=refusal)
+        refusal = refusal or "nothing in view stands on ground"
+        confidences = replace(confidences, depth=Confidence(reason=refusal))
+        return MetricDepth(depth=None, refusal=refusal, confidences=confidences)
     known = DepthMap(
         depth=contact.depth,
         metric=True,
@@ -220,7 +253,8 @@ def _contact_only(contact: ContactDepth | None, captured_s: float, no_scale: str
         confidence=contact.known_share,
         at_most=contact.at_most,
     )
-    return MetricDepth(depth=known, refusal=no_scale)
+    confidences = replace(confidences, depth=Confidence(value=known.confidence, reason=refusal))
+    return MetricDepth(depth=known, refusal=refusal, confidences=confidences)
 
 
 def _fused(

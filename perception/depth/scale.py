@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import cv2
@@ -21,6 +22,8 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
+from perception.depth.confidence import Confidence
+from perception.depth.evidence import GroundMeasures, evidence, scale_confidence
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types.arrays import Flags, Floats32
 
@@ -32,6 +35,7 @@ class Scale:
     factor: float  # metres per unit of relative depth, positive
     shift_m: float = 0.0
     confidence: float = 1.0  # 0 to 1
+    why: Confidence | None = None  # that confidence with what it is computed from
 
     def apply(self, relative: Floats32) -> Floats32:
         """Return metres, (H, W) float32, of relative depth."""
@@ -48,7 +52,6 @@ class ScaleConfig:
     margin_share: float = 10.0 / 256.0
     min_points: int = 20  # with fewer inner ground pixels a frame gives no scale
     max_range_m: float = 6.0  # of ground pixels; beyond the lab one row spans metres
-    spread_half: float = 0.1  # relative spread of the ratios at which the confidence is 0.5
 
     def __post_init__(self) -> None:
         if self.points < 1 or not 1 <= self.min_points <= self.points:
@@ -65,9 +68,16 @@ class GroundSample:
     pixels: NDArray[np.intp]  # (N, 2) column, row
     known_m: Floats32  # (N,) along the optical axis, from the ground plane
     predicted: Floats32  # (N,) along the optical axis, in the network's unit
+    # Usable ground over all pixels whose rays meet the plane of the ground within range.
+    share: float = 1.0
 
     def __len__(self) -> int:
         return len(self.known_m)
+
+    @cached_property
+    def measures(self) -> GroundMeasures:
+        """Median ratio of known to predicted depth, and measures of its quality."""
+        return GroundMeasures.of(self.known_m, self.predicted, self.share)
 
 
 def sample_ground(
@@ -107,7 +117,8 @@ def sample_ground(
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     inner = cv2.erode(padded, kernel)[reach:-reach, reach:-reach]
     with np.errstate(invalid="ignore"):
-        usable = (inner > 0) & (ground_m <= config.max_range_m) & (relative > 0.0)
+        near = ground_m <= config.max_range_m
+        usable = (inner > 0) & near & (relative > 0.0)
     places = np.flatnonzero(usable)
     if places.size < config.min_points:
         return None
@@ -117,6 +128,7 @@ def sample_ground(
         pixels=np.stack([columns, rows], axis=-1),
         known_m=ground_m[rows, columns],
         predicted=relative[rows, columns].astype(np.float32),
+        share=places.size / int(np.count_nonzero(near)),
     )
 
 
@@ -130,43 +142,46 @@ class ScaleEstimator(Protocol):
         """Process a frame's ground (None: too little of it) and return the scale, or None."""
         ...
 
+    def restart(self) -> None:
+        """Forget the scale of earlier frames; the next one shows another place."""
+        ...
+
 
 class AdaptiveScale:
     """The paper's adaptive scale: each frame's median ratio, smoothed over time.
 
     Args:
-        config: number of ground pixels and spread, for the confidence.
         smooth: the filter over time.
     """
 
-    def __init__(
-        self, config: ScaleConfig | None = None, smooth: ScaleFilter | None = None
-    ) -> None:
-        self._config = config or ScaleConfig()
+    def __init__(self, smooth: ScaleFilter | None = None) -> None:
         self._filter = smooth or ScaleFilter()
+        self._measured = 0.0  # confidence of the last frame that entered the filter
+
+    def restart(self) -> None:
+        """Forget the scale of earlier frames."""
+        self._filter.restart()
 
     def update(self, sample: GroundSample | None, captured_s: float) -> Scale | None:
         """Return the smoothed scale.
 
         Without ground in view the last scale is used until it is too uncertain.
         """
-        own = 0.0
+        why, carried = None, "no ground in this frame: the scale is that of earlier frames"
         if sample is not None:
-            logs = np.log(sample.known_m / sample.predicted)
-            middle = float(np.median(logs))
-            # Median absolute deviation; 1.4826 converts it to a normal standard deviation.
-            spread = 1.4826 * float(np.median(np.abs(logs - middle)))
-            std = 1.2533 * spread / math.sqrt(len(sample))  # standard error of a median
-            if self._filter.update(middle, std, captured_s):
-                own = 1.0 / (1.0 + (spread / self._config.spread_half) ** 2)
-                own *= min(1.0, len(sample) / self._config.points)
+            measures, before = sample.measures, self._filter.at(captured_s)
+            if self._filter.update(measures.log_scale, measures.std, captured_s):
+                innovation = None if before is None else measures.log_scale - before[0]
+                why = scale_confidence(evidence(measures, innovation))
+                self._measured = why.value or 0.0
+            carried = "the scale is that of earlier frames, with which this one disagrees"
         state = self._filter.at(captured_s)
         if state is None:
             return None
         log_factor, certainty = state
-        # Without a measurement the confidence follows from the filter, and is lower.
-        confidence = own if own > 0.0 else 0.5 * certainty
-        return Scale(factor=math.exp(log_factor), confidence=confidence)
+        if why is None:  # the confidence follows from the filter, and is lower
+            why = Confidence(value=min(0.5, self._measured) * certainty, reason=carried)
+        return Scale(factor=math.exp(log_factor), confidence=why.value or 0.0, why=why)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,6 +210,10 @@ class ScaleFilter:
         self._filter: KalmanFilter | None = None
         self._time_s = -math.inf
         self._rejected = 0
+
+    def restart(self) -> None:
+        """Forget all measurements."""
+        self._filter, self._time_s, self._rejected = None, -math.inf, 0
 
     def update(self, log_scale: float, std: float, captured_s: float) -> bool:
         """Update the filter with a measurement.

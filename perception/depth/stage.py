@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.view_change import ViewChange
 from perception.depth.metric import MetricDepth, MetricDepthMaker, remembered_bases
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator
@@ -56,6 +57,7 @@ class DepthStage:
         self._network, self._maker, self._timer = network, maker, timer
         self._config = config or DepthStageConfig()
         self._last_image: NDArray[np.uint8] | None = None
+        self._view_change = ViewChange()
 
     def perceive(
         self,
@@ -70,6 +72,9 @@ class DepthStage:
     ) -> MetricDepth:
         """Return the depth of a new frame, at the class map's size.
 
+        The scale of the network's depth starts anew where the frame shows another place than the
+        one before (`ViewChange`).
+
         Args:
             frame: its telemetry gives the ground plane.
             class_map: class map of that frame.
@@ -83,7 +88,9 @@ class DepthStage:
         """
         refusal = self._frozen(frame, state) or self._misfit(frame, camera)
         if refusal:
-            return MetricDepth(depth=None, refusal=refusal)
+            return MetricDepth.refused(refusal)
+        if self._view_change(frame, flown=state is not None):
+            self._maker.restart()
         began_s, network_s = self._timer(), 0.0
 
         def relative(network: DepthEstimator) -> DepthMap:

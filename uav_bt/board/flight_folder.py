@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import FileError
-from uav_bt.files import check_output_folder, write_whole, writing
+from uav_bt.files import check_empty_folder, write_whole, writing
 
 _NAME: Final = re.compile(r"[A-Za-z0-9][\w.\-]{0,99}", re.ASCII)
 
@@ -25,14 +25,7 @@ class FlightFolder:
     """
 
     def __init__(self, folder: Path, reserved: Iterable[str] = ()) -> None:
-        check_output_folder(folder)
-        with writing(folder):
-            if folder.is_dir() and any(folder.iterdir()):
-                raise FileError(
-                    folder,
-                    "has files, and a flight writes to an empty or a new folder: name another "
-                    "one, or empty this one",
-                )
+        check_empty_folder(folder, "a flight")
         self.folder = folder
         self._reserved = frozenset(reserved)
 

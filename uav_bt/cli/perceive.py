@@ -12,7 +12,7 @@ from uav_bt.app.perceive import PerceiveOptions, PerceiveSummary
 from uav_bt.app.perceive import perceive as perceive_source
 from uav_bt.cli.command import Command
 from uav_bt.cli.flight_options import flight_option
-from uav_bt.cli.options import INPUT, grouped, output_option
+from uav_bt.cli.options import FOLDER, INPUT, grouped, output_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import MissionError
@@ -33,6 +33,13 @@ def _options(
 @click.argument("source")
 @output_option("--out", "Write the overlays there: an mp4 file.", suffix=".mp4")
 @output_option("--json", "Write one JSON object a frame there, a line each.")
+@click.option(
+    "--masks",
+    metavar="DIR",
+    type=FOLDER,
+    help="A new or empty folder for the class map of each frame, a PNG of class ids, and for "
+    "classes.json.",
+)
 @grouped(
     "options",
     _options,
@@ -76,6 +83,11 @@ def _options(
         metavar="FILE",
         help="Class-mapping file of a foreign segmentation network.",
     ),
+    sequence=click.option(
+        "--sequence",
+        is_flag=True,
+        help="The images of the folder follow one another; without it each stands for itself.",
+    ),
     every=click.option(
         "--every",
         type=WholeNumber(min=1),
@@ -96,21 +108,27 @@ def perceive(
     source: str,
     out: Path | None,
     json: Path | None,
+    masks: Path | None,
     options: PerceiveOptions,
 ) -> None:
     """Show what perception makes of a video: masks, depth in metres, corridor, mark.
 
     SOURCE is a video file, a folder of images, an image, a live camera such as camera:0, or a
-    record of `uav-bt fly --record`, which brings its camera and telemetry along. Ctrl-C keeps what
-    was written and exits with 1.
+    record of `uav-bt fly --record`, which brings its camera and telemetry along. The images of a
+    folder are unrelated unless --sequence or --telemetry is given. Ctrl-C keeps what was written
+    and exits with 1.
     """
     with progress_bars() as advance:
-        summary = perceive_source(source, options, out=out, lines=json, advance=advance)
+        summary = perceive_source(
+            source, options, out=out, lines=json, masks=masks, advance=advance
+        )
     _show(summary)
     if out is not None and summary.frames:
         click.echo(f"video: {out}")
     if json is not None:
         click.echo(f"frames: {json}")
+    if masks is not None and summary.frames:
+        click.echo(f"masks: {masks}")
     if summary.interrupted:
         ctx.exit(MissionError.exit_code)
 
@@ -118,6 +136,8 @@ def perceive(
 def _show(summary: PerceiveSummary) -> None:
     none = sum(summary.without_depth.values())
     stopped = ", then interrupted" if summary.interrupted else ""
+    if summary.unrelated and summary.frames > 1:
+        stopped = f"{stopped}, each for itself (--sequence: they follow one another)"
     rows = [
         ("frames", f"{summary.frames}{stopped}"),
         ("camera", summary.camera),

@@ -149,9 +149,11 @@ def test_confidence_falls_with_scatter_and_with_few_points() -> None:
     assert clean is not None
     assert rough is not None
     assert few is not None
-    assert clean.confidence > 0.95
+    assert clean.confidence > 0.8
     assert rough.confidence < 0.3
-    assert few.confidence < 0.8
+    assert few.confidence < clean.confidence - 0.2
+    assert clean.why is not None
+    assert clean.why.value == clean.confidence
 
 
 def test_without_ground_the_scale_carries_on_for_a_while_and_then_is_none() -> None:
@@ -165,6 +167,29 @@ def test_without_ground_the_scale_carries_on_for_a_while_and_then_is_none() -> N
     assert carried.factor == pytest.approx(first.factor)
     assert carried.confidence < 0.5 < first.confidence
     assert estimator.update(None, 60.0) is None
+
+
+def test_a_frame_that_disagrees_leaves_the_scale_and_lowers_its_confidence() -> None:
+    estimator = AdaptiveScale()
+    first = estimator.update(sample(predicted(2.0)), 0.0)
+    other = estimator.update(sample(predicted(4.0)), 0.1)
+    assert first is not None
+    assert other is not None
+    assert other.factor == pytest.approx(first.factor)
+    assert other.confidence < 0.5 < first.confidence
+    assert other.why is not None
+    assert "with which this one disagrees" in other.why.reason
+
+
+def test_a_doubtful_scale_is_no_surer_when_it_is_carried_on() -> None:
+    estimator = AdaptiveScale()
+    first = estimator.update(sample(np.full((112, 224), 1.5, dtype=np.float32)), 0.0)
+    carried = estimator.update(None, 0.1)
+    assert first is not None
+    assert carried is not None
+    assert carried.confidence < first.confidence < 0.5
+    estimator.restart()
+    assert estimator.update(None, 0.2) is None
 
 
 def test_a_scale_applies_factor_and_shift() -> None:

@@ -64,6 +64,7 @@ MISTAKES = [
     ("simulate mission.xml --script script.yaml --ticks 0", "expected a whole number from 1"),
     ("simulate mission.xml --script script.yaml --tick-s inf", "expected a number above 0 to 3600"),
     ("view record.mcap --save x.rrd --from 5 --to 2", "--from 5 must lie before --to 2"),
+    ("net perceive photos --masks photos", "photos: has files, and net perceive --masks writes to"),
     ("net perceive photos --height-m -1", "expected a number above 0 to 100, got '-1'"),
     ("net perceive photos --gimbal-deg 91", "expected a number from -90 to 90, got '91'"),
     ("net perceive photos --every x", "expected a whole number from 1 on, got 'x'"),

@@ -139,6 +139,7 @@ OUTPUTS = [
     "net collect mission.xml --out {}",
     "net perceive flight.mp4 --out {}.mp4",
     "net perceive flight.mp4 --json {}.json",
+    "net perceive flight.mp4 --masks {}",
     "net train depth old.mcap --out {}.safetensors",
     "net train depth old.mcap --run {}",
     "net train student old.mcap --out {}.safetensors",

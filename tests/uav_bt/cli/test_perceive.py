@@ -32,11 +32,11 @@ def views(tmp_path: Path) -> Path:
 
 
 def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> None:
-    out, lines = tmp_path / "seen.mp4", tmp_path / "seen.jsonl"
-    result = perceive(views, "--out", out, "--json", lines)
+    out, lines, masks = tmp_path / "seen.mp4", tmp_path / "seen.jsonl", tmp_path / "masks"
+    result = perceive(views, "--out", out, "--json", lines, "--masks", masks)
     assert result.exit_code == 0, result.output
     for words in (
-        "frames          2",
+        "frames          2, each for itself (--sequence: they follow one another)",
         "camera          the ANAFI's video, 69 deg wide (none given)",
         "telemetry       1.5 m above the ground, camera at -30 deg, assumed for all frames",
         "metric depth    in ",
@@ -47,13 +47,19 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
         "skipped 3.png: is not a readable image",
         f"video: {out}",
         f"frames: {lines}",
+        f"masks: {masks}",
     ):
         assert words in result.stdout
     assert out.stat().st_size > 0
+    assert {path.name for path in masks.iterdir()} == {"1.png", "2.png", "classes.json"}
     told = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
     assert [line["image"] for line in told] == ["1.png", "2.png"]
     assert told[1]["refusal"] == "the frame is black"
     assert {"depth", "corridor", "mark", "ms"} <= told[0].keys()
+
+
+def test_a_sequence_is_not_each_for_itself(views: Path) -> None:
+    assert "frames          2\n" in perceive(views, "--sequence").stdout
 
 
 def test_a_break_exits_with_1_and_sums_up(

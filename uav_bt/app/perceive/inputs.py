@@ -19,7 +19,7 @@ from perception.segmentation.mapping import read_mapping
 from sim_bridge.anafi import anafi_camera
 from uav_bt.app.perceive.frame_telemetry import FixedTelemetry, FlightTelemetry, Telemetry
 from uav_bt.app.perceive.pipeline import Pipeline
-from uav_bt.app.sources.by_name import RecordSource, open_source
+from uav_bt.app.sources.by_name import FolderSource, RecordSource, open_source
 from uav_bt.app.sources.streams import ImageSource, TimedImage, TimedImages
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.lab.shipped import load_lab
@@ -41,6 +41,8 @@ class PerceiveOptions:
     model: str = "depth"  # a shipped one's name, an ONNX file, or "contact" (no network)
     segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
     classes: str | Path | None = None  # class-mapping file of a foreign segmentation
+    # Whether the images of a folder follow one another, as a video's. They do with telemetry.
+    sequence: bool = False
     every: int = 1  # images a step; 1 takes all
     longest_s: float | None = None  # of the source's time; None: to its end
     threads: int = 1  # of the networks' inference
@@ -101,6 +103,12 @@ class PerceiveInput:
         else:
             # Images of a folder have no times: they are the flight's frames, one by one.
             self.source = open_source(text, times_s=list(flight.times_s))
+
+    @property
+    def unrelated(self) -> bool:
+        """Whether each image stands for itself: images of a folder without order in time."""
+        apart = self._options.telemetry is None and not self._options.sequence
+        return apart and isinstance(self.source, FolderSource)
 
     def begin(self) -> tuple[Pipeline, TimedImages]:
         """Return the perception for the images' size, and the images.

@@ -6,6 +6,7 @@ each, so that a tree file shows what it flies with.
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ import numpy as np
 
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
+from perception.depth.confidence import Confidences
 from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.depth.metric import MetricDepthMaker
 from perception.depth.scale import Scale
@@ -57,6 +59,7 @@ class Perceived(Seen):
 
     relative: DepthMap | None  # None without a network, and of a frozen image
     scale: Scale | None  # of the network's depth; None where none went in
+    confidences: Confidences
     sighting: MarkSighting | None  # the landing mark in this frame
     stage_s: Mapping[str, float]  # wall time by stage; a stage that did not run is not in it
 
@@ -92,20 +95,29 @@ class Pipeline:
         self._config = config or PipelineConfig()
         self._segmenter = segmenter
         self._undistorter = Undistorter(camera)
-        maker = MetricDepthMaker(
-            source="contact" if network is None else self._config.source,
-            generator=generator,
-        )
-        self._depth = DepthStage(network, maker, timer=timer)
+        self._network, self._generator, self._timer = network, generator, timer
         self._corridors = CorridorBuilder(self._config.corridor)
-        self._finder, self._track = make_mark_finder(mark or default_mark()), TrackedMark()
-        self._state: DroneState | None = None
-        self._timer = timer
+        self._finder = make_mark_finder(mark or default_mark())
+        self.restart()
 
     @property
     def camera(self) -> CameraModel:
         """The camera of the undistorted frames."""
         return self._undistorter.camera
+
+    def restart(self) -> None:
+        """Forget all earlier frames.
+
+        The scale, the track of the mark, the telemetry, the image with which a frozen one is
+        compared, and the random numbers start anew. Images are then perceived alike in any order.
+        """
+        maker = MetricDepthMaker(
+            source="contact" if self._network is None else self._config.source,
+            generator=copy.deepcopy(self._generator),
+        )
+        self._depth = DepthStage(self._network, maker, timer=self._timer)
+        self._track = TrackedMark()
+        self._state: DroneState | None = None
 
     def perceive(self, frame: Frame, states: Sequence[DroneState] = ()) -> Perceived:
         """Return the perception of a frame.
@@ -155,6 +167,7 @@ class Pipeline:
             depth=metric.depth,
             refusal=metric.refusal,
             scale=metric.scale,
+            confidences=metric.confidences,
             corridor=corridor,
             intruding=intruding,
             sighting=sighting,

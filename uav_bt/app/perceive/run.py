@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -14,15 +14,18 @@ from typing import Any, Final
 
 import numpy as np
 
+from perception.depth.confidence import Confidence
 from perception.depth.scale import Scale
 from uav_bt.app.option_values import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
+from uav_bt.app.perceive.mask_folder import MaskFolder
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.sources.streams import TimedImage
 from uav_bt.display.video.perception_video import PerceptionPanes
 from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import InputError
 from uav_bt.files import writing
+from uav_bt.inputs import same_file
 from uav_bt.mission.flight_report import Percentiles
 from uav_bt.progress import Advance, silent
 from uav_bt.types import CameraModel, Corridor, MarkFix
@@ -38,6 +41,7 @@ class PerceiveSummary:
     """Result of a run of perception."""
 
     frames: int
+    unrelated: bool  # whether each image was perceived without the others
     camera: str  # whose intrinsics, in words
     telemetry: str  # whose pose, in words
     stage_ms: Mapping[str, Percentiles]  # wall time by stage, "all" their sum
@@ -54,6 +58,7 @@ def perceive(
     *,
     out: str | Path | None = None,
     lines: str | Path | None = None,
+    masks: str | Path | None = None,
     advance: Advance = silent,
 ) -> PerceiveSummary:
     """Perceive every image of a source. Ctrl-C ends it and keeps the outputs.
@@ -63,14 +68,16 @@ def perceive(
         options: Facts about the images, and the networks.
         out: an mp4 file with the overlays.
         lines: a file with one JSON object for each frame.
+        masks: a folder, new or empty, for the class map of each frame (`MaskFolder`).
         advance: called with the progress.
 
     Raises:
         InputError: source, camera, telemetry or network cannot be used, or nothing is readable.
-        FileError: a file cannot be written.
+        FileError: a file cannot be written, or the folder of the masks has files.
     """
     options = options or PerceiveOptions()
     out, lines = as_file("out", out), as_file("lines", lines)
+    mask_folder = _mask_folder(as_file("masks", masks, "a folder"), out, lines)
     read = [
         Path(source),
         as_file("telemetry", options.telemetry),
@@ -87,10 +94,14 @@ def perceive(
             video = _OverlayVideo(out, pipeline.camera, given.source.rate_per_s / options.every)
             stack.callback(video.close)
             writers.append(lambda _, seen: video.write(seen))
+        if mask_folder is not None:
+            writers.append(lambda image, seen: mask_folder.write(image, seen.class_map))
         if lines is not None:
             writers.append(stack.enter_context(_json_lines(lines)))
         try:
             for image in images:
+                if given.unrelated:
+                    pipeline.restart()
                 frame = given.telemetry.frame(image.image, image.index, image.time_s)
                 seen = pipeline.perceive(frame, given.telemetry.states(image.time_s))
                 counts.add(seen)
@@ -99,9 +110,7 @@ def perceive(
                 advance(f"frames, {image.name}", *given.progress(image))
         except KeyboardInterrupt:
             counts.interrupted = True
-    return counts.summary(
-        camera=given.camera_words, telemetry=given.telemetry_words, skipped=given.source.skipped
-    )
+    return counts.summary(given)
 
 
 def _keep_apart(written: list[Path], read: list[Path | None]) -> None:
@@ -109,6 +118,15 @@ def _keep_apart(written: list[Path], read: list[Path | None]) -> None:
         for other in read:
             if other is not None and other.exists() and path.exists() and path.samefile(other):
                 raise InputError(f"{path} would overwrite an input; name another file")
+
+
+def _mask_folder(folder: Path | None, *files: Path | None) -> MaskFolder | None:
+    if folder is None:
+        return None
+    for file in files:
+        if file is not None and same_file(file.parent, folder):
+            raise InputError(f"{file} lies in the folder of the masks; name another place for it")
+    return MaskFolder(folder)
 
 
 @contextmanager
@@ -167,18 +185,19 @@ class _Counts:
             (self.without_depth if seen.depth is None else self.in_part)[seen.refusal] += 1
         self.with_mark += seen.mark is not None and seen.mark.detected
 
-    def summary(self, *, camera: str, telemetry: str, skipped: Sequence[str]) -> PerceiveSummary:
+    def summary(self, given: PerceiveInput) -> PerceiveSummary:
         names = (*STAGES, _ALL)
         stages = ((name, Percentiles.of_seconds(self.stage_s.get(name, []))) for name in names)
         return PerceiveSummary(
             frames=self.frames,
-            camera=camera,
-            telemetry=telemetry,
+            unrelated=given.unrelated,
+            camera=given.camera_words,
+            telemetry=given.telemetry_words,
             stage_ms={name: figures for name, figures in stages if figures is not None},
             without_depth=dict(self.without_depth.most_common()),
             in_part=dict(self.in_part.most_common()),
             with_mark=self.with_mark,
-            skipped=tuple(skipped),
+            skipped=tuple(given.source.skipped),
             interrupted=self.interrupted,
         )
 
@@ -197,11 +216,26 @@ def _as_json(image: TimedImage, seen: Perceived) -> dict[str, Any]:
             "scale": None if seen.scale is None else _scale_json(seen.scale),
             "known_share": round(float(np.isfinite(depth.depth).mean()), 4),
         },
+        "confidence": {
+            "ground": _confidence_json(seen.confidences.ground),
+            "scale": _confidence_json(seen.confidences.scale),
+            "depth": _confidence_json(seen.confidences.depth),
+        },
         "refusal": seen.refusal or None,
         "corridor": None if seen.corridor is None else _corridor_json(seen.corridor),
         "mark": None if seen.mark is None else _mark_json(seen.mark),
         "ms": {stage: round(1000.0 * spent_s, 3) for stage, spent_s in seen.stage_s.items()},
     }
+
+
+def _confidence_json(confidence: Confidence) -> dict[str, Any]:
+    value = None if confidence.value is None else round(confidence.value, 4)
+    row: dict[str, Any] = {"value": value, "reason": confidence.reason or None}
+    if confidence.measures:
+        row["measures"] = {
+            name: _confidence_json(each) for name, each in confidence.measures.items()
+        }
+    return row
 
 
 def _scale_json(scale: Scale) -> dict[str, float]:

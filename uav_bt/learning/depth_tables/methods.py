@@ -35,6 +35,9 @@ class CollectedScale:
         self._known: list[float] = []
         self._predicted: list[float] = []
 
+    def restart(self) -> None:
+        """Keep all frames: a constant is that of all places."""
+
     def update(self, sample: GroundSample | None, captured_s: float) -> Scale | None:
         """Add a frame and return the scale of all frames; None before the first sample."""
         del captured_s  # a constant has no age

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -42,11 +43,13 @@ class Painted:
 
 
 class Halves:
-    """A depth network whose unit is 2 m, exact on the ground."""
+    """A depth network, exact on the ground, whose unit is first 2 m."""
+
+    unit_m = 2.0
 
     def estimate(self, frame: Frame) -> DepthMap:
         exact = ground_depth(view_of(frame, CAMERA, SIZE))
-        depth = np.where(np.isfinite(exact), 0.5 * exact, np.float32(4.0)).astype(np.float32)
+        depth = np.where(np.isfinite(exact), exact / self.unit_m, 4.0).astype(np.float32)
         return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
 
 
@@ -146,6 +149,9 @@ def test_a_networks_depth_is_scaled_by_the_ground() -> None:
     assert seen.depth is not None
     assert np.isfinite(seen.depth.depth).all()
     assert seen.relative is not None
+    for one in (seen.confidences.ground, seen.confidences.scale, seen.confidences.depth):
+        assert one.value is not None
+        assert 0.7 < one.value <= 1.0
 
 
 @pytest.mark.parametrize(
@@ -163,6 +169,9 @@ def test_what_has_no_depth_says_why_and_has_no_corridor(
     seen = pipeline(ids).perceive(frame(**changes))
     assert seen.refusal == words
     assert seen.depth is None
+    assert (seen.confidences.depth.value, seen.confidences.depth.reason) == (None, words)
+    assert seen.confidences.ground.value is seen.confidences.scale.value is None
+    assert seen.confidences.scale.reason
     assert seen.corridor is None
     assert seen.intruding is None
 
@@ -179,6 +188,54 @@ def test_a_picture_that_stands_still_while_the_drone_flies_is_frozen() -> None:
     frozen = flying.perceive(again, [state(0.1)])
     assert (frozen.refusal, frozen.depth) == ("the image is frozen", None)
     assert "relative_depth" not in frozen.stage_s
+
+
+def test_a_restarted_pipeline_measures_the_scale_anew() -> None:
+    network = Halves()
+    flying = pipeline(bare_ground(), network)
+
+    same = frame().image
+    assert factor(flying, 0, same) == pytest.approx(2.0, rel=1e-3)
+    network.unit_m = 3.0
+    assert factor(flying, 1, same) == pytest.approx(2.0, rel=1e-3), "one outlier is rejected"
+    flying.restart()
+    assert factor(flying, 2, same) == pytest.approx(3.0, rel=1e-3)
+
+
+def test_at_a_cut_to_another_place_the_scale_is_measured_anew() -> None:
+    network = Halves()
+    flying = pipeline(bare_ground(), network)
+    here, there = place(1), place(2)
+    assert factor(flying, 0, here) == pytest.approx(2.0, rel=1e-3)
+    network.unit_m = 3.0
+    assert factor(flying, 1, np.roll(here, 2, axis=1)) == pytest.approx(2.0, rel=1e-3)
+    assert factor(flying, 2, there) == pytest.approx(3.0, rel=1e-3)
+
+
+def place(seed: int) -> NDArray[np.uint8]:
+    """Return an image of coarse and fine texture."""
+    rng = np.random.default_rng(seed)
+    coarse = cv2.resize(rng.uniform(40, 200, (9, 16)), (64, 36), interpolation=cv2.INTER_CUBIC)
+    grey = np.clip(coarse + rng.uniform(-30, 30, (36, 64)), 0, 255).astype(np.uint8)
+    return np.repeat(grey[..., None], 3, axis=2)
+
+
+def factor(flying: Pipeline, index: int, image: NDArray[np.uint8]) -> float:
+    scale = flying.perceive(replace(frame(index), image=image)).scale
+    assert scale is not None
+    return scale.factor
+
+
+def test_a_restarted_pipeline_knows_no_image_mark_or_telemetry() -> None:
+    segmenter, first = Painted(pad_at(2.0, 0.5)), frame()
+    flying = Pipeline(segmenter, None, CAMERA, generator=np.random.default_rng(0))
+    assert flying.perceive(first, [state(0.0)]).mark is not None
+    flying.restart()
+    segmenter.ids = with_box()
+    seen = flying.perceive(replace(first, index=1, captured_s=0.1))
+    assert (seen.refusal, seen.mark) == ("", None)
+    assert seen.corridor is not None
+    assert seen.corridor.time_to_impact_s == math.inf
 
 
 @pytest.mark.parametrize("states", [[], [state(0.0, forward_mps=0.0)]], ids=["unknown", "hovers"])

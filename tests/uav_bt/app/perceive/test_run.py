@@ -9,14 +9,27 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
 
-from tests.uav_bt.app.perceive.perceive_world import flight, write_flight, write_images, write_video
+from perception.camera.ground_plane import ground_depth, view_of
+from perception.depth.evidence import COEFFICIENTS
+from perception.segmentation.runtime import shipped_unet
+from tests.uav_bt.app.perceive.perceive_world import (
+    SIZE,
+    camera,
+    flight,
+    write_flight,
+    write_images,
+    write_video,
+)
 from uav_bt.app import perceive
-from uav_bt.app.perceive import PerceiveOptions
+from uav_bt.app.perceive import PerceiveOptions, inputs
 from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.errors import FileError, InputError, ShapeError, UnknownNameError, ValueRangeError
+from uav_bt.lab.shipped import load_lab
+from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
 
 CONTACT = PerceiveOptions(model="contact")
@@ -119,7 +132,48 @@ def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[I
     assert summary.frames == 2
     assert summary.without_depth == {"the frame is black": 1}
     assert summary.skipped == ("2.png: is not a readable image",)
-    assert rows(tmp_path / "seen.jsonl")[0]["depth"] is None
+    black, seen = rows(tmp_path / "seen.jsonl")
+    nothing = {"value": None, "reason": "the frame is black"}
+    assert black["depth"] is None
+    assert black["confidence"] == {"ground": nothing, "scale": nothing, "depth": nothing}
+    assert seen["confidence"]["depth"]["value"] == seen["depth"]["confidence"] > 0.0
+    by_contact = "the depth is by ground contact, without the network"
+    assert seen["confidence"]["scale"] == {"value": None, "reason": by_contact}
+
+
+class Growing:
+    """A depth network, exact on the ground, whose unit doubles from frame to frame."""
+
+    def __init__(self) -> None:
+        self.unit_m = 0.5
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        self.unit_m *= 2.0
+        exact = ground_depth(view_of(frame, camera(), SIZE))
+        depth = np.where(np.isfinite(exact), exact, 9.0).astype(np.float32) / self.unit_m
+        return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
+
+
+@pytest.mark.parametrize("related", ["", "sequence", "telemetry", "video"])
+def test_images_of_a_folder_stand_for_themselves_unless_they_are_a_sequence(
+    tmp_path: Path, images: list[Image], monkeypatch: pytest.MonkeyPatch, related: str
+) -> None:
+    monkeypatch.setattr(inputs, "_network", lambda _options: Growing())
+    source = write_images(tmp_path / "views", images[:3])
+    if related == "video":
+        source = write_video(tmp_path / "flight.mp4", images[:3])
+    flown = write_flight(tmp_path / "flight.mcap", images[:3]) if related == "telemetry" else None
+    options = PerceiveOptions(sequence=related == "sequence", telemetry=flown)
+    summary = perceive.perceive(str(source), options, lines=tmp_path / "seen.jsonl")
+    lines = rows(tmp_path / "seen.jsonl")
+    factors = [row["depth"]["scale"]["factor"] for row in lines]
+    confidence = lines[0]["confidence"]
+    assert confidence["scale"]["value"] == confidence["depth"]["value"] > 0.5
+    assert set(confidence["scale"]["measures"]) == set(COEFFICIENTS)
+    assert set(confidence["ground"]["measures"]) == {"extent", "slope"}
+    assert summary.unrelated == (not related)
+    expected = [1.0, 1.0, 1.0] if related else [1.0, 2.0, 4.0]
+    assert factors == pytest.approx(expected, rel=0.03)
 
 
 def test_every_second_frame_of_the_first_moments(tmp_path: Path, images: list[Image]) -> None:
@@ -194,6 +248,50 @@ def test_a_folder_of_unreadable_images_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(b"no image")
     with pytest.raises(InputError, match=r"can be read: a\.png: is not a readable"):
         perceive.perceive(str(tmp_path), CONTACT)
+
+
+def test_masks_are_class_ids_by_the_names_of_the_images(
+    tmp_path: Path, images: list[Image]
+) -> None:
+    folder = write_images(tmp_path / "views", images[:2])
+    (folder / "0.png").rename(folder / "a b.png")
+    assert cv2.imwrite(str(folder / "a b.jpg"), images[0][..., ::-1])
+    masks = tmp_path / "new" / "masks"
+    perceive.perceive(str(folder), CONTACT, masks=masks)
+    names = {path.name for path in masks.iterdir()}
+    assert names == {"1.png", "a b.png", "a b.png.png", "classes.json"}
+    segmenter = shipped_unet()
+    for name, index in (("1.png", 1), ("a b.png.png", 0)):
+        ids = cv2.imread(str(masks / name), cv2.IMREAD_UNCHANGED)
+        assert (ids == segmenter.ids(images[index])).all()
+        assert (ids.dtype, ids.ndim) == (np.uint8, 2)
+    classes = load_lab().classes
+    listed = json.loads((masks / "classes.json").read_text(encoding="utf-8"))["classes"]
+    assert [one["name"] for one in listed] == list(classes.names)
+    assert [one["id"] for one in listed] == list(range(len(classes)))
+    assert listed[classes.ground]["role"] == "ground"
+    assert listed[classes.ground]["rgb"] == classes.colours[classes.ground].tolist()
+
+
+def test_masks_of_a_video_are_numbered_by_its_frames(tmp_path: Path, images: list[Image]) -> None:
+    source = write_video(tmp_path / "flight.mp4", images)
+    masks = tmp_path / "masks"
+    perceive.perceive(str(source), replace(CONTACT, every=2), masks=masks)
+    assert {path.name for path in masks.iterdir()} == {
+        *("000000.png", "000002.png", "classes.json")
+    }
+
+
+def test_masks_need_a_folder_without_files(tmp_path: Path, images: list[Image]) -> None:
+    folder = write_images(tmp_path / "views", images[:1])
+    before = (folder / "0.png").read_bytes()
+    with pytest.raises(FileError, match="has files"):
+        perceive.perceive(str(folder), CONTACT, masks=folder)
+    assert (folder / "0.png").read_bytes() == before
+    (tmp_path / "masks").mkdir()
+    lines = tmp_path / "masks" / "classes.json"
+    with pytest.raises(InputError, match="lies in the folder of the masks"):
+        perceive.perceive(str(folder), CONTACT, masks=tmp_path / "masks", lines=lines)
 
 
 @pytest.mark.parametrize("what", ["out", "lines"])

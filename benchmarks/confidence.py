@@ -1,0 +1,110 @@
+"""Fit the confidence of the scale of depth, and compare it with the scale's error.
+
+    python -m benchmarks.confidence fit       # coefficients, from the training scenes
+    python -m benchmarks.confidence val       # the table, of the validation scenes
+    python -m benchmarks.confidence test      # of the testing scenes
+
+The views are those of `benchmarks.confidence_views`. In the fit, a wrong scale counts as twenty
+right ones: the confidence is to be above a half only where nearly all scales are right. This number
+was chosen on the validation scenes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import minimize
+
+from benchmarks.confidence_views import OTHER_LAB, RIGHT, JudgedScale, judged_scales
+from perception.depth.evidence import COEFFICIENTS
+from uav_bt.lab.shipped import DEFAULT_LAB
+
+WRONG_WEIGHT = 20.0
+"""How many right scales a wrong one counts as."""
+
+_PENALTY = 1e-4  # of the squared coefficients
+
+
+def fitted(judged: Sequence[JudgedScale], wrong_weight: float = WRONG_WEIGHT) -> dict[str, float]:
+    """Return the intercept and the coefficients, none negative, of a logistic regression.
+
+    Args:
+        judged: Scales; those of earlier frames do not count.
+        wrong_weight: How many right scales a wrong one counts as.
+    """
+    own = [each for each in judged if each.measures]
+    values = np.array([[each.measures[name] for name in COEFFICIENTS] for each in own])
+    right = np.array([each.right for each in own], dtype=float)
+    weights = np.where(right > 0.0, 1.0, wrong_weight)
+    weights /= weights.sum()
+
+    def loss(given: np.ndarray) -> tuple[float, np.ndarray]:
+        logits = given[0] + values @ given[1:]
+        costs = np.logaddexp(0.0, -logits) * right + np.logaddexp(0.0, logits) * (1.0 - right)
+        off = weights * (1.0 / (1.0 + np.exp(-logits)) - right)
+        slope = np.concatenate([[off.sum()], values.T @ off + 2.0 * _PENALTY * given[1:]])
+        return float(weights @ costs + _PENALTY * (given[1:] ** 2).sum()), slope
+
+    count = len(COEFFICIENTS)
+    limits = [(None, None), *[(0.0, None)] * count]
+    found = minimize(loss, np.r_[0.0, np.ones(count)], jac=True, bounds=limits, method="L-BFGS-B")
+    return dict(zip(("intercept", *COEFFICIENTS), found.x.tolist(), strict=True))
+
+
+def table(judged: Sequence[JudgedScale]) -> str:
+    """Return the share of right scales by confidence, and by lab and condition."""
+    lines = ["confidence  scales  right  worst factor"]
+    for tenth in range(10):
+        part = [each for each in judged if min(9, int(10.0 * each.confidence)) == tenth]
+        lines.append(f"{tenth / 10:.1f} to {(tenth + 1) / 10:.1f}  {_row(part)}")
+    sure = [each for each in judged if each.confidence > 0.5]
+    lines += [f"over 0.5    {_row(sure)}", "", "lab and condition: scales, right; over 0.5: ..."]
+    keys = sorted({(each.lab, each.condition) for each in judged})
+    for lab, condition in keys:
+        part = [each for each in judged if (each.lab, each.condition) == (lab, condition)]
+        lines.append(f"{lab}, {condition}: {_row(part)}; {_over_half(part)}")
+    known = [each for each in judged if each.condition in RIGHT]
+    for lab in (DEFAULT_LAB, OTHER_LAB):
+        part = [each for each in known if each.lab == lab]
+        lines.append(f"{lab}, its own network: {_row(part)}; {_over_half(part)}")
+    lines.append(f"all: {_row(judged)}; {_over_half(judged)}")
+    return "\n".join(lines)
+
+
+def _row(part: Sequence[JudgedScale]) -> str:
+    if not part:
+        return "    0"
+    right = sum(each.right for each in part) / len(part)
+    worst = math.exp(max(abs(math.log(each.over_exact)) for each in part))
+    return f"{len(part):5d}  {right:6.3f}  {worst:5.2f}"
+
+
+def _over_half(part: Sequence[JudgedScale]) -> str:
+    right = [each for each in part if each.right]
+    sure = sum(each.confidence > 0.5 for each in right)
+    wrong = sum(each.confidence > 0.5 for each in part if not each.right)
+    share = f"{sure / len(right):.2f}" if right else "-"
+    return f"over 0.5: {share} of the right, {wrong} wrong"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print coefficients or the table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("what", choices=("fit", "train", "val", "test"))
+    parser.add_argument("--views", type=int, default=40, help="poses of a scene")
+    parser.add_argument("--seed", type=int, default=31)
+    given = parser.parse_args(arguments)
+    split = "train" if given.what == "fit" else given.what
+    judged = list(judged_scales(split, given.views, given.seed))
+    if given.what == "fit":
+        for name, value in fitted(judged).items():
+            print(f"{name}: {value:.2f}")
+    else:
+        print(table(judged))
+
+
+if __name__ == "__main__":
+    main()

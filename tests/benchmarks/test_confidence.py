@@ -1,0 +1,73 @@
+"""The fit of the confidence of a scale, and its table."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.confidence import fitted, table
+from benchmarks.confidence_views import JudgedScale
+from perception.depth.evidence import COEFFICIENTS
+
+
+def judged(count: int = 400) -> list[JudgedScale]:
+    """Return scales that are right where `slope` is high; the other measures are noise."""
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(count):
+        measures = dict(zip(COEFFICIENTS, rng.random(len(COEFFICIENTS)).tolist(), strict=True))
+        right = rng.random() < 1.0 / (1.0 + math.exp(-12.0 * (measures["slope"] - 0.5)))
+        found.append(
+            JudgedScale(
+                lab="paper",
+                condition="own network",
+                over_exact=1.1 if right else 2.0,
+                confidence=measures["slope"],
+                measures=measures,
+            )
+        )
+    return found
+
+
+def logit(of: dict[str, float], measures: dict[str, float]) -> float:
+    return of["intercept"] + sum(of[name] * measures[name] for name in measures)
+
+
+def test_the_fit_finds_the_measure_that_tells() -> None:
+    found = fitted(judged(), wrong_weight=1.0)
+    assert list(found) == ["intercept", *COEFFICIENTS]
+    others = [found[name] for name in COEFFICIENTS if name != "slope"]
+    assert found["slope"] > 3.0 * max(others)
+    assert min(others) >= 0.0
+    middle = dict.fromkeys(COEFFICIENTS, 0.5)
+    assert logit(found, middle) == pytest.approx(0.0, abs=0.5)
+
+
+def test_wrong_scales_that_count_more_lower_the_confidence() -> None:
+    plain, strict = fitted(judged(), wrong_weight=1.0), fitted(judged(), wrong_weight=10.0)
+    middle = dict.fromkeys(COEFFICIENTS, 0.5)
+    assert logit(strict, middle) < logit(plain, middle) - 1.0
+
+
+def test_scales_of_earlier_frames_are_not_fitted() -> None:
+    scales = judged()
+    carried = [
+        JudgedScale(
+            lab="paper", condition="own network", over_exact=3.0, confidence=0.9, measures={}
+        )
+    ]
+    assert fitted(scales + 50 * carried) == fitted(scales)
+
+
+def test_the_table_counts_by_tenths_and_over_a_half() -> None:
+    scales = judged()
+    lines = table(scales).splitlines()
+    sure = [each for each in scales if each.confidence > 0.5]
+    assert lines[11].split()[:3] == ["over", "0.5", str(len(sure))]
+    top = [each for each in scales if each.confidence >= 0.9]
+    right = sum(each.right for each in top) / len(top)
+    assert lines[10].split() == ["0.9", "to", "1.0", str(len(top)), f"{right:.3f}", "1.10"]
+    wrong = sum(not each.right for each in sure)
+    assert lines[-1].endswith(f"{wrong} wrong")
