@@ -141,7 +141,7 @@ def test_corrections_to_and_fro_are_no_ordered_turn() -> None:
     assert first_complaint(body, seconds=120.0) == ""
 
 
-# One period of a survey between two courses: the heading of the drone at every second tick, radians.
+# One period of a survey between two courses: the heading at every second tick, radians.
 # A turn is ordered clockwise from the third of them on, and the other way from the seventh on.
 TO_AND_FRO_RAD = (-0.652, -0.665, -0.839, -1.087, -1.259, -1.238, -1.060, -0.811)
 
