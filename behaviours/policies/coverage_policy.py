@@ -33,6 +33,8 @@ class CoverageConfig:
         doubted_s: The drone stops using a map that the views contradict for longer than this.
         blind_s: The drone turns towards the ground after this time without ground in view, because
             its drift is not measured meanwhile. An ordinary turn over the outside takes less.
+        back_s: It does so for at most this time where an obstacle hides the ground of the map: a
+            turn takes less, and perhaps no heading shows more ground.
         around_m: The drone turns towards the ground within this distance.
         follow: How routes are followed.
         pointing: Which ground counts as in view.
@@ -44,6 +46,7 @@ class CoverageConfig:
     turn_rad: float = math.radians(30)
     doubted_s: float = 1.0
     blind_s: float = 2.0
+    back_s: float = 5.0
     around_m: float = 2.0
     follow: FollowConfig = field(default_factory=FollowConfig)
     pointing: GimbalConfig = field(default_factory=GimbalConfig)
@@ -127,6 +130,8 @@ class CoveragePolicy:
             return True
         height_m = view.height_above_ground_m
         shown = ground_share(site_map, view.camera, pitch_rad, height_m, cfg.pointing)
+        if site_map.untracked_s < cfg.blind_s + cfg.back_s:
+            shown = min(shown, float(np.mean(view.class_map.is_ground)))
         return shown < cfg.pointing.little
 
 

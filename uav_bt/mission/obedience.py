@@ -37,7 +37,8 @@ class ObedienceConfig:
             that turns with half the ordered rate obeys.
         turn_rad: ordered turn over which the share is taken, radians. Chosen: 4.4 s at 0.6 rad/s.
         turn_answer_s: a turn by velocity counts after it was ordered in one direction for this
-            time, seconds. Chosen: command delay, lag and one period of telemetry.
+            time, seconds, and the heading for this time longer. Chosen: command delay, lag and one
+            period of telemetry.
         interruptions: number of movements in a row that the drone interrupts or rejects. Chosen: a
             leaf makes five attempts at one movement.
         interrupted_s: least time from the first to the last of them, seconds. Chosen: a gust is
@@ -78,6 +79,8 @@ class ObedienceWatch:
         self._asked_rad = self._turned_rad = 0.0  # ordered turns, and telemetry's share in them
         self._turning = Lasting(gap_s=0.0)  # ordered by velocity in one direction
         self._direction = 0.0  # of that turn: 1 clockwise, -1 counter-clockwise
+        self._answered = 0.0  # direction of the turn that telemetry shows by now
+        self._answered_until_s = -math.inf
         self._move_turned_rad = 0.0  # by telemetry, during the present movement
         self._ended = False  # whether telemetry reported the end of that movement
         self._interrupted = self._undone = 0  # movements in a row
@@ -159,7 +162,9 @@ class ObedienceWatch:
         """Complain about a drone that does not turn in the ordered direction.
 
         A turn by velocity counts while it lasts, one by `MoveBy` when it is done. Turns the other
-        way count as negative, so heading noise averages out.
+        way count as negative, so heading noise averages out. The answer to a turn by velocity
+        begins and ends later than the turn, and its end counts too: of short turns to and fro it
+        is the greater part.
         """
         movement = command.movement
         rate_radps = movement.yaw_rate_radps if isinstance(movement, Velocity) else 0.0
@@ -169,7 +174,10 @@ class ObedienceWatch:
         ordered_s = self._turning.update(now_s, holds=rate_radps != 0.0)
         if ordered_s > self._config.turn_answer_s:
             self._asked_rad += abs(rate_radps) * passed_s
-            self._turned_rad += self._direction * turned_rad
+            self._answered = self._direction
+            self._answered_until_s = now_s + self._config.turn_answer_s
+        if now_s <= self._answered_until_s:
+            self._turned_rad += self._answered * turned_rad
         if self._asked_rad < self._config.turn_rad:
             return None
         share = self._turned_rad / self._asked_rad

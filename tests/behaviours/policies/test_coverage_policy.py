@@ -90,6 +90,16 @@ def test_where_ground_is_in_view_that_cannot_be_followed_it_flies_on() -> None:
     assert decide(replace(drawn_map(), untracked_s=20.0)).reason != "turns to the ground"
 
 
+def test_when_an_obstacle_hides_the_ground_it_turns_back_to_it_for_a_while() -> None:
+    """The map has ground in the view. Turns to a leg, and back to the ground, would alternate."""
+    hidden = cast([(0.4, -2.0, 2.0)])
+    seen = replace(drawn_map(), untracked_s=3.0)
+    assert decide(seen).reason != "turns to the ground"
+    assert CoveragePolicy().decide(view(hidden, site_map=seen)).reason == "turns to the ground"
+    for_long = replace(seen, untracked_s=20.0)
+    assert CoveragePolicy().decide(view(hidden, site_map=for_long)).reason != "turns to the ground"
+
+
 def test_where_no_ground_is_seen_though_the_map_has_some_there_it_turns_back() -> None:
     """The drone is not where it believes to be."""
     lost = replace(drawn_map(), captured_s=4.0, untracked_s=3.0)

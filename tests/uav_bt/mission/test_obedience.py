@@ -141,6 +141,41 @@ def test_corrections_to_and_fro_are_no_ordered_turn() -> None:
     assert first_complaint(body, seconds=120.0) == ""
 
 
+# One period of a survey between two courses: the heading at every second tick, radians.
+# A turn is ordered clockwise from the third of them on, and the other way from the seventh on.
+TO_AND_FRO_RAD = (-0.652, -0.665, -0.839, -1.087, -1.259, -1.238, -1.060, -0.811)
+
+
+@pytest.mark.parametrize(("turns", "said"), [(True, ""), (False, "it does not turn")])
+def test_turns_to_and_fro_are_answered_late(*, turns: bool, said: str) -> None:
+    """The answer to each turn begins when most of the turn is over."""
+
+    def body(now_s: float) -> tuple[Movement, DroneState]:
+        step = round(now_s / TICK_S) % 16
+        heading = TO_AND_FRO_RAD[step // 2] if turns else 0.0
+        rate_radps = 1.0 if 4 <= step < 12 else -1.0
+        state = replace(HOVERS, attitude=Attitude(yaw_rad=heading))
+        return Velocity(yaw_rate_radps=rate_radps), state
+
+    assert first_complaint(body, seconds=120.0) == said
+
+
+def test_short_corrections_do_not_hide_a_drone_that_has_ceased_to_turn() -> None:
+    """Corrections that are too short to count as asked must not count as turned."""
+    watch, found_s = ObedienceWatch(), math.inf
+    for tick in range(round(140.0 / TICK_S)):
+        now_s = tick * TICK_S
+        swings = now_s < 120.0
+        rate_radps = 0.5 * math.copysign(1.0, math.sin(7.0 * now_s)) if swings else 0.6
+        heading = Attitude(yaw_rad=0.07 * abs(math.sin(3.5 * now_s)) if swings else 0.0)
+        state = replace(HOVERS, captured_s=now_s, attitude=heading)
+        command = Command(movement=Velocity(yaw_rate_radps=rate_radps))
+        if watch.complaint(command, state, now_s) is not None:
+            found_s = now_s
+            break
+    assert found_s - 120.0 == pytest.approx(5.0, abs=0.3)
+
+
 @pytest.mark.parametrize("turns_rad", [0.0, -0.6])
 def test_movements_that_turn_too_little_or_the_wrong_way_are_named(turns_rad: float) -> None:
     assert first_complaint(steps(2.0, MovementState.DONE, yaw_rad=0.6)) == ""
