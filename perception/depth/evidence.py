@@ -40,6 +40,8 @@ _SPREAD: Final = 0.1
 _SLOPE: Final = 0.3
 _RESIDUAL: Final = 0.03
 _INNOVATION: Final = 0.1
+# Twice the standard deviation of the logarithm in rooms that no training saw.
+_HEIGHT: Final = 0.2
 # The extent is one from this share of the visible ground and this span of ranges on.
 _SHARE: Final = 0.1
 _SPAN: Final = 0.25
@@ -162,6 +164,31 @@ def scale_confidence(found: Mapping[str, Confidence]) -> Confidence:
     lost = {name: weight * (1.0 - values[name]) for name, weight in COEFFICIENTS.items()}
     reason = found[max(lost, key=lost.__getitem__)].reason if value < 0.5 else ""
     return Confidence(value=value, reason=reason, measures=dict(found))
+
+
+def judge_by_height(found: Confidence, factor: float, height_m: float) -> Confidence:
+    """Return the confidence of a scale of depth that is in heights of the camera.
+
+    Two facts give that scale: the ground in view, and the height by range sensor and altimeter. A
+    wall that passes for ground, a wrong height and a wrong camera file set them apart.
+
+    Args:
+        found: confidence by the measures of the ground.
+        factor: the scale, metres.
+        height_m: height of the camera above the ground.
+    """
+    off = math.log(factor / height_m)
+    agreement = Confidence(
+        value=1.0 / (1.0 + (off / _HEIGHT) ** 4),
+        reason=f"the scale by the ground differs by {_percent(off)} from the height",
+    )
+    value = (found.value or 0.0) * (agreement.value or 0.0)
+    reason = agreement.reason if (agreement.value or 0.0) < (found.value or 0.0) else found.reason
+    return Confidence(
+        value=value,
+        reason=reason if value < 0.5 else "",
+        measures={**found.measures, "height": agreement},
+    )
 
 
 def ground_confidence(measures: GroundMeasures) -> Confidence:

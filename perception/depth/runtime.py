@@ -14,6 +14,7 @@ from perception.networks.onnx_runtime import (
     accept_uint8,
     compile_model,
     input_size,
+    is_room_network,
     only_output,
     read_model,
     shrunk,
@@ -46,6 +47,7 @@ class OnnxDepthEstimator:
         self._path = path
         model = read_model(path, "`uav-bt net train depth`")
         mapping = depth_mapping(path, model)
+        self._in_heights = is_room_network(model)
         model = only_output(model, "depth")
         self._inverse = mapping.output == "disparity"
         wanted = mapping.input
@@ -70,7 +72,12 @@ class OnnxDepthEstimator:
             WeightsError: the network's output is not finite or not positive.
         """
         depth = self.depth(frame.image)
-        return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
+        return DepthMap(
+            depth=depth,
+            metric=False,
+            captured_s=frame.captured_s,
+            in_heights=self._in_heights,
+        )
 
     def depth(self, rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Return relative depth, (h, w) float32, positive, of an image, (H, W, 3) uint8 RGB."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import cv2
 import numpy as np
@@ -14,6 +14,9 @@ from perception.networks.compiled_networks import compiled_network
 from perception.networks.inference_packages import import_openvino
 from perception.networks.named import check_onnx
 from uav_bt.errors import ValueRangeError, WeightsError
+
+_ROLES: Final = ["framework", "roles"]
+"""Where OpenVINO keeps the metadata of an ONNX file."""
 
 
 def read_model(path: Path, remedy: str) -> Any:
@@ -156,6 +159,14 @@ def accept_uint8(
     if colours == "bgr":
         work.reverse_channels()
     return steps.build()
+
+
+def is_room_network(model: Any) -> bool:
+    """Return whether a network states roles instead of classes, in its metadata.
+
+    Its second head gives depth in heights of the camera above the ground.
+    """
+    return bool(model.has_rt_info(_ROLES))
 
 
 def only_output(model: Any, name: str) -> Any:

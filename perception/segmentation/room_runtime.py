@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,6 @@ from uav_bt.errors import WeightsError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.roles import OBSTACLE, OUTSIDE
 from uav_bt.types import ClassMap, DepthMap, Frame
-
-ROLES_KEY: Final = ["framework", "roles"]
-"""Where OpenVINO keeps the metadata that marks such a file."""
 
 
 class RoomSegmenter:
@@ -71,7 +68,9 @@ class RoomSegmenter:
             WeightsError: the network's output is not usable, for example NaN.
         """
         numbers, depth = self._run(shrunk(frame.image, self._size))
-        self._depth = DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
+        self._depth = DepthMap(
+            depth=depth, metric=False, captured_s=frame.captured_s, in_heights=True
+        )
         return ClassMap(
             ids=self._table[numbers], classes=self._classes, captured_s=frame.captured_s
         )
@@ -84,11 +83,6 @@ class RoomSegmenter:
         height, width = numbers.shape[-2:]
         # A copy: the next frame overwrites the tensor.
         return numbers.reshape(height, width), np.array(depth.reshape(depth.shape[-2:]), np.float32)
-
-
-def is_room_network(model: Any) -> bool:
-    """Return whether a network, as read by OpenVINO, states roles instead of classes."""
-    return bool(model.has_rt_info(ROLES_KEY))
 
 
 def _obstacle_of(classes: LabClasses) -> int:

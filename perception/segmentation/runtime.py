@@ -16,6 +16,7 @@ from perception.networks.onnx_runtime import (
     class_numbers,
     compile_model,
     input_size,
+    is_room_network,
     read_model,
     shrunk,
 )
@@ -23,7 +24,7 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping, class_id_of, read_mapping
 from perception.segmentation.output_form import OutputForm, output_form
-from perception.segmentation.room_runtime import RoomSegmenter, is_room_network
+from perception.segmentation.room_runtime import RoomSegmenter
 from perception.segmentation.teacher import Teacher, load_teacher
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.lab.classes import LabClasses

@@ -124,6 +124,8 @@ class DepthMap:
     metric: bool
     captured_s: float
     confidence: float = 1.0  # 0 to 1
+    # Whether the unit of relative depth is the camera's height above the ground.
+    in_heights: bool = False
     # (H, W) metres: an upper bound, also if the depth is unknown (NaN); inf without one.
     at_most: NDArray[np.float32] | None = None
 
