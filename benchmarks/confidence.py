@@ -1,6 +1,7 @@
 """Fit the confidence of the scale of depth, and compare it with the scale's error.
 
     python -m benchmarks.confidence fit       # coefficients, from the training scenes
+    python -m benchmarks.confidence fit --depth any --rooms runs/rooms/val
     python -m benchmarks.confidence val       # the table, of the validation scenes
     python -m benchmarks.confidence test      # of the testing scenes
 
@@ -14,12 +15,12 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
 
-from benchmarks.confidence_views import OTHER_LAB, RIGHT, JudgedScale, judged_scales
-from perception.depth.evidence import COEFFICIENTS
+from benchmarks.confidence_views import OTHER_LAB, RIGHT, ROOM, JudgedScale, judged_scales
 from uav_bt.lab.shipped import DEFAULT_LAB
 
 WRONG_WEIGHT = 20.0
@@ -36,7 +37,8 @@ def fitted(judged: Sequence[JudgedScale], wrong_weight: float = WRONG_WEIGHT) ->
         wrong_weight: How many right scales a wrong one counts as.
     """
     own = [each for each in judged if each.measures]
-    values = np.array([[each.measures[name] for name in COEFFICIENTS] for each in own])
+    names = list(own[0].measures)
+    values = np.array([[each.measures[name] for name in names] for each in own])
     right = np.array([each.right for each in own], dtype=float)
     weights = np.where(right > 0.0, 1.0, wrong_weight)
     weights /= weights.sum()
@@ -48,10 +50,10 @@ def fitted(judged: Sequence[JudgedScale], wrong_weight: float = WRONG_WEIGHT) ->
         slope = np.concatenate([[off.sum()], values.T @ off + 2.0 * _PENALTY * given[1:]])
         return float(weights @ costs + _PENALTY * (given[1:] ** 2).sum()), slope
 
-    count = len(COEFFICIENTS)
+    count = len(names)
     limits = [(None, None), *[(0.0, None)] * count]
     found = minimize(loss, np.r_[0.0, np.ones(count)], jac=True, bounds=limits, method="L-BFGS-B")
-    return dict(zip(("intercept", *COEFFICIENTS), found.x.tolist(), strict=True))
+    return dict(zip(("intercept", *names), found.x.tolist(), strict=True))
 
 
 def table(judged: Sequence[JudgedScale]) -> str:
@@ -67,7 +69,7 @@ def table(judged: Sequence[JudgedScale]) -> str:
         part = [each for each in judged if (each.lab, each.condition) == (lab, condition)]
         lines.append(f"{lab}, {condition}: {_row(part)}; {_over_half(part)}")
     known = [each for each in judged if each.condition in RIGHT]
-    for lab in (DEFAULT_LAB, OTHER_LAB):
+    for lab in (DEFAULT_LAB, OTHER_LAB, ROOM):
         part = [each for each in known if each.lab == lab]
         lines.append(f"{lab}, its own network: {_row(part)}; {_over_half(part)}")
     lines.append(f"all: {_row(judged)}; {_over_half(judged)}")
@@ -96,9 +98,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("what", choices=("fit", "train", "val", "test"))
     parser.add_argument("--views", type=int, default=40, help="poses of a scene")
     parser.add_argument("--seed", type=int, default=31)
+    parser.add_argument("--depth", default="depth", help="depth network, such as any")
+    parser.add_argument("--rooms", type=Path, help="folder of generated rooms")
     given = parser.parse_args(arguments)
     split = "train" if given.what == "fit" else given.what
-    judged = list(judged_scales(split, given.views, given.seed))
+    judged = list(
+        judged_scales(split, given.views, given.seed, depth=given.depth, rooms=given.rooms)
+    )
     if given.what == "fit":
         for name, value in fitted(judged).items():
             print(f"{name}: {value:.2f}")

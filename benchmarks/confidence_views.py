@@ -20,21 +20,26 @@ import yaml
 from numpy.typing import NDArray
 
 from benchmarks.lab_views import copy_lab
-from benchmarks.segmentation import scenes_of, segmenter
+from benchmarks.segmentation import scenes_of
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.runtime import OnnxDepthEstimator, load_depth_estimator
 from perception.depth.scale import AdaptiveScale, sample_ground
+from perception.networks.named import SHIPPED_UNETS, segmentation_file
+from perception.segmentation.runtime import load_segmenter
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views
+from uav_bt.app.lab_network import network_of
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
+from uav_bt.types import Frame
 from uav_bt.types.arrays import Flags, Floats32, Image
 
 OTHER_LAB: Final = "depot"
+ROOM: Final = "room"
 RIGHT: Final = ("own network", "pitch wrong", "height wrong")
 """Conditions with the class map of the lab's own network."""
 
@@ -66,17 +71,26 @@ class JudgedScale:
         return abs(math.log(self.over_exact)) <= math.log(1.2)
 
 
-def judged_scales(split: str, views: int, seed: int = 31) -> Iterator[JudgedScale]:
-    """Judge the scales of both labs' views, and of the second lab in other colours.
+def judged_scales(
+    split: str, views: int, seed: int = 31, *, depth: str = "depth", rooms: Path | None = None
+) -> Iterator[JudgedScale]:
+    """Judge the scales of both labs' views, of the second lab in other colours, and of rooms.
 
     Args:
         split: `train`, `val` or `test`: which scenes.
-        views: poses of a scene; a third of them where the lab is painted.
+        views: poses of a scene; a third of them where the lab is painted, a sixth in a room.
         seed: seed of poses, colours and errors.
+        depth: name of the depth network.
+        rooms: folder of generated rooms, in which the network `any` finds the ground.
     """
     paper, depot = load_lab(), load_lab(OTHER_LAB)
-    network = load_depth_estimator("depth")
+    network = load_depth_estimator(depth)
     masks = {lab.name: _Masks(lab) for lab in (paper, depot)}
+    for folder in () if rooms is None else sorted(rooms.iterdir()):
+        lab = load_lab(folder)
+        judge = _Judge(ROOM, lab.classes, (_Masks(lab), masks[OTHER_LAB]), network)
+        for sequence in _sequences(_scene(folder), max(1, views // 6), seed):
+            yield from judge(sequence, np.random.default_rng((seed, len(folder.name))))
     with TemporaryDirectory() as folder:
         painted = [_painted(depot, Path(folder) / str(each), each) for each in _PAINTED[split]]
         for lab, own, other, count in (
@@ -90,6 +104,10 @@ def judged_scales(split: str, views: int, seed: int = 31) -> Iterator[JudgedScal
             for scene in scenes_of(lab, f"{prefix}{split}-*"):
                 for number, sequence in enumerate(_sequences(scene, count, seed)):
                     yield from judge(sequence, np.random.default_rng((seed, number)))
+
+
+def _scene(room: Path) -> str:
+    return str(room / "scenes" / f"{room.name}.yaml")
 
 
 def _painted(lab: Lab, folder: Path, seed: int) -> Lab:
@@ -139,11 +157,18 @@ class _Masks:
     """The ground by the network of a lab."""
 
     def __init__(self, lab: Lab) -> None:
-        self._classes, self._ids = lab.classes, segmenter(None, lab)
+        path = segmentation_file(network_of(lab).get("model", SHIPPED_UNETS[0]))
+        if path is None:
+            raise SystemExit(f"the lab {lab.name} is flown without a network")
+        self._segmenter = load_segmenter(path, lab.classes, threads=2)
 
     def __call__(self, rgb: Image) -> Flags:
-        ids = cv2.resize(self._ids(rgb), _MAP_PX, interpolation=cv2.INTER_NEAREST)
-        return self._classes.is_ground(np.asarray(ids, dtype=np.uint8))
+        frame = Frame(image=rgb, index=0, captured_s=0.0, gimbal_pitch_rad=0.0)
+        class_map = self._segmenter.segment(frame)
+        ground = cv2.resize(
+            class_map.is_ground.astype(np.uint8), _MAP_PX, interpolation=cv2.INTER_NEAREST
+        )
+        return np.asarray(ground, dtype=bool)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,9 +216,9 @@ class _Judge:
                 rgb = view.image
                 if channels is not None:
                     rgb = np.ascontiguousarray(rgb[..., list(channels)])
-                relative = np.asarray(
-                    cv2.resize(self._network.depth(rgb), _MAP_PX), dtype=np.float32
-                )
+                frame = Frame(image=rgb, index=step, captured_s=0.0, gimbal_pitch_rad=0.0)
+                depth = self._network.estimate(frame)
+                relative = np.asarray(cv2.resize(depth.depth, _MAP_PX), dtype=np.float32)
                 exact = self._exact(view, relative)
                 if exact is None:
                     continue
@@ -204,7 +229,8 @@ class _Judge:
                     height = errors.height if name == "height wrong" else 0.0
                     plane_m = self._plane_m(view, pitch, height)
                     sample = sample_ground(relative, ground, plane_m, rng)
-                    found = scale.update(sample, step * _APART_S)
+                    height_m = view.pose.z_m * (1.0 + height) if depth.in_heights else None
+                    found = scale.update(sample, step * _APART_S, height_m)
                     if found is None or found.why is None:
                         continue
                     yield JudgedScale(

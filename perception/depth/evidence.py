@@ -35,6 +35,19 @@ COEFFICIENTS: Final[Mapping[str, float]] = MappingProxyType(
 )
 """By measure, in the order of `evidence`."""
 
+INTERCEPT_IN_HEIGHTS: Final = -9.70
+COEFFICIENTS_IN_HEIGHTS: Final[Mapping[str, float]] = MappingProxyType(
+    {
+        "spread": 3.46,
+        "extent": 1.73,
+        "slope": 2.73,
+        "residual": 0.85,
+        "history": 0.16,
+        "height": 5.40,
+    }
+)
+"""The same for a network whose depth is in heights of the camera."""
+
 # Each measure is a half at these values. Chosen on the training scenes.
 _SPREAD: Final = 0.1
 _SLOPE: Final = 0.3
@@ -115,13 +128,18 @@ def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return first, second
 
 
-def evidence(measures: GroundMeasures, innovation: float | None) -> dict[str, Confidence]:
+def evidence(
+    measures: GroundMeasures, innovation: float | None, height_m: float | None = None
+) -> dict[str, Confidence]:
     """Return how far each measure speaks for the scale, 0 to 1, with what was measured.
 
     Args:
         measures: of the frame's ground.
         innovation: difference between the logarithms of this frame's scale and of the scale of
             earlier frames; None without any.
+        height_m: height of the camera above the ground, if the network's depth is in such heights.
+            Two facts then give the scale: the ground in view, and the height by range sensor and
+            altimeter. None for another network.
     """
     filled = min(1.0, measures.share / _SHARE)
     extent = filled * min(1.0, measures.span / _SPAN)
@@ -129,7 +147,7 @@ def evidence(measures: GroundMeasures, innovation: float | None) -> dict[str, Co
     if innovation is not None:
         history = _falling(innovation, _INNOVATION)
         before = f"the scale differs by {_percent(innovation)} from that of earlier frames"
-    return {
+    found = {
         "spread": Confidence(
             value=_falling(measures.spread, _SPREAD),
             reason=f"the scale differs by {_percent(measures.spread)} from pixel to pixel",
@@ -150,6 +168,13 @@ def evidence(measures: GroundMeasures, innovation: float | None) -> dict[str, Co
         ),
         "history": Confidence(value=history, reason=before),
     }
+    if height_m is not None:
+        off = measures.log_scale - math.log(height_m)
+        found["height"] = Confidence(
+            value=_falling(off**2, _HEIGHT**2),
+            reason=f"the scale by the ground differs by {_percent(off)} from the height",
+        )
+    return found
 
 
 def scale_confidence(found: Mapping[str, Confidence]) -> Confidence:
@@ -158,37 +183,15 @@ def scale_confidence(found: Mapping[str, Confidence]) -> Confidence:
     Args:
         found: `evidence` of its frame.
     """
-    values = {name: found[name].value or 0.0 for name in COEFFICIENTS}
-    logit = INTERCEPT + sum(weight * values[name] for name, weight in COEFFICIENTS.items())
+    intercept, weights = INTERCEPT, COEFFICIENTS
+    if "height" in found:
+        intercept, weights = INTERCEPT_IN_HEIGHTS, COEFFICIENTS_IN_HEIGHTS
+    values = {name: found[name].value or 0.0 for name in weights}
+    logit = intercept + sum(weight * values[name] for name, weight in weights.items())
     value = 1.0 / (1.0 + math.exp(-logit))
-    lost = {name: weight * (1.0 - values[name]) for name, weight in COEFFICIENTS.items()}
+    lost = {name: weight * (1.0 - values[name]) for name, weight in weights.items()}
     reason = found[max(lost, key=lost.__getitem__)].reason if value < 0.5 else ""
     return Confidence(value=value, reason=reason, measures=dict(found))
-
-
-def judge_by_height(found: Confidence, factor: float, height_m: float) -> Confidence:
-    """Return the confidence of a scale of depth that is in heights of the camera.
-
-    Two facts give that scale: the ground in view, and the height by range sensor and altimeter. A
-    wall that passes for ground, a wrong height and a wrong camera file set them apart.
-
-    Args:
-        found: confidence by the measures of the ground.
-        factor: the scale, metres.
-        height_m: height of the camera above the ground.
-    """
-    off = math.log(factor / height_m)
-    agreement = Confidence(
-        value=1.0 / (1.0 + (off / _HEIGHT) ** 4),
-        reason=f"the scale by the ground differs by {_percent(off)} from the height",
-    )
-    value = (found.value or 0.0) * (agreement.value or 0.0)
-    reason = agreement.reason if (agreement.value or 0.0) < (found.value or 0.0) else found.reason
-    return Confidence(
-        value=value,
-        reason=reason if value < 0.5 else "",
-        measures={**found.measures, "height": agreement},
-    )
 
 
 def ground_confidence(measures: GroundMeasures) -> Confidence:

@@ -15,7 +15,7 @@ from perception.camera.ground_plane import CameraView, GroundPlane, view_of
 from perception.depth.confidence import Confidence, Confidences
 from perception.depth.contact.contacts import Remembered
 from perception.depth.contact.depth import ContactDepth, ContactDepthConfig, ContactEstimation
-from perception.depth.evidence import ground_confidence, judge_by_height
+from perception.depth.evidence import ground_confidence
 from perception.depth.scale import (
     AdaptiveScale,
     Scale,
@@ -187,11 +187,9 @@ class MetricDepthMaker:
         on_ground = Confidence(reason="too little ground")
         if sample is not None:
             on_ground = ground_confidence(sample.measures)
-        scale = self._scale.update(sample, class_map.captured_s)
+        height_m = ground.view.height_m if relative.in_heights else None
+        scale = self._scale.update(sample, class_map.captured_s, height_m)
         if scale is not None:
-            if relative.in_heights and scale.why is not None:
-                judged = judge_by_height(scale.why, scale.factor, ground.view.height_m)
-                scale = replace(scale, confidence=judged.value or 0.0, why=judged)
             return scale, "", on_ground
         why = "too little ground" if sample is None else "the ground disagrees with itself"
         return None, f"no scale: {why}", on_ground

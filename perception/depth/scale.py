@@ -138,8 +138,16 @@ def sample_ground(
 class ScaleEstimator(Protocol):
     """Estimates the scale of each frame from its ground."""
 
-    def update(self, sample: GroundSample | None, captured_s: float) -> Scale | None:
-        """Process a frame's ground (None: too little of it) and return the scale, or None."""
+    def update(
+        self, sample: GroundSample | None, captured_s: float, height_m: float | None = None
+    ) -> Scale | None:
+        """Process a frame's ground and return the scale, or None.
+
+        Args:
+            sample: the ground; None: too little of it.
+            captured_s: time of the frame.
+            height_m: height of the camera above the ground, if the depth is in such heights.
+        """
         ...
 
     def restart(self) -> None:
@@ -162,7 +170,9 @@ class AdaptiveScale:
         """Forget the scale of earlier frames."""
         self._filter.restart()
 
-    def update(self, sample: GroundSample | None, captured_s: float) -> Scale | None:
+    def update(
+        self, sample: GroundSample | None, captured_s: float, height_m: float | None = None
+    ) -> Scale | None:
         """Return the smoothed scale.
 
         Without ground in view the last scale is used until it is too uncertain.
@@ -172,7 +182,7 @@ class AdaptiveScale:
             measures, before = sample.measures, self._filter.at(captured_s)
             if self._filter.update(measures.log_scale, measures.std, captured_s):
                 innovation = None if before is None else measures.log_scale - before[0]
-                why = scale_confidence(evidence(measures, innovation))
+                why = scale_confidence(evidence(measures, innovation, height_m))
                 self._measured = why.value or 0.0
             carried = "the scale is that of earlier frames, with which this one disagrees"
         state = self._filter.at(captured_s)

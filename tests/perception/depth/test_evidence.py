@@ -10,6 +10,7 @@ import pytest
 from perception.depth.confidence import Confidence
 from perception.depth.evidence import (
     COEFFICIENTS,
+    COEFFICIENTS_IN_HEIGHTS,
     GroundMeasures,
     evidence,
     ground_confidence,
@@ -94,9 +95,20 @@ def test_a_scale_that_agrees_with_earlier_frames_is_believed_more() -> None:
     assert "35 %" in evidence(GROUND, -0.3)["history"].reason
 
 
-def test_a_wrong_height_is_not_seen() -> None:
+def test_a_wrong_height_is_not_seen_in_depth_of_another_unit() -> None:
     high = measures(RANGES_M / 2.0, 1.5 * RANGES_M)
     assert value(high) == pytest.approx(value(GROUND))
+
+
+@pytest.mark.parametrize("height_m", [1.4, 2.9])
+def test_depth_in_heights_shows_a_wrong_height(height_m: float) -> None:
+    """The ground gives a scale of 2 m; a right height is 2 m, too."""
+    right, wrong = (scale_confidence(evidence(GROUND, 0.0, height)) for height in (2.0, height_m))
+    assert right.value is not None
+    assert wrong.value is not None
+    assert wrong.value < 0.5 < right.value
+    assert "from the height" in wrong.reason
+    assert right.measures["height"].value == pytest.approx(1.0)
 
 
 def test_the_ground_is_judged_by_its_extent_and_as_a_plane() -> None:
@@ -119,3 +131,5 @@ def test_equal_ranges_are_no_error() -> None:
 def test_no_measure_speaks_against_the_scale_when_it_is_good() -> None:
     assert all(weight >= 0.0 for weight in COEFFICIENTS.values())
     assert list(evidence(GROUND, None)) == list(COEFFICIENTS)
+    assert all(weight >= 0.0 for weight in COEFFICIENTS_IN_HEIGHTS.values())
+    assert list(evidence(GROUND, None, 2.0)) == list(COEFFICIENTS_IN_HEIGHTS)

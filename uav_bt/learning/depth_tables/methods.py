@@ -38,7 +38,9 @@ class CollectedScale:
     def restart(self) -> None:
         """Keep all frames: a constant is that of all places."""
 
-    def update(self, sample: GroundSample | None, captured_s: float) -> Scale | None:
+    def update(
+        self, sample: GroundSample | None, captured_s: float, height_m: float | None = None
+    ) -> Scale | None:
         """Add a frame and return the scale of all frames; None before the first sample."""
         del captured_s  # a constant has no age
         if sample is not None:
