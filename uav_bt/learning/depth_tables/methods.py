@@ -39,7 +39,10 @@ class CollectedScale:
         """Keep all frames: a constant is that of all places."""
 
     def update(
-        self, sample: GroundSample | None, captured_s: float, height_m: float | None = None
+        self,
+        sample: GroundSample | None,
+        captured_s: float,
+        height_m: float | None = None,  # noqa: ARG002  (the protocol's)
     ) -> Scale | None:
         """Add a frame and return the scale of all frames; None before the first sample."""
         del captured_s  # a constant has no age
