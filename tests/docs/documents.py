@@ -124,6 +124,8 @@ def check_script(command: Command) -> None:
         if not module.startswith("benchmarks."):
             return
         script = f"{module.replace('.', '/')}.py"
+        if not (ROOT / script).is_file():
+            script = script.replace(".py", "/__main__.py")
     source = (ROOT / script).read_text(encoding="utf-8")
     for word in words:
         if word.startswith("--"):

@@ -14,9 +14,11 @@ from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, tree_file
 from uav_bt import app
 from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.app.lab_check import check_in_lab
+from uav_bt.app.lab_network import network_of
 from uav_bt.app.place_of_flight import limits_of
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded
+from uav_bt.app.site import site_of_lab
 from uav_bt.campaign.flight_lines import comparable
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.lab.shipped import load_lab
@@ -376,13 +378,23 @@ def test_a_tree_that_does_not_segment_flies_in_a_lab_with_a_network(
     assert "has no effect" in caplog.messages[0]
 
 
-def test_a_lab_of_other_classes_without_a_network_names_the_command(
+def test_a_lab_without_a_network_is_flown_with_the_one_for_any_room(
     make_lab: MakeLab, tmp_path: Path
 ) -> None:
-    make_lab()
-    tree = tree_file(tmp_path, SEES)
-    with pytest.raises(InputError, match=r"'hall' has no segmentation.* lab train .*exact-masks"):
-        app.fly(tree, drone=NoisyDrone(), lab="hall", judge=ANYWHERE)
+    folder = make_lab(scenes=("one",))
+    lab = load_lab(folder)
+    assert network_of(lab) == {"model": "any"}
+    assert site_of_lab(lab).model == "any"
+    report = app.fly(tree_file(tmp_path, SEES), drone=NoisyDrone(), lab="hall", judge=ANYWHERE)
+    assert report.outcome == "success"
+
+
+def test_a_scene_of_a_lab_without_a_network_names_the_option(
+    make_lab: MakeLab, tmp_path: Path
+) -> None:
+    folder = make_lab(scenes=("one",))
+    with pytest.raises(InputError, match=r"does not have the classes .* add --lab .*hall"):
+        app.fly(tree_file(tmp_path, SEES), scene=folder / "scenes" / "one.yaml")
 
 
 def test_a_scene_without_its_lab_names_the_option(make_lab: MakeLab, tmp_path: Path) -> None:

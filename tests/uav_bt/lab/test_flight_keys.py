@@ -56,8 +56,8 @@ def test_a_lab_file_has_the_keys_of_a_site_file(tmp_path: Path) -> None:
     assert site.mark_pose == Pose2D(x_m=1.0, y_m=-1.0, yaw_rad=math.pi)
 
 
-def test_a_lab_with_classes_only_is_a_site_without_settings(tmp_path: Path) -> None:
-    assert site_of_lab(read_lab(lab_folder(tmp_path))) == Site()
+def test_a_lab_with_classes_only_is_a_site_with_the_network_for_any_room(tmp_path: Path) -> None:
+    assert site_of_lab(read_lab(lab_folder(tmp_path))) == Site(model="any")
 
 
 def test_a_take_off_without_a_position_is_from_the_mark(tmp_path: Path) -> None:
