@@ -118,6 +118,26 @@ def test_points_close_together_tell_no_turn_from_a_shift() -> None:
     assert ground_motion(view, view, still, patch, OdometryConfig(min_spread_m=0.0)) is not None
 
 
+def test_ground_without_texture_tells_no_motion() -> None:
+    """Two images share half of their corners; the others are noise, as on a plain floor."""
+    rng, still = np.random.default_rng(3), Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    first = cv2.GaussianBlur(rng.integers(0, 255, (180, 320), dtype=np.uint8), (0, 0), 2)
+    second = cv2.GaussianBlur(rng.integers(0, 255, (180, 320), dtype=np.uint8), (0, 0), 2)
+    second[:, :120] = first[:, :120]
+    views = [
+        GroundView(
+            grey=np.asarray(grey, np.uint8),
+            camera=CAMERA,
+            gimbal_pitch_rad=PITCH_RAD,
+            height_m=HEIGHT_M,
+        )
+        for grey in (first, second)
+    ]
+    ground = np.ones(first.shape, np.uint8)
+    assert ground_motion(*views, still, ground) is None
+    assert ground_motion(*views, still, ground, OdometryConfig(min_share=0.0)) is not None
+
+
 def test_the_noise_of_telemetry_s_heading_is_not_the_pose_s() -> None:
     noise_rad = np.random.default_rng(1).normal(0.0, 0.015, 31)
     noise_rad[0] = 0.0
