@@ -38,8 +38,9 @@ class OdometryConfig:
     max_range_m: float = 4.0  # points on ground further away are too inaccurate
     inlier_m: float = 0.03  # largest residual on the ground; points on boxes have larger ones
     min_points: int = 20  # fewer inliers give no motion
-    # With a ground mask, fewer inliers of the tracked points give none either. On textured ground 99 % of the motions
-    # have more than 0.8, on ground without texture, where noise is tracked, a third has less.
+    # With a ground mask, fewer inliers of the tracked points give none either. On textured ground
+    # 99 % of the motions have more than 0.8; on plain ground, where noise is tracked, a third of
+    # them has less than 0.6.
     min_share: float = 0.6
     min_spread_m: float = 0.3  # points closer together give no motion: turn and shift look alike
     rounds: int = 6  # of fitting and reweighting
