@@ -2,7 +2,7 @@
 
     python benchmarks/timing.py segmenter --model runs/unet-int8.onnx --model unet-fp32
     python benchmarks/timing.py student --model runs/student.onnx
-    python benchmarks/timing.py pipeline --segmentation unet-fp32 --depth any
+    python benchmarks/timing.py pipeline --segmentation unet-fp32 --depth depth-fp32
     python benchmarks/timing.py teacher --share 0.004 --count 2
 
 Contestants take turns, so that other work on the machine slows all of them. The processor's own
@@ -281,7 +281,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, help="frames, decisions or images that are timed")
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--segmentation", default="unet", choices=SHIPPED_UNETS)
-    parser.add_argument("--depth", default="any", help="a shipped one, an ONNX file, 'contact'")
+    parser.add_argument("--depth", default="depth", help="a shipped one, an ONNX file, 'contact'")
     parser.add_argument("--share", type=float, default=0.1, help="of the grid, patch by patch")
     given = parser.parse_args()
     name = platform.processor() or platform.machine()

@@ -79,8 +79,8 @@ def test_the_wheel_holds_trees_scenes_and_weights(wheel: Path) -> None:
         in {".py", ".xml", ".yaml", ".onnx", ".safetensors", ".typed", ".jpg", ".obj", ".html"}
     }
     assert {Path(name).name for name in wanted - held} == {
-        *("unet-fp32.onnx", "student-fp32.onnx"),
-        "student.safetensors",
+        *("unet-fp32.onnx", "depth-fp32.onnx", "student-fp32.onnx"),
+        *("depth.safetensors", "student.safetensors"),
     }
     assert not [name for name in held if name.startswith(("tests/", "benchmarks/", "tools/"))]
 

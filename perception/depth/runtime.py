@@ -115,7 +115,7 @@ def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEst
     """Return a shipped depth network by its name, or the network of an ONNX file.
 
     Args:
-        model: "any", or a path that ends in .onnx.
+        model: "depth" (8-bit integers), "depth-fp32", or a path that ends in .onnx.
         threads: number of inference threads.
 
     Raises:

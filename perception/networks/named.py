@@ -15,11 +15,8 @@ SHIPPED_UNETS: Final = ("unet", "unet-fp32")
 ANY: Final = "any"
 """The shipped network for any room: roles and relative depth by one inference."""
 
-SHIPPED_DEPTHS: Final = (ANY,)
-"""The shipped depth networks: the second head of `any`."""
-
-_FORMER_DEPTHS: Final = {"footing": "contact", "depth": ANY, "depth-fp32": ANY}
-"""Former names of depth models, and what replaces them."""
+SHIPPED_DEPTHS: Final = ("depth", "depth-fp32", ANY)
+"""The shipped depth networks: in 8-bit integers, in floats, and the second head of `any`."""
 
 TEACHER: Final = "teacher"
 """The segmentation without a network: the teacher of the U-Nets."""
@@ -54,13 +51,13 @@ def depth_file(model: str) -> Path | None:
 
     Raises:
         UnknownNameError: the name is unknown.
-        ValueRangeError: the name is a former one.
+        ValueRangeError: the name is the former name of `CONTACT`.
         WeightsError: the file is absent or not ONNX.
     """
     if model == CONTACT:
         return None
-    if model in _FORMER_DEPTHS:
-        raise ValueRangeError(f"depth model '{model}' is called '{_FORMER_DEPTHS[model]}' now")
+    if model == "footing":
+        raise ValueRangeError(f"depth model 'footing' is called '{CONTACT}' now")
     return _file(model, SHIPPED_DEPTHS, "depth", (*SHIPPED_DEPTHS, CONTACT, "FILE.onnx"))
 
 

@@ -11,7 +11,6 @@ import click
 
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
-from perception.networks.named import ANY
 from perception.segmentation import runtime
 from uav_bt.cli.command import Command
 from uav_bt.cli.depth_tables import depth_report
@@ -31,8 +30,8 @@ _scores_option = output_option("--out", "Write the scores there too, as JSON.")
 @click.command(cls=Command)
 @click.option(
     "--model",
-    default=ANY,
-    help="'any', an ONNX network, or 'contact': masks and geometry, no network.",
+    default="depth",
+    help="'depth', 'depth-fp32', an ONNX network, or 'contact': masks and geometry, no network.",
 )
 @click.option(
     "--masks",

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, RUNS, output_option
 from uav_bt.cli.progress import progress_bars
@@ -34,8 +35,7 @@ def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--weights",
             metavar="FILE",
             type=INPUT,
-            help="The safetensors file of `uav-bt net train`.",
-            required=True,
+            help="The safetensors file of `uav-bt net train`; the shipped one if not given.",
         ),
     ):
         command = option(command)
@@ -46,27 +46,36 @@ def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @_network_options
 def depth(**options: Any) -> None:
     """Export a depth network."""
-    _export("depth", **options)
+    _export("depth", "depth", **options)
 
 
 @click.command(cls=Command)
 @_network_options
 def student(**options: Any) -> None:
     """Export a control student. All its shapes are fixed."""
-    _export("student", **options)
+    _export("student", "student", **options)
 
 
 def _export(
     network: Network,
+    name: str,
     *,
-    weights: Path,
+    weights: Path | None,
     precision: Precision,
     out: Path | None,
     drawn: Drawn,
 ) -> None:
     need("train", "torch", "onnx", "onnxruntime", "nncf")
-    path = out or RUNS / f"{network}-{precision}.onnx"
+    path = out or RUNS / f"{name}-{precision}.onnx"
     plan = drawn.of(CALIBRATION_VIEWS)
     with progress_bars() as advance:
-        export_network(network, weights, path, precision=precision, views=plan, advance=advance)
+        source = weights or SHIPPED_WEIGHTS / f"{name}.safetensors"
+        export_network(
+            network,
+            source,
+            path,
+            precision=precision,
+            views=plan,
+            advance=advance,
+        )
     click.echo(f"network in {precision}: {path}, {path.stat().st_size / 1e6:.1f} MB")

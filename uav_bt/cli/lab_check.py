@@ -10,7 +10,6 @@ from typing import Any
 import click
 
 from perception.depth.runtime import load_depth_estimator
-from perception.networks.named import ANY
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, output_option
 from uav_bt.cli.progress import progress_bars
@@ -129,7 +128,7 @@ def _score(material: LabMaterial, model: Path | None) -> tuple[PickScore, dict[s
 
 def _geometry(lab: Lab, model: Path | None, flights: Sequence[RecordReader]) -> Geometry:
     """Compare lengths in flights, print the result, and return it."""
-    segmenter, network = network_of_lab(lab, model), load_depth_estimator(ANY)
+    segmenter, network = network_of_lab(lab, model), load_depth_estimator("depth")
     with progress_bars() as advance:
         geometry = compare_lengths(flights, lab, segmenter, network, advance=advance)
     for line in geometry.lines():

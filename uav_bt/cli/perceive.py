@@ -70,7 +70,7 @@ def _options(
     model=click.option(
         "--model",
         default="depth",
-        help="Depth network: 'any', an ONNX file, or 'contact' (masks and geometry, no network).",
+        help="Depth network: 'depth', an ONNX file, or 'contact' (masks and geometry, no network).",
     ),
     segmentation=click.option(
         "--segmentation",

@@ -149,14 +149,13 @@ def test_a_file_that_is_no_network_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_name_that_nobody_knows_gets_a_suggestion() -> None:
-    with pytest.raises(UnknownNameError, match="unknown depth model 'anu'; did you mean 'any'"):
-        runtime.load_depth_estimator("anu")
+    with pytest.raises(UnknownNameError, match="unknown depth model 'dept'; did you mean 'depth'"):
+        runtime.load_depth_estimator("dept")
 
 
-@pytest.mark.parametrize(("former", "now"), [("footing", "contact"), ("depth", "any")])
-def test_a_former_name_names_the_present_one(former: str, now: str) -> None:
-    with pytest.raises(ValueRangeError, match=f"'{former}' is called '{now}' now"):
-        runtime.load_depth_estimator(former)
+def test_the_earlier_name_of_contact_says_the_new_one() -> None:
+    with pytest.raises(ValueRangeError, match="'footing' is called 'contact' now"):
+        runtime.load_depth_estimator("footing")
 
 
 def test_no_threads_are_refused(tmp_path: Path) -> None:

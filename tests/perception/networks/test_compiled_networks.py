@@ -85,7 +85,7 @@ def test_the_second_start_reads_what_the_first_has_compiled(
 
 @pytest.mark.parametrize(
     "infer",
-    [lambda: shipped_unet().ids(FRAME), lambda: load_depth_estimator("any").depth(FRAME)],
+    [lambda: shipped_unet().ids(FRAME), lambda: load_depth_estimator("depth").depth(FRAME)],
     ids=["segmentation", "depth"],
 )
 def test_shipped_networks_answer_the_same_with_and_without_the_cache(

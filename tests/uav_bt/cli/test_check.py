@@ -285,7 +285,7 @@ def test_names_of_the_papers_lab_name_their_successors(
         ('Segment model="text.onnx"', ["text.onnx: is not a readable ONNX network"]),
         ('Segment model="net.safetensors"', ["the weights of a training", "'net.onnx'"]),
         ('Segment classes="nofile.yaml"', ["'classes': nofile.yaml: there is no such"]),
-        ('EstimateDepth model="anu"', ["unknown depth model 'anu'; did you mean 'any'?"]),
+        ('EstimateDepth model="dept"', ["unknown depth model 'dept'; did you mean 'depth'?"]),
         ('EstimateDepth model="nofile.onnx"', ["nofile.onnx: there is no such network"]),
         ('EstimateDepth model="footing"', ["is called 'contact' now"]),
         ('Explore policy="student:nofile.onnx"', ["'policy': nofile.onnx: there is no such"]),

@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 import onnx
 import pytest
-import torch
 from click.testing import CliRunner
 
 from perception.control.ego_state import state_size
 from perception.control.runtime import OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
-from perception.depth.training.network import DEPTH_FILES, DepthNet, DepthNetConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from tests.paper_lab import CLASSES
@@ -42,6 +40,15 @@ def test_the_unet_that_flies_sees_what_the_one_in_floats_sees(pictures: list[np.
     assert agreeing.min() > 0.99
 
 
+def test_the_depth_network_that_flies_says_what_the_one_in_floats_says(
+    pictures: list[np.ndarray],
+) -> None:
+    flies, floats = load_depth_estimator("depth"), load_depth_estimator("depth-fp32")
+    off = np.stack([np.abs(flies.depth(rgb) / floats.depth(rgb) - 1.0) for rgb in pictures])
+    assert off.mean() < 0.01
+    assert np.quantile(off, 0.99) < 0.04
+
+
 def test_the_student_that_flies_decides_as_the_one_in_floats(pictures: list[np.ndarray]) -> None:
     both = [OnnxControlStudent(SHIPPED_WEIGHTS / f"student{end}.onnx") for end in ("", "-fp32")]
     numbers = np.zeros(state_size(both[0].config.views), dtype=np.float32)
@@ -56,7 +63,7 @@ def test_the_student_that_flies_decides_as_the_one_in_floats(pictures: list[np.n
     assert np.abs(off).max() < 0.25
 
 
-@pytest.mark.parametrize("name", ["unet", "student"])
+@pytest.mark.parametrize("name", ["unet", "depth", "student"])
 def test_the_shipped_pair_was_made_from_the_same_weights(name: str) -> None:
     notes = []
     for end in ("", "-fp32"):
@@ -95,14 +102,14 @@ def test_a_unet_is_calibrated_on_the_pictures_of_the_plan(
 
 def test_floats_need_no_pictures(tmp_path: Path) -> None:
     export_network(
-        "student",
-        SHIPPED_WEIGHTS / "student.safetensors",
-        tmp_path / "student.onnx",
+        "depth",
+        SHIPPED_WEIGHTS / "depth.safetensors",
+        tmp_path / "depth.onnx",
         precision="fp32",
         views=replace(CALIBRATION_VIEWS, scenes=("no such scene",)),
     )
-    shipped = SHIPPED_WEIGHTS / "student-fp32.onnx"
-    assert (tmp_path / "student.onnx").stat().st_size == shipped.stat().st_size
+    shipped = SHIPPED_WEIGHTS / "depth-fp32.onnx"
+    assert (tmp_path / "depth.onnx").stat().st_size == shipped.stat().st_size
 
 
 def test_an_unknown_precision_gets_a_suggestion(tmp_path: Path) -> None:
@@ -114,11 +121,8 @@ def test_an_unknown_precision_gets_a_suggestion(tmp_path: Path) -> None:
 
 
 def test_the_command_writes_a_network(tmp_path: Path) -> None:
-    weights, out = tmp_path / "net.safetensors", tmp_path / "net.onnx"
-    torch.manual_seed(0)
-    DEPTH_FILES.save(weights, DepthNet(DepthNetConfig()), notes={})
-    arguments = ["net", "export", "depth", "--weights", str(weights), "--out", str(out)]
-    arguments += ["--scene", "train-a", "--views", "1"]
+    out = tmp_path / "net.onnx"
+    arguments = ["net", "export", "depth", "--out", str(out), "--scene", "train-a", "--views", "1"]
     result = CliRunner().invoke(uav_bt, arguments)
     assert result.exit_code == 0, result.output
     assert f"network in int8: {out}, 1.1 MB" in result.output
@@ -128,8 +132,7 @@ def test_the_command_writes_a_network(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["depth"], "Missing option '--weights'"),
-        (["depth", "--weights", str(UNET_WEIGHTS), "--out", "net.xml"], "must end in .onnx"),
+        (["depth", "--out", "net.xml"], "must end in .onnx"),
         (["depth", "--precision", "int4"], "'int4' is not one of"),
         (["depth", "--weights", "absent.safetensors"], "absent.safetensors"),
         (["depth", "--weights", str(UNET_WEIGHTS)], "expected weights of kind 'depth-network'"),

@@ -13,7 +13,7 @@ import numpy as np
 from perception.camera.camera_file import load_camera
 from perception.camera.orientation import Orientation
 from perception.depth.runtime import load_depth_estimator
-from perception.networks.named import ANY, CONTACT, segmentation_file
+from perception.networks.named import CONTACT, segmentation_file
 from perception.segmentation import runtime
 from perception.segmentation.mapping import read_mapping
 from sim_bridge.anafi import anafi_camera
@@ -38,7 +38,7 @@ class PerceiveOptions:
     height_m: float = 1.5  # of the camera above the ground, without telemetry
     gimbal_pitch_rad: float = math.radians(-30)  # 0 level, without telemetry
     telemetry: str | Path | None = None  # record of the same flight
-    model: str = ANY  # a shipped one's name, an ONNX file, or "contact" (no network)
+    model: str = "depth"  # a shipped one's name, an ONNX file, or "contact" (no network)
     segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
     classes: str | Path | None = None  # class-mapping file of a foreign segmentation
     # Whether the images of a folder follow one another, as a video's. They do with telemetry.

@@ -1,5 +1,6 @@
 """The networks: shapes, size, untrained output, and exported files."""
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ import onnx
 import pytest
 import torch
 
-from perception.depth.runtime import OnnxDepthEstimator
+from perception.depth.runtime import OnnxDepthEstimator, load_depth_estimator
 from perception.depth.training import network, run
 from perception.depth.training.network import DEPTH_FILES
 from perception.networks.weights_file import SHIPPED_WEIGHTS
@@ -157,3 +158,24 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
 def test_weights_of_something_else_are_refused() -> None:
     with pytest.raises(WeightsError, match="expected weights of kind 'depth-network'"):
         DEPTH_FILES.load(SHIPPED_WEIGHTS / "unet.safetensors")
+
+
+# --- what ships -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["depth", "depth-fp32"])
+def test_the_shipped_onnx_files_were_made_from_the_shipped_weights(name: str) -> None:
+    weights = SHIPPED_WEIGHTS / "depth.safetensors"
+    model = onnx.load(SHIPPED_WEIGHTS / f"{name}.onnx")
+    properties = {p.key: p.value for p in model.metadata_props}
+    assert properties["weights_sha256"] == hashlib.sha256(weights.read_bytes()).hexdigest()
+    assert weights.stat().st_size < 6e6
+
+
+def test_the_shipped_network_says_in_flight_what_it_said_in_training() -> None:
+    net, _ = DEPTH_FILES.load(SHIPPED_WEIGHTS / "depth.safetensors")
+    picture = np.random.default_rng(0).integers(0, 255, (256, 320, 3), dtype=np.uint8)
+    trained = run.predict_depth(net, picture[None])[0]
+    np.testing.assert_allclose(
+        load_depth_estimator("depth-fp32").depth(picture), trained, rtol=1e-5
+    )

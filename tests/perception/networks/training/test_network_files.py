@@ -99,7 +99,7 @@ def test_the_file_says_what_it_computes_in(unets: tuple[Path, Path]) -> None:
 
 
 def test_a_network_in_integers_takes_a_quarter_of_the_space() -> None:
-    for name in ("unet", "student"):
+    for name in ("unet", "depth"):
         sizes = [(SHIPPED_WEIGHTS / f"{name}{end}.onnx").stat().st_size for end in ("", "-fp32")]
         assert sizes[0] < 0.3 * sizes[1]
 
