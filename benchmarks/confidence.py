@@ -1,9 +1,8 @@
 """Fit the confidence of the scale of depth, and compare it with the scale's error.
 
-    python -m benchmarks.confidence fit       # coefficients, from the training scenes
-    python -m benchmarks.confidence fit --depth any --rooms runs/rooms/val
-    python -m benchmarks.confidence val       # the table, of the validation scenes
-    python -m benchmarks.confidence test      # of the testing scenes
+    python -m benchmarks.confidence fit --rooms runs/rooms/val     # coefficients, training scenes
+    python -m benchmarks.confidence val --rooms runs/rooms/val2    # the table, validation scenes
+    python -m benchmarks.confidence test --rooms runs/rooms/flown  # testing scenes
 
 The views are those of `benchmarks.confidence_views`. In the fit, a wrong scale counts as twenty
 right ones: the confidence is to be above a half only where nearly all scales are right. This number
@@ -98,16 +97,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("what", choices=("fit", "train", "val", "test"))
     parser.add_argument("--views", type=int, default=40, help="poses of a scene")
     parser.add_argument("--seed", type=int, default=31)
-    parser.add_argument("--depth", default="depth", help="depth network, such as any")
     parser.add_argument("--rooms", type=Path, help="folder of generated rooms")
     given = parser.parse_args(arguments)
     split = "train" if given.what == "fit" else given.what
-    judged = list(
-        judged_scales(split, given.views, given.seed, depth=given.depth, rooms=given.rooms)
-    )
+    judged = list(judged_scales(split, given.views, given.seed, rooms=given.rooms))
     if given.what == "fit":
-        for name, value in fitted(judged).items():
-            print(f"{name}: {value:.2f}")
+        for part in (False, True):  # without and with depth in heights
+            chosen = [each for each in judged if ("height" in each.measures) is part]
+            for name, value in fitted(chosen).items():
+                print(f"{name}: {value:.2f}")
     else:
         print(table(judged))
 

@@ -1,5 +1,7 @@
 """Scales of rendered views with right and deliberately wrong inputs, against exact depth.
 
+Each lab is judged with the depth network that it is flown with.
+
 Each pose is a sequence of three frames, so that the second and third have a history. The exact
 scale of a frame is the median ratio of exact to predicted depth on the ground in view or, with
 little ground in view, on everything up to 6 m.
@@ -22,16 +24,15 @@ from numpy.typing import NDArray
 from benchmarks.lab_views import copy_lab
 from benchmarks.segmentation import scenes_of
 from perception.camera.ground_plane import CameraView, ground_depth
-from perception.depth.runtime import OnnxDepthEstimator, load_depth_estimator
+from perception.depth.runtime import load_depth_estimator
 from perception.depth.scale import AdaptiveScale, sample_ground
-from perception.networks.named import SHIPPED_UNETS, segmentation_file
+from perception.networks.named import SHIPPED_DEPTHS, SHIPPED_UNETS, segmentation_file
 from perception.segmentation.runtime import load_segmenter
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.app.lab_network import network_of
-from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import LAB_FILE, Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.views import DepthViewPlan, scene_seed
@@ -72,7 +73,7 @@ class JudgedScale:
 
 
 def judged_scales(
-    split: str, views: int, seed: int = 31, *, depth: str = "depth", rooms: Path | None = None
+    split: str, views: int, seed: int = 31, *, rooms: Path | None = None
 ) -> Iterator[JudgedScale]:
     """Judge the scales of both labs' views, of the second lab in other colours, and of rooms.
 
@@ -80,15 +81,13 @@ def judged_scales(
         split: `train`, `val` or `test`: which scenes.
         views: poses of a scene; a third of them where the lab is painted, a sixth in a room.
         seed: seed of poses, colours and errors.
-        depth: name of the depth network.
         rooms: folder of generated rooms, in which the network `any` finds the ground.
     """
     paper, depot = load_lab(), load_lab(OTHER_LAB)
-    network = load_depth_estimator(depth)
     masks = {lab.name: _Masks(lab) for lab in (paper, depot)}
     for folder in () if rooms is None else sorted(rooms.iterdir()):
         lab = load_lab(folder)
-        judge = _Judge(ROOM, lab.classes, (_Masks(lab), masks[OTHER_LAB]), network)
+        judge = _Judge(ROOM, lab, (_Masks(lab), masks[OTHER_LAB]))
         for sequence in _sequences(_scene(folder), max(1, views // 6), seed):
             yield from judge(sequence, np.random.default_rng((seed, len(folder.name))))
     with TemporaryDirectory() as folder:
@@ -99,7 +98,7 @@ def judged_scales(
             *((each, OTHER_LAB, DEFAULT_LAB, max(1, views // 3)) for each in painted),
         ):
             name = lab.name if lab in (paper, depot) else "painted"
-            judge = _Judge(name, lab.classes, (masks[own], masks[other]), network)
+            judge = _Judge(name, lab, (masks[own], masks[other]))
             prefix = "" if own == DEFAULT_LAB else f"{OTHER_LAB}-"
             for scene in scenes_of(lab, f"{prefix}{split}-*"):
                 for number, sequence in enumerate(_sequences(scene, count, seed)):
@@ -200,11 +199,11 @@ class _Judge:
     def __init__(
         self,
         name: str,
-        classes: LabClasses,
+        lab: Lab,
         masks: tuple[_Masks, _Masks],
-        network: OnnxDepthEstimator,
     ) -> None:
-        self._name, self._classes, self._network = name, classes, network
+        self._name, self._classes = name, lab.classes
+        self._network = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
         self._own, self._other = masks
         self._camera = anafi_camera(640, 360).resized(*_MAP_PX)
 

@@ -67,12 +67,21 @@ class RoomSegmenter:
         Raises:
             WeightsError: the network's output is not usable, for example NaN.
         """
+        class_map, self._depth = self._perceive(frame)
+        return class_map
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        """Return the relative depth of a frame; that of the last one is known already."""
+        if self._depth is not None and self._depth.captured_s == frame.captured_s:
+            return self._depth
+        return self._perceive(frame)[1]
+
+    def _perceive(self, frame: Frame) -> tuple[ClassMap, DepthMap]:
         numbers, depth = self._run(shrunk(frame.image, self._size))
-        self._depth = DepthMap(
-            depth=depth, metric=False, captured_s=frame.captured_s, in_heights=True
-        )
-        return ClassMap(
-            ids=self._table[numbers], classes=self._classes, captured_s=frame.captured_s
+        ids, captured_s = self._table[numbers], frame.captured_s
+        return (
+            ClassMap(ids=ids, classes=self._classes, captured_s=captured_s),
+            DepthMap(depth=depth, metric=False, captured_s=captured_s, in_heights=True),
         )
 
     def _run(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[np.int32], NDArray[np.float32]]:

@@ -12,17 +12,17 @@ from uav_bt.tree import MissionTree
 
 
 def network_of(lab: Lab) -> NetworkKeys:
-    """Return the network that a lab is flown with; empty for the network that the tree names.
+    """Return the networks that a lab is flown with; empty for those that the tree names.
 
-    It is the lab's own, else the one for any room. A lab with the classes of the paper's lab is
-    flown with the tree's network.
+    They are the lab's own, else those for any room. A lab with the classes of the paper's lab is
+    flown with the tree's networks: the shipped depth network has seen that lab only.
 
     Args:
         lab: The lab.
     """
-    if "model" in lab.network or _has_paper_classes(lab):
+    if _has_paper_classes(lab):
         return lab.network
-    return {**lab.network, "model": ANY}
+    return {"model": ANY, "depth": ANY, **lab.network}
 
 
 def _has_paper_classes(lab: Lab) -> bool:

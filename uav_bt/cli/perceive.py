@@ -69,13 +69,13 @@ def _options(
     ),
     model=click.option(
         "--model",
-        default="depth",
-        help="Depth network: 'depth', an ONNX file, or 'contact' (masks and geometry, no network).",
+        help="Depth network: 'any', 'depth', an ONNX file, or 'contact' (masks and geometry, no "
+        "network); by default the one that belongs to the segmentation.",
     ),
     segmentation=click.option(
         "--segmentation",
-        default="unet",
-        help="Segmentation: 'unet', 'teacher', or an ONNX file.",
+        help="Segmentation: 'any', 'unet', 'teacher', or an ONNX file; by default 'unet' for "
+        "flights and 'any' for all else.",
     ),
     classes=click.option(
         "--classes",

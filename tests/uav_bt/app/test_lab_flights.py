@@ -383,7 +383,7 @@ def test_a_lab_without_a_network_is_flown_with_the_one_for_any_room(
 ) -> None:
     folder = make_lab(scenes=("one",))
     lab = load_lab(folder)
-    assert network_of(lab) == {"model": "any"}
+    assert network_of(lab) == {"model": "any", "depth": "any"}
     assert site_of_lab(lab).model == "any"
     report = app.fly(tree_file(tmp_path, SEES), drone=NoisyDrone(), lab="hall", judge=ANYWHERE)
     assert report.outcome == "success"

@@ -57,7 +57,7 @@ def test_a_lab_file_has_the_keys_of_a_site_file(tmp_path: Path) -> None:
 
 
 def test_a_lab_with_classes_only_is_a_site_with_the_network_for_any_room(tmp_path: Path) -> None:
-    assert site_of_lab(read_lab(lab_folder(tmp_path))) == Site(model="any")
+    assert site_of_lab(read_lab(lab_folder(tmp_path))) == Site(model="any", depth="any")
 
 
 def test_a_take_off_without_a_position_is_from_the_mark(tmp_path: Path) -> None:

@@ -13,15 +13,23 @@ import numpy as np
 from perception.camera.camera_file import load_camera
 from perception.camera.orientation import Orientation
 from perception.depth.runtime import load_depth_estimator
-from perception.networks.named import CONTACT, segmentation_file
+from perception.networks.named import (
+    ANY,
+    CONTACT,
+    SHIPPED_DEPTHS,
+    SHIPPED_UNETS,
+    segmentation_file,
+)
 from perception.segmentation import runtime
 from perception.segmentation.mapping import read_mapping
+from perception.segmentation.room_runtime import RoomSegmenter
 from sim_bridge.anafi import anafi_camera
 from uav_bt.app.perceive.frame_telemetry import FixedTelemetry, FlightTelemetry, Telemetry
 from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.app.sources.by_name import FolderSource, RecordSource, open_source
 from uav_bt.app.sources.streams import ImageSource, TimedImage, TimedImages
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.footage import FLIGHT_SUFFIXES, flight_record
@@ -38,8 +46,12 @@ class PerceiveOptions:
     height_m: float = 1.5  # of the camera above the ground, without telemetry
     gimbal_pitch_rad: float = math.radians(-30)  # 0 level, without telemetry
     telemetry: str | Path | None = None  # record of the same flight
-    model: str = "depth"  # a shipped one's name, an ONNX file, or "contact" (no network)
-    segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
+    # A shipped one's name, an ONNX file, or "contact" (no network); None: that of any room with the
+    # segmentation for any room, else the paper's lab's.
+    model: str | None = None
+    # A shipped one's name, "teacher" or an ONNX file; None: the paper's lab's for flights, else
+    # that for any room.
+    segmentation: str | None = None
     classes: str | Path | None = None  # class-mapping file of a foreign segmentation
     # Whether the images of a folder follow one another, as a video's. They do with telemetry.
     sequence: bool = False
@@ -56,7 +68,7 @@ class PerceiveOptions:
         if self.longest_s is not None and not self.longest_s > 0.0:
             raise ValueRangeError(f"the time to perceive must be positive, got {self.longest_s} s")
         FixedTelemetry(height_m=self.height_m, gimbal_pitch_rad=self.gimbal_pitch_rad)
-        if self.classes is not None and not self.segmentation.lower().endswith(".onnx"):
+        if self.classes is not None and not (self.segmentation or "").lower().endswith(".onnx"):
             raise InputError("a class-mapping file belongs to an ONNX segmentation network")
 
 
@@ -80,6 +92,7 @@ class PerceiveInput:
                 "the video"
             )
         flown = Path(text) if recorded else options.telemetry
+        self._segmentation = options.segmentation or (ANY if flown is None else SHIPPED_UNETS[0])
         self.telemetry: Telemetry
         self.source: ImageSource
         self.camera_words = ""  # whose intrinsics; known once it has begun
@@ -124,10 +137,12 @@ class PerceiveInput:
             raise InputError(f"{self.source.name} holds no image that can be read{why}")
         height_px, width_px = first.image.shape[:2]
         camera, self.camera_words = self._camera(width_px, height_px, first.orientation)
-        options = self._options
+        options, name = self._options, self._segmentation
+        segmenter = _segmenter(name, options)
+        model = options.model or (ANY if name == ANY else SHIPPED_DEPTHS[0])
         pipeline = Pipeline(
-            _segmenter(options),
-            _network(options),
+            segmenter,
+            _network(model, segmenter, options),
             camera,
             generator=np.random.default_rng(options.seed),
         )
@@ -184,17 +199,18 @@ def _all_of(first: TimedImage, others: TimedImages) -> TimedImages:
         yield from others
 
 
-def _segmenter(options: PerceiveOptions) -> Segmenter:
-    name = options.segmentation
+def _segmenter(name: str, options: PerceiveOptions) -> Segmenter:
     path = segmentation_file(name)
-    classes = load_lab().classes
+    classes = LabClasses.by_role() if name == ANY else load_lab().classes
     if path is None:
         return runtime.shipped_teacher(classes)
     mapping = None if options.classes is None else read_mapping(Path(options.classes), classes)
-    return runtime.OnnxSegmenter(path, classes, mapping, threads=options.threads)
+    return runtime.load_segmenter(path, classes, mapping, threads=options.threads)
 
 
-def _network(options: PerceiveOptions) -> DepthEstimator | None:
-    if options.model == CONTACT:
+def _network(model: str, segmenter: Segmenter, options: PerceiveOptions) -> DepthEstimator | None:
+    if model == CONTACT:
         return None
-    return load_depth_estimator(options.model, threads=options.threads)
+    if model == ANY and isinstance(segmenter, RoomSegmenter):
+        return segmenter
+    return load_depth_estimator(model, threads=options.threads)

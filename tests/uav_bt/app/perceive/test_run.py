@@ -32,7 +32,7 @@ from uav_bt.lab.shipped import load_lab
 from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
 
-CONTACT = PerceiveOptions(model="contact")
+CONTACT = PerceiveOptions(model="contact", segmentation="unet")
 
 
 @pytest.fixture(scope="module")
@@ -158,12 +158,12 @@ class Growing:
 def test_images_of_a_folder_stand_for_themselves_unless_they_are_a_sequence(
     tmp_path: Path, images: list[Image], monkeypatch: pytest.MonkeyPatch, related: str
 ) -> None:
-    monkeypatch.setattr(inputs, "_network", lambda _options: Growing())
+    monkeypatch.setattr(inputs, "_network", lambda *_given: Growing())
     source = write_images(tmp_path / "views", images[:3])
     if related == "video":
         source = write_video(tmp_path / "flight.mp4", images[:3])
     flown = write_flight(tmp_path / "flight.mcap", images[:3]) if related == "telemetry" else None
-    options = PerceiveOptions(sequence=related == "sequence", telemetry=flown)
+    options = PerceiveOptions(segmentation="unet", sequence=related == "sequence", telemetry=flown)
     summary = perceive.perceive(str(source), options, lines=tmp_path / "seen.jsonl")
     lines = rows(tmp_path / "seen.jsonl")
     factors = [row["depth"]["scale"]["factor"] for row in lines]
@@ -339,3 +339,15 @@ def test_an_unknown_network_is_refused_with_a_suggestion(
 def test_options_that_make_no_sense_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(InputError):
         PerceiveOptions(**options)
+
+
+def test_photographs_are_perceived_by_roles_and_flights_by_the_papers_classes(
+    tmp_path: Path, images: list[Image]
+) -> None:
+    folder = write_images(tmp_path / "views", images[:1])
+    flown = write_flight(tmp_path / "flight.mcap", images[:1])
+    for source, ground in ((folder, "ground"), (flown, "carpet")):
+        masks = tmp_path / source.stem
+        perceive.perceive(str(source), PerceiveOptions(), masks=masks / "masks")
+        listed = json.loads((masks / "masks" / "classes.json").read_text(encoding="utf-8"))
+        assert ground in [one["name"] for one in listed["classes"]]
