@@ -29,21 +29,21 @@ from numpy.typing import NDArray
 from perception.depth.confidence import Confidence
 from uav_bt.types.arrays import Floats, Floats32
 
-INTERCEPT: Final = -7.07
+INTERCEPT: Final = -9.64
 COEFFICIENTS: Final[Mapping[str, float]] = MappingProxyType(
-    {"spread": 3.54, "extent": 2.45, "slope": 2.53, "residual": 0.64, "history": 0.46}
+    {"spread": 5.86, "extent": 3.45, "slope": 2.92, "residual": 1.74, "history": 0.90}
 )
 """By measure, in the order of `evidence`."""
 
-INTERCEPT_IN_HEIGHTS: Final = -9.70
+INTERCEPT_IN_HEIGHTS: Final = -9.66
 COEFFICIENTS_IN_HEIGHTS: Final[Mapping[str, float]] = MappingProxyType(
     {
-        "spread": 3.46,
-        "extent": 1.73,
-        "slope": 2.73,
-        "residual": 0.85,
-        "history": 0.16,
-        "height": 5.40,
+        "spread": 3.24,
+        "extent": 1.54,
+        "slope": 2.12,
+        "residual": 1.14,
+        "history": 0.09,
+        "height": 5.52,
     }
 )
 """The same for a network whose depth is in heights of the camera."""
