@@ -23,6 +23,7 @@ from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.say import Say
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
+from behaviours.fly.sway_around import SwayAround
 from behaviours.fly.take_off import TakeOff
 from behaviours.fly.take_photo import TakePhoto
 from behaviours.perceive.advise import Advise
@@ -74,6 +75,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     SearchUnderPolicy,
     Segment,
     StopAboveMark,
+    SwayAround,
     TakeOff,
     TakePhoto,
     TrackMotion,

@@ -89,8 +89,8 @@ def fitted_track(
         for (first, _), motion in zip(pairs, motions, strict=True)
     ]
     moved = [
-        rotate(*np.subtract(level_m[second], level_m[first]).tolist(), float(turned[first]))
-        for first, second in steps
+        rotate(float(x_m), float(y_m), float(turn))
+        for (x_m, y_m), turn in zip(np.diff(level_m, axis=0), turned[:-1], strict=True)
     ]
     position_m = _fit(
         every,
@@ -165,7 +165,10 @@ def _fit(pairs: Floats, differences: Floats, errors: Floats, count: int) -> Floa
     values = np.zeros((count, differences.shape[1]))
     for _ in range(_ROUNDS):
         weighted = matrix.multiply(weights[:, None]).tocsr()
-        normal, right = (weighted.T @ weighted).tocsc(), weighted.T @ (differences * weights[:, None])
+        normal, right = (
+            (weighted.T @ weighted).tocsc(),
+            weighted.T @ (differences * weights[:, None]),
+        )
         values = np.column_stack([spsolve(normal, column) for column in right.T])
         residual = np.linalg.norm(differences - matrix @ values, axis=1) / errors
         weights = 1.0 / errors / np.sqrt(1.0 + (residual / _OUTLIER) ** 2)

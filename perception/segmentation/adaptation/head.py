@@ -1,0 +1,142 @@
+"""The linear head: is a pixel ground? From the features of a frozen network and its own opinion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.linear_model import LogisticRegression
+
+from perception.segmentation.adaptation.role_network import ROLES, RoleView
+from perception.segmentation.geometry.labels import GROUND, NOT_GROUND, UNKNOWN, GroundLabels
+from uav_bt.errors import InputError, ShapeError
+from uav_bt.types.arrays import Floats
+
+_OUTSIDE, _GROUND, _OBSTACLE = range(len(ROLES))
+MOST_SURE: Final = 20.0  # logits beyond this are equally sure
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeadConfig:
+    """How the head is fitted. Numbers are chosen on training scenes.
+
+    Attributes:
+        pixels: Largest number of pixels of each label in one frame.
+        least: Least number of pixels of each label in all frames.
+        strength: Inverse of the regularisation, C of scikit-learn.
+        seed: Of the choice of the pixels.
+    """
+
+    pixels: int = 400
+    least: int = 500
+    strength: float = 0.05
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GroundHead:
+    """Score of ground of a pixel: weights * features + margin_weight * margin + bias.
+
+    Attributes:
+        weights: (C,) float64.
+        margin_weight: Of the network's score of ground above the best other role.
+        bias: Added.
+    """
+
+    weights: Floats
+    margin_weight: float
+    bias: float
+
+    def scores(self, view: RoleView) -> NDArray[np.float32]:
+        """Return adapted scores of the roles, (3, H, W) float32.
+
+        The score of ground is the head's, and the better other role has zero. So ground is chosen
+        where the head's probability exceeds one half.
+        """
+        if len(view.features) != len(self.weights):
+            raise ShapeError(
+                "features of the adapted network",
+                expected=f"{len(self.weights)}xhxw",
+                actual=view.features.shape,
+            )
+        height, width = view.scores.shape[1:]
+        small = np.tensordot(self.weights, view.features, axes=1).astype(np.float32)
+        ground = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
+        best = np.maximum(view.scores[_OUTSIDE], view.scores[_OBSTACLE])
+        made = np.asarray(view.scores - best, np.float32)
+        made[_GROUND] = ground + self.margin_weight * ground_margin(view) + self.bias
+        return made
+
+
+def ground_margin(view: RoleView) -> NDArray[np.float32]:
+    """Return the score of ground above the best other role, bounded, (H, W)."""
+    best = np.maximum(view.scores[_OUTSIDE], view.scores[_OBSTACLE])
+    return np.asarray(np.clip(view.scores[_GROUND] - best, -MOST_SURE, MOST_SURE), np.float32)
+
+
+def fit_head(
+    views: Sequence[RoleView], labels: Sequence[GroundLabels], config: HeadConfig | None = None
+) -> GroundHead:
+    """Fit a head to the labels of some frames.
+
+    Args:
+        views: what the network gives for the frames.
+        labels: their labels, at the size of the scores.
+        config: how it is fitted.
+
+    Raises:
+        InputError: the labels show too little ground, or nothing else.
+    """
+    config = config or HeadConfig()
+    generator = np.random.default_rng(config.seed)
+    rows, kinds, weights = [], [], []
+    for view, each in zip(views, labels, strict=True):
+        for label in (GROUND, NOT_GROUND):
+            places = np.flatnonzero((each.labels == label).ravel())
+            count = min(config.pixels, len(places))
+            chosen = generator.choice(places, count, replace=False)
+            rows.append(_columns(view, chosen))
+            kinds.append(np.full(count, label == GROUND))
+            weights.append(each.confidence.ravel()[chosen])
+    known, ground = np.concatenate(rows), np.concatenate(kinds)
+    least = min(int(ground.sum()), int((~ground).sum()))
+    if least < config.least:
+        raise InputError(
+            f"the flight shows too little to learn from: {int(ground.sum())} pixels of ground and "
+            f"{int((~ground).sum())} of other surfaces, at least {config.least} of each are needed "
+            "(texture on the ground, steps to the side, and light help)"
+        )
+    mean, deviation = known.mean(axis=0), known.std(axis=0) + 1e-6
+    model = LogisticRegression(C=config.strength, class_weight="balanced", max_iter=500)
+    model.fit((known - mean) / deviation, ground, sample_weight=np.concatenate(weights))
+    slope = model.coef_[0] / deviation
+    return GroundHead(
+        weights=slope[:-1],
+        margin_weight=float(slope[-1]),
+        bias=float(model.intercept_[0] - slope @ mean),
+    )
+
+
+def _columns(view: RoleView, places: NDArray[np.intp]) -> Floats:
+    """Return features and margin of pixels, (N, C + 1)."""
+    height, width = view.scores.shape[1:]
+    columns = [
+        cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR).ravel()[places]
+        for plane in view.features
+    ]
+    return np.stack([*columns, ground_margin(view).ravel()[places]], axis=1).astype(np.float64)
+
+
+def agreement(head: GroundHead, views: Sequence[RoleView], labels: Sequence[GroundLabels]) -> float:
+    """Return the share of labelled pixels to which the head gives their label."""
+    right = known = 0
+    for view, each in zip(views, labels, strict=True):
+        ground = head.scores(view).argmax(axis=0) == _GROUND
+        labelled = each.labels != UNKNOWN
+        known += int(labelled.sum())
+        right += int((labelled & (ground == (each.labels == GROUND))).sum())
+    return right / known if known else 0.0
