@@ -95,9 +95,7 @@ class PlaceStatement:
         lens = camera.resized(self.width_px, self.height_px)
         for now, then in zip((lens.fx_px, lens.fy_px), self.focal_px, strict=True):
             if abs(now / then - 1.0) > _LENS:
-                return (
-                    f"it was learned with a focal length of {then:.0f} px, this one is {now:.0f} px"
-                )
+                return f"it was learned with a focal length of {then:.0f} px, now {now:.0f} px"
         if abs(height_m - self.height_m) > _HIGHER_M:
             return f"it was learned {self.height_m:.1f} m above the ground, not {height_m:.1f} m"
         far = self.distance(views)
