@@ -29,6 +29,7 @@ from behaviours.fly.take_photo import TakePhoto
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
+from behaviours.perceive.learn_ground import LearnGround
 from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
 from behaviours.perceive.site_map import MapSite
@@ -58,6 +59,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     Hovering,
     Land,
     LandHere,
+    LearnGround,
     MapSite,
     MarkFound,
     MarkKnown,

@@ -35,7 +35,8 @@ def _mapping_file(classes: str) -> None:
 class Segment(Leaf):
     """Segment each new frame into the classes of the lab; SUCCESS always.
 
-    The age of the class map on the board shows staleness.
+    After `LearnGround` has learned the place, its network replaces that of `model`. The age of the
+    class map on the board shows staleness.
     """
 
     answers = (Status.SUCCESS,)
@@ -63,6 +64,7 @@ class Segment(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError or FileError when it cannot be loaded."""
         self._segmenter = mission.segmenter or self._load(mission)
+        self._context = mission
         if mission.ground:
             from perception.segmentation.mapping import CountedAsGround  # noqa: PLC0415 - late, as below
 
@@ -75,8 +77,10 @@ class Segment(Leaf):
         frame = self.read(FRAME).value
         if frame is not None and frame.index != self._last_index:
             self._last_index = frame.index
+            exact = self._context.segmenter
+            segmenter = (exact is None and self._context.learned.segmenter) or self._segmenter
             with self._timer:
-                class_map = self._segmenter.segment(frame)
+                class_map = segmenter.segment(frame)
             self.write(CLASS_MAP, class_map, captured_s=frame.captured_s)
         return Status.SUCCESS
 

@@ -36,7 +36,7 @@ class HeadConfig:
     pixels: int = 250
     least: int = 500
     strength: float = 0.02
-    kept: float = 0.97
+    kept: float = 0.95
     seed: int = 0
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -203,8 +202,8 @@ class AdaptedSegmenter:
 
 
 def _class_of(role: str, classes: LabClasses) -> int:
-    roles = classes.roles(np.arange(len(classes), dtype=np.uint8))
-    places: Sequence[int] = np.flatnonzero(roles == ROLE_NAMES.index(role)).tolist()
-    if not places:
+    found = classes.of_role(ROLE_NAMES.index(role))  # type: ignore[arg-type]
+    standing = [each for each in found if each in classes.standing]
+    if not found:
         raise InputError(f"the lab has no class of the role '{role}', in which a place is learned")
-    return places[0]
+    return (standing or list(found))[0]
