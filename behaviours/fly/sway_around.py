@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any, ClassVar
 
 from behaviours.fly.leaf_clock import LeafClock
-from uav_bt.board import PHASE, STATE
+from uav_bt.board import PHASE, STATE, Key
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import GimbalTo, MissionPhase, Pose2D, Velocity, rotate
@@ -23,10 +24,10 @@ class SwayAround(Leaf):
     around the take-off place must suffice.
     """
 
-    answers = (Status.SUCCESS, Status.RUNNING)
+    answers: ClassVar[tuple[Status, ...]] = (Status.SUCCESS, Status.RUNNING)
     moves = True
     points = True
-    ports = (
+    ports: ClassVar[tuple[Port[Any], ...]] = (
         Port("seconds", float, default=30.0, least=8, most=600, doc="time of the whole turn, s"),
         Port("sway_m", float, default=0.2, least=0.05, most=1, doc="way to either side, m"),
         Port("period_s", float, default=3.0, least=1, most=60, doc="time of one sway, s"),
@@ -47,7 +48,7 @@ class SwayAround(Leaf):
             doc="camera pitch for the horizon, degrees",
         ),
     )
-    reads = (STATE,)
+    reads: ClassVar[tuple[Key[Any], ...]] = (STATE,)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:

@@ -112,7 +112,8 @@ class LearnGround(SwayAround):
     def _gather(self) -> None:
         from perception.odometry.flown_footage import FootageBuilder  # noqa: PLC0415 - OpenCV
 
-        state, frame, camera = (self.read(key).value for key in (STATE, FRAME, CAMERA))
+        state, frame = self.read(STATE).value, self.read(FRAME).value
+        camera = self.read(CAMERA).value
         if camera is None:
             return
         if self._gathered is None:

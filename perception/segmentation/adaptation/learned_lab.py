@@ -202,7 +202,7 @@ class AdaptedSegmenter:
 
 
 def _class_of(role: str, classes: LabClasses) -> int:
-    found = classes.of_role(ROLE_NAMES.index(role))  # type: ignore[arg-type]
+    found = classes.of_role(ROLE_NAMES.index(role))
     standing = [each for each in found if each in classes.standing]
     if not found:
         raise InputError(f"the lab has no class of the role '{role}', in which a place is learned")
