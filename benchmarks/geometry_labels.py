@@ -28,6 +28,7 @@ from perception.odometry.flown_footage import FootageBuilder
 from perception.segmentation.geometry.labels import GROUND, NOT_GROUND, UNKNOWN, GroundLabels
 from perception.segmentation.geometry.learn_labels import LABELLED_SIZE_PX, ground_labels
 from uav_bt import app
+from uav_bt.errors import InputError
 from uav_bt.lab.roles import GROUND as GROUND_ROLE
 from uav_bt.lab.shipped import load_lab
 from uav_bt.mission.tick import TickRecord
@@ -36,6 +37,7 @@ from uav_bt.types import Frame
 
 TREE: Final = Path(__file__).parent / "missions" / "sway_around.xml"
 FOOTAGE_PX: Final = (448, 224)
+SCENES: Final = ["train-*", "val-*", "depot-train-*", "depot-val-*"]
 COPLANAR: Final = 0.04  # relative difference of depth from the ground plane
 
 
@@ -180,11 +182,20 @@ def measure(lab: str, scene: str, seed: int, pictures: Path | None) -> Counts:
     return counts
 
 
+def _matching(lab: str, pattern: str) -> tuple[str, ...]:
+    """Return the scenes of a lab that match a pattern; none is no mistake here."""
+    try:
+        found = scenes_of(load_lab(lab), pattern)
+    except InputError:
+        return ()
+    return found
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the shares by scene, and of all scenes of a lab."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--lab", nargs="+", default=["paper", "depot"])
-    parser.add_argument("--scenes", nargs="+", default=["*train-*", "*val-*"], help="patterns")
+    parser.add_argument("--scenes", nargs="+", default=SCENES, help="patterns")
     parser.add_argument("--seed", nargs="+", type=int, default=[1])
     parser.add_argument("--pictures", type=Path, help="folder for pictures of the labels")
     parser.add_argument("--out", type=Path, help="JSON file")
@@ -192,7 +203,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     result = {}
     for lab in given.lab:
         total = Counts()
-        scenes = [scene for each in given.scenes for scene in scenes_of(load_lab(lab), each)]
+        scenes = [scene for each in given.scenes for scene in _matching(lab, each)]
         for scene in scenes:
             for seed in given.seed:
                 counts = measure(lab, scene, seed, given.pictures)

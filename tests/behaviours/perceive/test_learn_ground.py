@@ -10,7 +10,7 @@ from perception.segmentation.adaptation import learned_lab
 from perception.segmentation.adaptation.head import GroundHead
 from perception.segmentation.adaptation.learned_lab import LearnedPlace
 from perception.segmentation.adaptation.place_statement import PlaceStatement
-from uav_bt.errors import InputError, NodeFailedError
+from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live
 from uav_bt.tree import Status
@@ -68,5 +68,5 @@ def test_a_flight_that_shows_too_little_fails(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_the_teacher_has_no_features_to_adapt() -> None:
-    with pytest.raises(NodeFailedError, match="network to adapt"):
+    with pytest.raises(UnknownNameError, match="network to adapt 'teacher'"):
         LeafBench(LearnGround, model="teacher").setup()
