@@ -27,6 +27,7 @@ from perception.camera.ground_plane import CameraView, ground_depth
 from perception.odometry.flown_footage import FootageBuilder
 from perception.segmentation.geometry.labels import GROUND, NOT_GROUND, UNKNOWN, GroundLabels
 from perception.segmentation.geometry.learn_labels import LABELLED_SIZE_PX, ground_labels
+from sim_bridge.twin.scene_file import load_scene
 from uav_bt import app
 from uav_bt.errors import InputError
 from uav_bt.lab.roles import GROUND as GROUND_ROLE
@@ -188,7 +189,8 @@ def _matching(lab: str, pattern: str) -> tuple[str, ...]:
         found = scenes_of(load_lab(lab), pattern)
     except InputError:
         return ()
-    return found
+    # The shipped scenes are those of all labs.
+    return tuple(scene for scene in found if load_lab(load_scene(scene).lab).name == lab)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
