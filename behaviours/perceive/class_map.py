@@ -36,8 +36,9 @@ def _mapping_file(classes: str) -> None:
 class Segment(Leaf):
     """Segment each new frame into the classes of the lab; SUCCESS always.
 
-    The age of the class map on the board shows staleness. A network with a second head writes the
-    relative depth of the frame, too.
+    A network with a second head writes the relative depth of the frame, too. After `LearnGround`
+    has learned the place, its network replaces that of `model`. The age of the class map on the
+    board shows staleness.
     """
 
     answers = (Status.SUCCESS,)
@@ -64,8 +65,8 @@ class Segment(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError or FileError when it cannot be loaded."""
-        self._segmenter = mission.segmenter or self._load(mission)
-        self._beside = self._segmenter if isinstance(self._segmenter, DepthBeside) else None
+        self._context = mission
+        self._network = self._segmenter = mission.segmenter or self._load(mission)
         if mission.ground:
             from perception.segmentation.mapping import CountedAsGround  # noqa: PLC0415 - late, as below
 
@@ -78,10 +79,13 @@ class Segment(Leaf):
         frame = self.read(FRAME).value
         if frame is not None and frame.index != self._last_index:
             self._last_index = frame.index
+            given, learned = self._context.segmenter, self._context.learned.segmenter
+            segmenter = self._segmenter if given is not None or learned is None else learned
             with self._timer:
-                class_map = self._segmenter.segment(frame)
+                class_map = segmenter.segment(frame)
             self.write(CLASS_MAP, class_map, captured_s=frame.captured_s)
-            depth = None if self._beside is None else self._beside.relative_depth
+            network = self._network if segmenter is self._segmenter else segmenter
+            depth = network.relative_depth if isinstance(network, DepthBeside) else None
             if depth is not None:
                 self.write(RELATIVE_DEPTH, depth, captured_s=depth.captured_s)
         return Status.SUCCESS

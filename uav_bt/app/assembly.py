@@ -139,6 +139,7 @@ class Flight(Generic[DroneT]):
             mark_pose=mark_pose_of(self.options, self.drone),
             area=self.area,
             outputs=self.outputs,
+            live=self.drone.live,
         )
 
     def _policy(self, name: str) -> LeafPolicy:

@@ -26,7 +26,8 @@ from perception.depth.training.labelling import (
     write_labels,
 )
 from perception.networks.onnx_runtime import shrunk
-from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
+from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage
+from perception.odometry.flown_footage import FootageBuilder
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
 from uav_bt.progress import Advance, silent
@@ -34,7 +35,7 @@ from uav_bt.protocols import Advice, Segmenter
 from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
-from uav_bt.types import Attitude, CameraModel, DroneState
+from uav_bt.types import CameraModel, DroneState
 
 _FOOTAGE_EVERY_S: Final = 0.1  # one tick
 _END_BYTES: Final = 64 * 1024  # hashed bytes of both ends, where a record has its index
@@ -136,54 +137,20 @@ def footage_of(path: Path) -> Footage:
         FileError: the file is not a complete flight record, or has no frame.
     """
     reader = flight_record(path)
-    states: list[DroneState] = []
+    gathered = FootageBuilder(reader.camera, FOOTAGE_SIZE_PX)
 
     def frames() -> Iterator[StoredFrame]:
         for item in footage(reader):
             if isinstance(item, StoredFrame):
                 yield item
-            elif isinstance(item, DroneState) and (
-                not states or item.times.velocity_s > states[-1].times.velocity_s
-            ):
-                states.append(item)
+            elif isinstance(item, DroneState):
+                gathered.add_state(item)
 
-    images, notes = [], []
     for frame in spaced(frames(), _FOOTAGE_EVERY_S):
-        images.append(shrink(image_of(frame, path)))
-        notes.append(frame.note)
-    if not notes:
+        gathered.add_frame(frame.note.with_image(image_of(frame, path)))
+    if not len(gathered):
         raise FileError(path, "the record has no frame with an image to learn from")
-    return Footage(
-        frames=np.stack(images),
-        index=np.array([note.index for note in notes], dtype=np.int64),
-        captured_s=np.array([note.captured_s for note in notes]),
-        gimbal_pitch_rad=np.array([note.gimbal_pitch_rad for note in notes]),
-        attitude_rad=np.array([_angles(note.attitude) for note in notes]),
-        altitude_m=np.array([note.altitude_m for note in notes]),
-        height_m=np.array([note.height_m for note in notes]),
-        height_above_ground_m=np.array([note.height_above_ground_m for note in notes]),
-        state_s=np.array([state.times.velocity_s for state in states]),
-        state_attitude_rad=_attitudes_at_velocities(states),
-        velocity_mps=np.array(
-            [
-                (state.velocity.forward_mps, state.velocity.right_mps, state.velocity.down_mps)
-                for state in states
-            ]
-        ),
-        camera=reader.camera.resized(*FOOTAGE_SIZE_PX),
-    )
-
-
-def _attitudes_at_velocities(states: Sequence[DroneState]) -> NDArray[np.float64]:
-    """Return roll, pitch and yaw at the times of the velocities, interpolated, (N, 3) rad."""
-    angles = np.unwrap([_angles(state.attitude) for state in states], axis=0)
-    measured_s = [state.times.attitude_s for state in states]
-    velocity_s = [state.times.velocity_s for state in states]
-    return np.stack([np.interp(velocity_s, measured_s, column) for column in angles.T], axis=1)
-
-
-def _angles(attitude: Attitude) -> tuple[float, float, float]:
-    return attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad
+    return gathered.footage()
 
 
 # --- depth ----------------------------------------------------------------------------------------

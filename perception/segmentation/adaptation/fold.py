@@ -1,0 +1,138 @@
+"""The adapted head inside the network: an ONNX file with the logits of three roles."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from perception.networks.inference_packages import import_onnx
+from perception.segmentation.adaptation.head import MOST_SURE, GroundHead
+from perception.segmentation.adaptation.role_network import ROLES
+from uav_bt.errors import WeightsError
+from uav_bt.files import write_whole
+
+_LOGITS: Final = "logits"
+_FEATURES: Final = "features"
+_INNER: Final = "logits_before_adaptation"
+
+
+def write_adapted(
+    path: Path,
+    base: Path,
+    groups: Sequence[Sequence[int]],
+    head: GroundHead,
+    metadata: Mapping[str, str],
+) -> None:
+    """Write a network with an adapted head.
+
+    Args:
+        path: the ONNX file to write; replaced in one step.
+        base: the ONNX file of the frozen network.
+        groups: numbers of its classes by `ROLES`, as `OnnxRoleNetwork.groups`.
+        head: the head.
+        metadata: further metadata of the file.
+
+    Raises:
+        WeightsError: the network has no features.
+        MissingDependencyError: the package onnx is not installed.
+    """
+    onnx = import_onnx()
+    model = onnx.load(str(base))
+    graph = model.graph
+    outputs = {each.name: each for each in graph.output}
+    logits = _LOGITS if _LOGITS in outputs else graph.output[0].name
+    shape = [axis.dim_value for axis in outputs[logits].type.tensor_type.shape.dim]
+    features = _FEATURES if _FEATURES in outputs else _head_input(graph, logits, base)
+    _rename(graph, logits, _INNER)
+    nodes, constants = _nodes(onnx, features, groups, head, shape[2:])
+    graph.node.extend(nodes)
+    graph.initializer.extend(constants)
+    del graph.output[:]
+    kind = onnx.TensorProto.FLOAT
+    size = [1, len(ROLES), *shape[2:]]
+    graph.output.append(onnx.helper.make_tensor_value_info(_LOGITS, kind, size))
+    del model.metadata_props[:]
+    onnx.helper.set_model_props(model, {"classes": json.dumps(ROLES), **metadata})
+    onnx.checker.check_model(model)
+    write_whole(path, model.SerializeToString(deterministic=True))
+
+
+def _head_input(graph: Any, logits: str, base: Path) -> str:
+    """Return the name of the input of the last convolution before the logits."""
+    makers = {name: node for node in graph.node for name in node.output}
+    name = logits
+    for _ in range(8):
+        node = makers.get(name)
+        if node is None:
+            break
+        if node.op_type == "Conv":
+            return str(node.input[0])
+        name = node.input[0]
+    raise WeightsError(
+        base, "has no output 'features', and its logits do not come from a convolution"
+    )
+
+
+def _rename(graph: Any, old: str, new: str) -> None:
+    for node in graph.node:
+        for names in (node.input, node.output):
+            for index, name in enumerate(names):
+                if name == old:
+                    names[index] = new
+
+
+def _nodes(
+    onnx: Any,
+    features: str,
+    groups: Sequence[Sequence[int]],
+    head: GroundHead,
+    size: Sequence[int],
+) -> tuple[list[Any], list[Any]]:
+    make, constants = onnx.helper.make_node, []
+
+    def constant(name: str, value: Any, kind: Any = np.float32) -> str:
+        named = f"adapted_{name}"
+        constants.append(onnx.numpy_helper.from_array(np.array(value, kind), named))
+        return named
+
+    nodes = []
+    for role, group in zip(ROLES, groups, strict=True):
+        chosen = constant(f"{role}_classes", group, np.int64)
+        nodes += [
+            make("Gather", [_INNER, chosen], [f"adapted_{role}_scores"], axis=1),
+            make(
+                "ReduceMax",
+                [f"adapted_{role}_scores", constant(f"{role}_axis", [1], np.int64)],
+                [f"adapted_{role}"],
+                keepdims=1,
+            ),
+        ]
+    outside, ground, obstacle = (f"adapted_{role}" for role in ROLES)
+    weights = constant("weights", head.weights[None, :, None, None])
+    target = constant("size", [1, 1, *size], np.int64)
+    least, most = constant("least", -MOST_SURE), constant("most", MOST_SURE)
+    nodes += [
+        make("Max", [outside, obstacle], ["adapted_best"]),
+        make("Sub", [ground, "adapted_best"], ["adapted_difference"]),
+        make("Clip", ["adapted_difference", least, most], ["adapted_margin"]),
+        make(
+            "Mul", ["adapted_margin", constant("margin_weight", head.margin_weight)], ["adapted_m"]
+        ),
+        make("Conv", [features, weights, constant("bias", [head.bias])], ["adapted_small"]),
+        make(
+            "Resize",
+            ["adapted_small", "", "", target],
+            ["adapted_large"],
+            mode="linear",
+            coordinate_transformation_mode="half_pixel",
+        ),
+        make("Add", ["adapted_large", "adapted_m"], ["adapted_score"]),
+        make("Sub", [outside, "adapted_best"], ["adapted_first"]),
+        make("Sub", [obstacle, "adapted_best"], ["adapted_last"]),
+        make("Concat", ["adapted_first", "adapted_score", "adapted_last"], [_LOGITS], axis=1),
+    ]
+    return nodes, constants

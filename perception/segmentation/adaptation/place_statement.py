@@ -1,0 +1,121 @@
+"""What an adapted network was made for: a place, a camera, a height; checked before it is trusted.
+
+The file `learned.yaml` lies beside the network. Mean and spread of the features show whether later
+frames look as those that the network was adapted to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Final
+
+import numpy as np
+import yaml
+from pydantic import Field
+
+from perception.segmentation.adaptation.role_network import RoleView
+from uav_bt.files import write_whole
+from uav_bt.types import CameraModel
+from uav_bt.types.arrays import Floats
+from uav_bt.yaml_file import read_yaml
+
+STATEMENT_FILE: Final = "learned.yaml"
+"""Name of the statement in the folder of a learned lab."""
+
+_MOST_FAR: Final = 0.5  # mean shift of the features, standard deviations; chosen on training scenes
+_LENS: Final = 0.03  # relative difference of the focal lengths; chosen
+_HIGHER_M: Final = 0.6  # difference in height; chosen
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceStatement:
+    """What a network was adapted to.
+
+    Attributes:
+        version: Of the file's form.
+        made: Date and time, ISO 8601; empty for a simulated flight.
+        base: Hash of the network that was adapted.
+        width_px: Of the camera's images.
+        height_px: The same.
+        focal_px: Focal lengths along columns and rows.
+        height_m: Mean height of the lens above the ground.
+        frames: Number of labelled frames.
+        known_share: Share of their pixels with a label.
+        agreement: Share of the labelled pixels to which the network gives the label.
+        feature_mean: Of each channel, over the labelled frames.
+        feature_spread: Standard deviation of each channel, over pixels and frames.
+    """
+
+    version: Annotated[int, Field(ge=1, le=1)] = 1
+    made: str = ""
+    base: str
+    width_px: int
+    height_px: int
+    focal_px: tuple[float, float]
+    height_m: float
+    frames: int
+    known_share: float
+    agreement: float
+    feature_mean: tuple[float, ...]
+    feature_spread: tuple[float, ...]
+
+    def write(self, folder: Path) -> None:
+        """Write the statement into the folder of a lab."""
+        plain = {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self).items()
+        }
+        text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True)
+        write_whole(folder / STATEMENT_FILE, text)
+
+    @staticmethod
+    def read(folder: Path) -> PlaceStatement:
+        """Read the statement of a lab's folder.
+
+        Raises:
+            FileError: it is absent or malformed.
+        """
+        remedy = "it is written when a place is learned; learn the place again"
+        file = read_yaml(folder / STATEMENT_FILE, PlaceStatement, "statement", remedy=remedy)
+        return file.value
+
+    def foreign(
+        self, camera: CameraModel, height_m: float, views: Sequence[RoleView]
+    ) -> str | None:
+        """Return why the network does not fit a flight; None if it does.
+
+        Args:
+            camera: of the flight, at any size.
+            height_m: of the lens above the ground.
+            views: what the network that was adapted gives for some frames, best all around.
+        """
+        lens = camera.resized(self.width_px, self.height_px)
+        for now, then in zip((lens.fx_px, lens.fy_px), self.focal_px, strict=True):
+            if abs(now / then - 1.0) > _LENS:
+                return f"it was learned with a focal length of {then:.0f} px, now {now:.0f} px"
+        if abs(height_m - self.height_m) > _HIGHER_M:
+            return f"it was learned {self.height_m:.1f} m above the ground, not {height_m:.1f} m"
+        far = self.distance(views)
+        if not far <= _MOST_FAR:
+            return f"the images differ from those of the learned place ({far:.2f} > {_MOST_FAR:g})"
+        return None
+
+    def distance(self, views: Sequence[RoleView]) -> float:
+        """Return the shift of the features' mean, root mean square in standard deviations."""
+        if not views:
+            return math.nan
+        mean, _ = feature_statistics(views)
+        if len(mean) != len(self.feature_mean):
+            return math.inf
+        shift = (mean - self.feature_mean) / np.maximum(self.feature_spread, 1e-6)
+        return float(np.sqrt(np.mean(shift**2)))
+
+
+def feature_statistics(views: Sequence[RoleView]) -> tuple[Floats, Floats]:
+    """Return mean and standard deviation of each channel, (C,), over pixels and frames."""
+    values = np.stack([view.features.reshape(len(view.features), -1) for view in views], axis=1)
+    flat = values.reshape(len(values), -1).astype(np.float64)
+    return flat.mean(axis=1), flat.std(axis=1)
