@@ -151,7 +151,7 @@ def test_confidence_falls_with_scatter_and_with_few_points() -> None:
     assert few is not None
     assert clean.confidence > 0.8
     assert rough.confidence < 0.3
-    assert few.confidence < clean.confidence - 0.2
+    assert few.confidence < clean.confidence - 0.1
     assert clean.why is not None
     assert clean.why.value == clean.confidence
 
