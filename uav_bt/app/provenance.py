@@ -120,7 +120,9 @@ def weights_of(*missions: MissionTree) -> dict[str, str]:
     for mission in missions:
         for leaf in mission.leaves():
             for port in leaf.ports:
-                value = leaf.initial_value(port) if port.type is str else None
+                # A value of a fixed list names no file, even where it is also a network's name.
+                free = port.type is str and not port.choices
+                value = leaf.initial_value(port) if free else None
                 files |= {file.name: file for file in _files_meant(value)}
     return {name: _file_sha256(file, file.stat().st_mtime_ns) for name, file in files.items()}
 
