@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 import uav_bt
+from perception.networks.named import ANY
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.tree import MissionTree
 
@@ -120,9 +121,9 @@ def weights_of(*missions: MissionTree) -> dict[str, str]:
     for mission in missions:
         for leaf in mission.leaves():
             for port in leaf.ports:
-                # A value of a fixed list names no file, even where it is also a network's name.
-                free = port.type is str and not port.choices
-                value = leaf.initial_value(port) if free else None
+                value = leaf.initial_value(port) if port.type is str else None
+                if value == ANY and port.look_up is None:
+                    continue  # 'any' is also a heading, and a place to land
                 files |= {file.name: file for file in _files_meant(value)}
     return {name: _file_sha256(file, file.stat().st_mtime_ns) for name, file in files.items()}
 
