@@ -26,7 +26,7 @@ from benchmarks.segmentation import scenes_of
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.runtime import load_depth_estimator
 from perception.depth.scale import AdaptiveScale, sample_ground
-from perception.networks.named import SHIPPED_DEPTHS, SHIPPED_UNETS, segmentation_file
+from perception.networks.named import SHIPPED_DEPTHS, SHIPPED_UNET, segmentation_file
 from perception.segmentation.runtime import load_segmenter
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile
@@ -156,7 +156,7 @@ class _Masks:
     """The ground by the network of a lab."""
 
     def __init__(self, lab: Lab) -> None:
-        path = segmentation_file(network_of(lab).get("model", SHIPPED_UNETS[0]))
+        path = segmentation_file(network_of(lab).get("model", SHIPPED_UNET))
         if path is None:
             raise SystemExit(f"the lab {lab.name} is flown without a network")
         self._segmenter = load_segmenter(path, lab.classes, threads=2)

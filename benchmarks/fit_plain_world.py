@@ -99,7 +99,7 @@ def main() -> None:
     parser.add_argument("--profile", default="lab")
     parser.add_argument("--views", type=int, default=60, help="in each scene")
     given = parser.parse_args()
-    unet, generator = shipped_unet("unet"), np.random.default_rng(5)
+    unet, generator = shipped_unet(), np.random.default_rng(5)
     kinds = ("bases", "edges")
     found: dict[str, dict[str, list[tuple[Points, int, int]]]] = {kind: {} for kind in kinds}
     casters: dict[str, tuple[Caster, Caster]] = {}

@@ -6,7 +6,7 @@
 
 The score is the intersection over union over all pixels, by class and by role. Without `--model`
 the network is that of the lab, in the paper's lab the shipped U-Net. `--model` is an ONNX file with
-the classes of the lab, `unet`, `unet-fp32`, or the weights of a teacher (safetensors).
+the classes of the lab, `unet`, or the weights of a teacher (safetensors).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from perception.networks.named import SHIPPED_UNETS
+from perception.networks.named import SHIPPED_UNET
 from perception.segmentation.evaluation import SegmentationScore, score_segmentation
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from sim_bridge.twin.scene_file import shipped_scenes
@@ -79,11 +79,11 @@ def evaluate_segmentation(
 def segmenter(model: str | None, lab: Lab) -> Callable[[Image], Image]:
     """Return the segmentation that `--model` names."""
     if model is None and not lab.network and lab.classes == load_lab().classes:
-        model = SHIPPED_UNETS[0]
+        model = SHIPPED_UNET
     if model is None:
         return network_of_lab(lab).ids
-    if model in SHIPPED_UNETS:
-        return shipped_unet(model, threads=2).ids
+    if model == SHIPPED_UNET:
+        return shipped_unet(threads=2).ids
     if model.endswith(".safetensors"):
         return MaskSource(file=Path(model), classes=lab.classes).load()
     return OnnxSegmenter(Path(model), lab.classes, threads=2).ids

@@ -1,8 +1,8 @@
 """Time networks and perception as they fly, and the teacher.
 
-    python benchmarks/timing.py segmenter --model runs/unet-int8.onnx --model unet-fp32
+    python benchmarks/timing.py segmenter --model unet --model runs/floats.onnx
     python benchmarks/timing.py student --model runs/student.onnx
-    python benchmarks/timing.py pipeline --segmentation unet-fp32 --depth depth-fp32
+    python benchmarks/timing.py pipeline --segmentation runs/floats.onnx --depth contact
     python benchmarks/timing.py teacher --share 0.004 --count 2
 
 Contestants take turns, so that other work on the machine slows all of them. The processor's own
@@ -37,10 +37,10 @@ from benchmarks.lab_views import draw_twin_picks
 from perception.control.ego_state import state_size
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
-from perception.networks.named import SHIPPED_UNETS
+from perception.networks.named import SHIPPED_UNET, segmentation_file
 from perception.segmentation.clean import RefineConfig
 from perception.segmentation.features import hsv_of, patch_features
-from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
+from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.teacher import TeacherConfig, fit_teacher
 from perception.segmentation.training.picks import gather_patches
 from sim_bridge.anafi import anafi_camera
@@ -48,6 +48,7 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline
+from uav_bt.errors import UnknownNameError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
 from uav_bt.types import Frame
@@ -83,22 +84,25 @@ def noise() -> NDArray[np.uint8]:
 # --- networks -------------------------------------------------------------------------------------
 
 
+def segmenter_of(model: str, threads: int) -> OnnxSegmenter:
+    """Return the shipped U-Net by its name, or a network with its classes from an ONNX file."""
+    path = segmentation_file(model)
+    if path is None:
+        raise UnknownNameError("network to time", model, (SHIPPED_UNET, "FILE.onnx"))
+    return OnnxSegmenter(path, load_lab().classes, threads=threads)
+
+
 def segmenter(given: Options) -> None:
     """Print a line a network and number of threads."""
     frames = noise()
 
     def contestant(name: str, threads: int) -> Callable[[int], object]:
-        shipped = name in SHIPPED_UNETS
-        net = (
-            shipped_unet(name, threads=threads)
-            if shipped
-            else OnnxSegmenter(Path(name), threads=threads)
-        )
+        net = segmenter_of(name, threads)
         return lambda index: net.ids(frames[index % len(frames)])
 
     for threads in given.threads:
         cv2.setNumThreads(threads)
-        nets = {name: contestant(name, threads) for name in given.model or SHIPPED_UNETS}
+        nets = {name: contestant(name, threads) for name in given.model or [SHIPPED_UNET]}
         for name, (wall, processor) in _in_turns(nets, given.count or 300).items():
             p50, p99 = np.percentile(wall, [50, 99])
             print(
@@ -193,7 +197,7 @@ def pipeline(given: Options) -> None:
         cv2.setNumThreads(threads)
         none = given.depth == "contact"
         perception = Pipeline(
-            shipped_unet(given.segmentation, threads=threads),
+            segmenter_of(given.segmentation, threads),
             None if none else load_depth_estimator(given.depth, threads=threads),
             anafi_camera(640, 360),
             generator=np.random.default_rng(0),
@@ -277,10 +281,10 @@ def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=TIMED)
-    parser.add_argument("--model", action="append", help="a shipped one's name or an ONNX file")
+    parser.add_argument("--model", action="append", help="'unet' or an ONNX file")
     parser.add_argument("--count", type=int, help="frames, decisions or images that are timed")
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--segmentation", default="unet", choices=SHIPPED_UNETS)
+    parser.add_argument("--segmentation", default=SHIPPED_UNET, help="'unet' or an ONNX file")
     parser.add_argument("--depth", default="depth", help="a shipped one, an ONNX file, 'contact'")
     parser.add_argument("--share", type=float, default=0.1, help="of the grid, patch by patch")
     given = parser.parse_args()

@@ -47,7 +47,7 @@ class Segment(Leaf):
             "model",
             str,
             default="unet",
-            doc="'unet', 'unet-fp32', 'any' (any room, by roles), 'teacher', or an ONNX file",
+            doc="'unet', 'any' (any room, by roles), 'teacher', or an ONNX file",
             look_up=segmentation_file,
             at_setup=True,
         ),

@@ -44,7 +44,7 @@ class EstimateDepth(Leaf):
             "model",
             str,
             default="depth",
-            doc="'depth', 'depth-fp32', an ONNX file (and its mapping), or 'contact' (no network); "
+            doc="'depth', an ONNX file (and its mapping), or 'contact' (no network); "
             "'depth' is not run for frames of which the network of `Segment` gives the depth",
             look_up=depth_file,
             at_setup=True,

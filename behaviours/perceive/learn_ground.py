@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from behaviours.fly.sway_around import SwayAround
-from perception.networks.named import SHIPPED_UNETS, segmentation_file
+from perception.networks.named import SHIPPED_UNET, segmentation_file
 from uav_bt.board import CAMERA, FRAME, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import UavBtError, UnknownNameError
@@ -26,7 +26,7 @@ _FOOTAGE_PX: Final = (448, 224)  # twice the size of the labels
 
 def _network_file(model: str) -> None:
     if segmentation_file(model) is None:
-        raise UnknownNameError("network to adapt", model, (*SHIPPED_UNETS, "FILE.onnx"))
+        raise UnknownNameError("network to adapt", model, (SHIPPED_UNET, "FILE.onnx"))
 
 
 class LearnGround(SwayAround):
@@ -74,9 +74,9 @@ class LearnGround(SwayAround):
         model = self.port_value("model")
         path = segmentation_file(model)
         if path is None:
-            raise UnknownNameError("network to adapt", model, (*SHIPPED_UNETS, "FILE.onnx"))
+            raise UnknownNameError("network to adapt", model, (SHIPPED_UNET, "FILE.onnx"))
         # A network states its classes by name, and the shipped ones have those of the paper's lab.
-        classes = load_lab().classes if model in SHIPPED_UNETS else mission.classes
+        classes = load_lab().classes if model == SHIPPED_UNET else mission.classes
         self._network = OnnxRoleNetwork(path, classes, threads=mission.inference_threads)
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="learn")
 

@@ -22,7 +22,7 @@ from benchmarks.rooms.assets import USES, load_assets, make_assets
 from benchmarks.rooms.furnish import FLOWN, Assets, RoomPlan, write_room
 from benchmarks.rooms.score import score_rooms
 from benchmarks.rooms.training import SCENES, RoomTraining, export_any, train_any
-from perception.networks.named import SHIPPED_UNETS, segmentation_file
+from perception.networks.named import SHIPPED_UNET, segmentation_file
 from perception.networks.training.room_run import RoomTrainingConfig
 from perception.segmentation.runtime import load_segmenter
 from uav_bt.lab.shipped import load_lab
@@ -119,7 +119,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--out", type=Path, required=True)
     command = commands.add_parser("score", help="score networks on rooms")
     command.add_argument("rooms", type=Path)
-    command.add_argument("--model", nargs="+", default=["any", SHIPPED_UNETS[0]])
+    command.add_argument("--model", nargs="+", default=["any", SHIPPED_UNET])
     command.add_argument("--views", type=int, default=24, help="images of a room")
     return parser
 

@@ -115,12 +115,12 @@ def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEst
     """Return a shipped depth network by its name, or the network of an ONNX file.
 
     Args:
-        model: "depth" (8-bit integers), "depth-fp32", or a path that ends in .onnx.
+        model: "depth" (8-bit integers), "any", or a path that ends in .onnx.
         threads: number of inference threads.
 
     Raises:
         UnknownNameError: the name is unknown.
-        ValueRangeError: the name is the former name of "contact".
+        ValueRangeError: the name is a former one.
         FileError: the mapping file beside the network is malformed.
         WeightsError: the file cannot be used, or it is unknown whether it gives depth or disparity.
     """

@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from perception.networks.weights_file import SHIPPED_WEIGHTS, where_from
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.files import did_you_mean_file, reading
 
-SHIPPED_UNETS: Final = ("unet", "unet-fp32")
-"""The shipped U-Nets: in 8-bit integers, and in floats."""
+SHIPPED_UNET: Final = "unet"
+"""The shipped U-Net, in 8-bit integers."""
 
 ANY: Final = "any"
 """The shipped network for any room: roles and relative depth by one inference."""
 
-SHIPPED_DEPTHS: Final = ("depth", "depth-fp32", ANY)
-"""The shipped depth networks: in 8-bit integers, in floats, and the second head of `any`."""
+SHIPPED_DEPTHS: Final = ("depth", ANY)
+"""The shipped depth networks: one in 8-bit integers, and the second head of `any`."""
 
 TEACHER: Final = "teacher"
 """The segmentation without a network: the teacher of the U-Nets."""
@@ -24,6 +24,18 @@ TEACHER: Final = "teacher"
 CONTACT: Final = "contact"
 """The depth model without a network: masks and ground contact alone."""
 
+# Former names, with what to write instead.
+_FORMER: Final = {
+    ("depth", "footing"): f"is called '{CONTACT}' now",
+    ("depth", "depth-fp32"): (
+        "is gone: 'depth' is the same network in 8-bit integers; "
+        "`uav-bt net export depth --precision fp32` makes one in floats"
+    ),
+    ("segmentation", "unet-fp32"): (
+        "is gone: 'unet' is the same network in 8-bit integers; "
+        "`uav-bt lab train` makes one in floats, too"
+    ),
+}
 _IR_VERSION: Final = b"\x08"  # the first byte of every ONNX file: the key of its first field
 
 
@@ -31,15 +43,16 @@ def segmentation_file(model: str) -> Path | None:
     """Return the file of a segmentation network; None for the teacher.
 
     Args:
-        model: `ANY`, one of `SHIPPED_UNETS`, an ONNX file, or `TEACHER`.
+        model: `ANY`, `SHIPPED_UNET`, an ONNX file, or `TEACHER`.
 
     Raises:
         UnknownNameError: the name is unknown.
+        ValueRangeError: the name is a former one.
         WeightsError: the file is absent or not ONNX.
     """
     if model == TEACHER:
         return None
-    shipped = (ANY, *SHIPPED_UNETS)
+    shipped = (ANY, SHIPPED_UNET)
     return _file(model, shipped, "segmentation", (*shipped, TEACHER, "FILE.onnx"))
 
 
@@ -51,13 +64,11 @@ def depth_file(model: str) -> Path | None:
 
     Raises:
         UnknownNameError: the name is unknown.
-        ValueRangeError: the name is the former name of `CONTACT`.
+        ValueRangeError: the name is a former one.
         WeightsError: the file is absent or not ONNX.
     """
     if model == CONTACT:
         return None
-    if model == "footing":
-        raise ValueRangeError(f"depth model 'footing' is called '{CONTACT}' now")
     return _file(model, SHIPPED_DEPTHS, "depth", (*SHIPPED_DEPTHS, CONTACT, "FILE.onnx"))
 
 
@@ -72,9 +83,9 @@ def check_onnx(path: Path, remedy: str) -> None:
         WeightsError: the file is absent or not ONNX.
     """
     if not path.is_file():
-        made_by = f"{remedy} makes the shipped one"
         raise WeightsError(
-            path, f"there is no such network{did_you_mean_file(path)}; {where_from(path, made_by)}"
+            path,
+            f"there is no such network{did_you_mean_file(path)}; {remedy} makes the shipped one",
         )
     with reading(path, WeightsError), path.open("rb") as file:
         head = file.read(len(_IR_VERSION))
@@ -89,6 +100,8 @@ def check_onnx(path: Path, remedy: str) -> None:
 
 
 def _file(model: str, shipped: tuple[str, ...], what: str, known: tuple[str, ...]) -> Path:
+    if (what, model) in _FORMER:
+        raise ValueRangeError(f"{what} model '{model}' {_FORMER[what, model]}")
     path = SHIPPED_WEIGHTS / f"{model}.onnx" if model in shipped else Path(model)
     if not path.suffix:
         raise UnknownNameError(f"{what} model", model, known)

@@ -20,21 +20,6 @@ SHIPPED_WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the shipped weights."""
 
 
-def where_from(path: Path, made_by: str) -> str:
-    """Return the advice for a message about an absent weights file.
-
-    Args:
-        path: where it was expected.
-        made_by: the command that makes such weights, as a clause.
-    """
-    if path.parent != SHIPPED_WEIGHTS:
-        return made_by
-    return (
-        "an installed package brings only what missions fly on by default; work in a checkout of "
-        f"the repository, or name a file ({made_by})"
-    )
-
-
 def write_weights(
     path: Path,
     tensors: Mapping[str, NDArray[Any]],
@@ -76,7 +61,7 @@ def read_weights(
     """
     if not path.is_file():
         raise WeightsError(
-            path, f"there are no weights here{did_you_mean_file(path)}; {where_from(path, remedy)}"
+            path, f"there are no weights here{did_you_mean_file(path)}; {_where_from(path, remedy)}"
         )
     try:
         with safe_open(path, framework="numpy") as file:
@@ -90,3 +75,12 @@ def read_weights(
             path, f"expected weights of kind '{kind}', got '{note.get('kind')}'; {remedy}"
         )
     return tensors, details
+
+
+def _where_from(path: Path, remedy: str) -> str:
+    if path.parent != SHIPPED_WEIGHTS:
+        return remedy
+    return (
+        "an installed package leaves out weights that only exports need; work in a checkout of "
+        f"the repository, or name a file ({remedy})"
+    )

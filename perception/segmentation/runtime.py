@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.networks.named import SHIPPED_UNETS
+from perception.networks.named import SHIPPED_UNET
 from perception.networks.onnx_runtime import (
     accept_uint8,
     class_numbers,
@@ -26,7 +26,7 @@ from perception.segmentation.mapping import ClassMapping, class_id_of, read_mapp
 from perception.segmentation.output_form import OutputForm, output_form
 from perception.segmentation.room_runtime import RoomSegmenter
 from perception.segmentation.teacher import Teacher, load_teacher
-from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import ValueRangeError, WeightsError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import ClassMap, Frame
@@ -232,19 +232,14 @@ def load_segmenter(
     return OnnxSegmenter(path, classes, mapping, threads=threads)
 
 
-def shipped_unet(name: str = "unet", *, threads: int = 1) -> OnnxSegmenter:
-    """Return a shipped segmentation U-Net; its classes are those of the paper's lab.
+def shipped_unet(*, threads: int = 1) -> OnnxSegmenter:
+    """Return the shipped segmentation U-Net; its classes are those of the paper's lab.
 
     Args:
-        name: one of `SHIPPED_UNETS`.
         threads: number of inference threads.
-
-    Raises:
-        UnknownNameError: the name is unknown.
     """
-    if name not in SHIPPED_UNETS:
-        raise UnknownNameError("shipped U-Net", name, SHIPPED_UNETS)
-    return OnnxSegmenter(SHIPPED_WEIGHTS / f"{name}.onnx", load_lab().classes, threads=threads)
+    path = SHIPPED_WEIGHTS / f"{SHIPPED_UNET}.onnx"
+    return OnnxSegmenter(path, load_lab().classes, threads=threads)
 
 
 def shipped_teacher(

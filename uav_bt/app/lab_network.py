@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from perception.networks.named import ANY, SHIPPED_UNETS, TEACHER
+from perception.networks.named import ANY, SHIPPED_UNET, TEACHER
 from uav_bt.board import CLASS_MAP
 from uav_bt.errors import InputError
 from uav_bt.lab.flight_keys import NetworkKeys
@@ -44,7 +44,7 @@ def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool
         return
     for leaf in mission.leaves():
         values = {port.name: leaf.initial_value(port) for port in leaf.ports}
-        shipped = values.get("model") in (*SHIPPED_UNETS, TEACHER)
+        shipped = values.get("model") in (SHIPPED_UNET, TEACHER)
         if CLASS_MAP not in leaf.writes or not shipped or values.get("classes"):
             continue
         address = lab_address(lab)

@@ -31,7 +31,7 @@ _scores_option = output_option("--out", "Write the scores there too, as JSON.")
 @click.option(
     "--model",
     default="depth",
-    help="'depth', 'depth-fp32', an ONNX network, or 'contact': masks and geometry, no network.",
+    help="'depth', an ONNX network, or 'contact': masks and geometry, no network.",
 )
 @click.option(
     "--masks",

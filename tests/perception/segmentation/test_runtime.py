@@ -15,7 +15,7 @@ from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping
 from tests.paper_lab import CLASSES
 from tests.perception.segmentation.patterned import samples
-from uav_bt.errors import FileError, UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import FileError, ValueRangeError, WeightsError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Frame
@@ -360,11 +360,6 @@ def test_the_shipped_teacher_flies_plain_and_sharp(refine: RefineConfig | None) 
     class_map = runtime.shipped_teacher(CLASSES, refine=refine).segment(_frame(rgb))
     assert class_map.ids.shape == (112, 224)
     assert class_map.captured_s == 2.5
-
-
-def test_the_shipped_unets_go_by_their_names() -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'unet-fp32'"):
-        runtime.shipped_unet("unet-fp23")
 
 
 def test_a_network_of_a_lab_with_other_classes_is_refused(tmp_path: Path) -> None:

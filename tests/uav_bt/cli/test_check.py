@@ -288,6 +288,14 @@ def test_names_of_the_papers_lab_name_their_successors(
         ('EstimateDepth model="dept"', ["unknown depth model 'dept'; did you mean 'depth'?"]),
         ('EstimateDepth model="nofile.onnx"', ["nofile.onnx: there is no such network"]),
         ('EstimateDepth model="footing"', ["is called 'contact' now"]),
+        (
+            'Segment model="unet-fp32"',
+            ["'unet-fp32' is gone: 'unet' is", "`uav-bt lab train`"],
+        ),
+        (
+            'EstimateDepth model="depth-fp32"',
+            ["'depth-fp32' is gone: 'depth' is", "`uav-bt net"],
+        ),
         ('Explore policy="student:nofile.onnx"', ["'policy': nofile.onnx: there is no such"]),
         ('Explore policy="student:text.onnx"', ["text.onnx: is not a readable ONNX network"]),
         ('Explore policy="corridor:nofile.onnx"', ["policy 'corridor' takes no argument"]),
@@ -308,7 +316,7 @@ def test_networks_that_are_not_there_are_found(
 @pytest.mark.parametrize(
     "leaf",
     [
-        'Segment model="unet-fp32"',
+        'Segment model="unet"',
         'Segment model="teacher"',
         'Segment model="{which}"',
         'EstimateDepth model="contact"',

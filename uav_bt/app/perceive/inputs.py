@@ -17,7 +17,7 @@ from perception.networks.named import (
     ANY,
     CONTACT,
     SHIPPED_DEPTHS,
-    SHIPPED_UNETS,
+    SHIPPED_UNET,
     segmentation_file,
 )
 from perception.segmentation import runtime
@@ -92,7 +92,7 @@ class PerceiveInput:
                 "the video"
             )
         flown = Path(text) if recorded else options.telemetry
-        self._segmentation = options.segmentation or (ANY if flown is None else SHIPPED_UNETS[0])
+        self._segmentation = options.segmentation or (ANY if flown is None else SHIPPED_UNET)
         self.telemetry: Telemetry
         self.source: ImageSource
         self.camera_words = ""  # whose intrinsics; known once it has begun

@@ -30,6 +30,7 @@ from perception.segmentation.adaptation.role_network import (
 )
 from perception.segmentation.geometry.labels import GROUND, NOT_GROUND, GroundLabels
 from perception.segmentation.runtime import OnnxSegmenter
+from perception.segmentation.training.unet import UNET_FILES
 from tests.paper_lab import CLASSES
 from uav_bt.errors import FileError, InputError, ShapeError
 from uav_bt.testing.drone import pinhole
@@ -94,8 +95,10 @@ def test_classes_count_by_their_role() -> None:
 
 
 @pytest.fixture(scope="module")
-def network() -> OnnxRoleNetwork:
-    return OnnxRoleNetwork(SHIPPED_WEIGHTS / "unet-fp32.onnx", CLASSES)
+def network(tmp_path_factory: pytest.TempPathFactory) -> OnnxRoleNetwork:
+    path = tmp_path_factory.mktemp("floats") / "unet.onnx"
+    UNET_FILES.export(SHIPPED_WEIGHTS / "unet.safetensors", path)
+    return OnnxRoleNetwork(path, CLASSES)
 
 
 @pytest.fixture(scope="module")
