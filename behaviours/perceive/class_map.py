@@ -110,9 +110,9 @@ class Segment(Leaf):
 class FindMark(Leaf):
     """Find the landing mark in each new view and track it through misses; SUCCESS always.
 
-    Kind, size and height of the mark are those of the lab, the site or the scene. With `mark="spot"`
-    it is the take-off spot, recognised by the texture of the ground that the camera saw there when
-    it looked straight down after the take-off.
+    Kind, size and height of the mark are those of the lab, the site or the scene. With
+    `mark="spot"` it is the take-off spot, recognised by the texture of the ground. For that the
+    camera looks straight down after the take-off, before the drone flies away.
     """
 
     formerly = ("FindHelipad",)

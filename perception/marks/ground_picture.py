@@ -77,7 +77,9 @@ def ground_picture(view: MarkView, frame: Pose2D) -> GroundPicture | None:
     inside &= covers_m <= _COARSEST * CELL_M
     if not inside.any():
         return None
-    columns, rows = (np.where(inside, pixels[..., each], -1.0).astype(np.float32) for each in (0, 1))
+    columns, rows = (
+        np.where(inside, pixels[..., each], -1.0).astype(np.float32) for each in (0, 1)
+    )
     scale = np.array(class_map.ids.shape) / np.array(image_px)
     ground = cv2.remap(
         class_map.is_ground.astype(np.uint8),

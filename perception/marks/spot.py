@@ -2,8 +2,8 @@
 
 After the take-off a bird's-eye picture of the ground is collected, while the drone is still above
 the spot. Later views straight down are registered against it. The map's estimate of the take-off
-pose limits the search, because many floors repeat: among displacements that agree about as well, the
-nearest to the estimate counts, and only if the next one is much further away.
+pose limits the search, because many floors repeat: among displacements that agree about as well,
+the nearest to the estimate counts, and only if the next one is much further away.
 """
 
 from __future__ import annotations
@@ -144,9 +144,7 @@ class SpotFinder:
             return None
         best: tuple[list[Candidate], Pose2D] | None = None
         for turn_rad in cfg.turns_rad:
-            frame = Pose2D(
-                x_m=take_off.x_m, y_m=take_off.y_m, yaw_rad=take_off.yaw_rad + turn_rad
-            )
+            frame = Pose2D(x_m=take_off.x_m, y_m=take_off.y_m, yaw_rad=take_off.yaw_rad + turn_rad)
             picture = ground_picture(view, frame)
             if picture is None:
                 return None

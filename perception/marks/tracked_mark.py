@@ -29,10 +29,10 @@ class TrackedMark:
         self._tracker.predict(state, now_s)
 
     def pose_at(self, time_s: float) -> OdometryPose | None:
-        """Return the drone's dead-reckoned pose at a time in the last seconds, or at `math.inf` now.
+        """Return the drone's dead-reckoned pose; None before any telemetry.
 
-        Returns:
-            The pose; None before any telemetry.
+        Args:
+            time_s: A time in the last seconds; `math.inf` for the newest pose.
         """
         return self._tracker.pose_at(time_s)
 
