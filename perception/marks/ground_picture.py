@@ -128,4 +128,5 @@ class GroundMosaic:
     def picture(self) -> GroundPicture:
         """Return the mean texture of the cells that were seen in at least one frame."""
         known = self._count > 0
-        return GroundPicture(texture=self._total / np.maximum(self._count, 1.0), known=known)
+        texture = (self._total / np.maximum(self._count, 1.0)).astype(np.float32)
+        return GroundPicture(texture=texture, known=known)
