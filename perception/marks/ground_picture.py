@@ -1,7 +1,7 @@
-"""A bird's-eye picture of the ground, collected from frames in a fixed level frame.
+"""A bird's-eye picture of the ground, collected from views straight down in a fixed level frame.
 
 Pictures hold texture, not brightness: the local mean is removed, so that light and exposure do not
-matter. Cells that no frame has shown as ground have no texture.
+matter. Cells that no view has shown have no texture.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from uav_bt.types.projection import project
 Picture = NDArray[np.float32]
 
 CELL_M: Final = 0.016  # of a picture. Chosen: a pixel of 320 columns covers 7 mm at 1.5 m.
+STRAIGHT_RAD: Final = math.radians(-75.0)  # pitch up to which a view is straight down. Chosen.
 _SIDE_PX: Final = 192  # of a picture, 3.1 m: a view straight down is 2.1 m wide at 1.5 m
 _SMOOTH_M: Final = 0.012  # standard deviation of the filter against pixel noise. Chosen.
 _LOCAL_M: Final = 0.12  # of the local mean that is removed. Chosen.
-_COARSEST: Final = 1.6  # ground per pixel over the cell above which a pixel does not count. Chosen.
 _BORDER_PX: Final = 2.0  # pixels at the image's border that do not count
 
 
@@ -35,7 +35,7 @@ class GroundPicture:
 
     Attributes:
         texture: (S, S) float32, rows along x, columns along y (to the right); 0 where unknown.
-        known: (S, S) cells that were seen as ground.
+        known: (S, S) cells that were seen.
     """
 
     texture: Picture
@@ -49,18 +49,20 @@ def middles_m() -> NDArray[np.float64]:
 
 
 def ground_picture(view: MarkView, frame: Pose2D) -> GroundPicture | None:
-    """Return the ground of one view.
+    """Return the ground of one view straight down.
+
+    Every pixel counts as ground. Networks that were trained on oblique views see no ground in such
+    a view: a floor without anything around it may be a wall.
 
     Args:
-        view: Image, class map, camera, and height of the lens above the ground.
+        view: Image, camera, gimbal pitch, and height of the lens above the ground.
         frame: Level frame of the picture, relative to the body: x forward, y right, yaw clockwise.
 
     Returns:
-        The picture; None without a class map, a usable height, or known ground.
+        The picture; None for another view, without a usable height, or far from the frame's origin.
     """
-    class_map, height_m = view.class_map, view.frame.height_above_ground_m
-    pitch_rad = view.frame.gimbal_pitch_rad
-    if class_map is None or not height_m > MIN_VIEW_HEIGHT_M or not math.isfinite(pitch_rad):
+    height_m, pitch_rad = view.frame.height_above_ground_m, view.frame.gimbal_pitch_rad
+    if not (height_m > MIN_VIEW_HEIGHT_M and pitch_rad <= STRAIGHT_RAD):
         return None
     image_px = view.frame.image.shape[:2]
     camera = view.camera.resized(image_px[1], image_px[0])
@@ -68,29 +70,12 @@ def ground_picture(view: MarkView, frame: Pose2D) -> GroundPicture | None:
     places_m[:, 0] -= camera.forward_offset_m
     level_m = np.column_stack([places_m, np.full(len(places_m), height_m)])
     pixels = project(level_m, camera, pitch_rad).reshape(_SIDE_PX, _SIDE_PX, 2)
-    range_m2 = (level_m**2).sum(axis=1).reshape(_SIDE_PX, _SIDE_PX)
-    # A pixel covers an angle of 1 / f; seen obliquely, its ground is longer by range over height.
-    covers_m = range_m2 / (height_m * camera.fy_px)
     limits_px = np.array(image_px[::-1]) - 1.0 - _BORDER_PX
     with np.errstate(invalid="ignore"):
-        inside = ((pixels >= _BORDER_PX) & (pixels <= limits_px)).all(axis=-1)
-    inside &= covers_m <= _COARSEST * CELL_M
-    if not inside.any():
-        return None
-    columns, rows = (
-        np.where(inside, pixels[..., each], -1.0).astype(np.float32) for each in (0, 1)
-    )
-    scale = np.array(class_map.ids.shape) / np.array(image_px)
-    ground = cv2.remap(
-        class_map.is_ground.astype(np.uint8),
-        ((columns + 0.5) * scale[1] - 0.5).astype(np.float32),
-        ((rows + 0.5) * scale[0] - 0.5).astype(np.float32),
-        cv2.INTER_NEAREST,
-        borderValue=0,
-    )
-    known = inside & (ground > 0)
+        known = ((pixels >= _BORDER_PX) & (pixels <= limits_px)).all(axis=-1)
     if not known.any():
         return None
+    columns, rows = (np.where(known, pixels[..., each], -1.0).astype(np.float32) for each in (0, 1))
     grey = cv2.cvtColor(view.frame.image, cv2.COLOR_RGB2GRAY)
     flat = cv2.remap(grey, columns, rows, cv2.INTER_LINEAR).astype(np.float32)
     return GroundPicture(texture=_texture(flat, known), known=known)

@@ -34,8 +34,6 @@ class SpotConfig:
         near_m: A view up to this distance from the take-off pose is collected.
         pictures: Largest number of views in the remembered picture.
         least_pictures: Fewer views at the take-off give no picture.
-        collect_rad: Pitch of the camera up to which a view is collected.
-        down_rad: Pitch of the camera up to which a view is compared.
         reach_m: Largest displacement from the estimated spot along each axis.
         least_m2: Least area that view and picture have in common.
         turns_rad: Errors of the estimated heading that are tried.
@@ -49,10 +47,8 @@ class SpotConfig:
 
     least_height_m: float = 0.7
     near_m: float = 0.3
-    pictures: int = 20
+    pictures: int = 8
     least_pictures: int = 3
-    collect_rad: float = math.radians(-35.0)
-    down_rad: float = math.radians(-70.0)
     reach_m: float = 1.0
     least_m2: float = 0.4
     turns_rad: tuple[float, ...] = tuple(map(math.radians, (-4.0, -2.0, 0.0, 2.0, 4.0)))
@@ -97,10 +93,9 @@ class SpotFinder:
 
     def find(self, view: MarkView) -> MarkSighting | None:
         """Return the spot in a view straight down near it; None without texture that shows it."""
-        take_off, frame, class_map = view.take_off, view.frame, view.class_map
-        if take_off is None or class_map is None or class_map.captured_s != frame.captured_s:
-            return None
-        if not frame.height_above_ground_m >= self._config.least_height_m:
+        take_off = view.take_off
+        high = view.frame.height_above_ground_m >= self._config.least_height_m
+        if take_off is None or not high:
             return None
         if self._mosaic is not None:
             self._collect(view, take_off, self._mosaic)
@@ -125,10 +120,9 @@ class SpotFinder:
         """Add a view at the take-off to the picture, or complete the picture."""
         cfg = self._config
         left = math.hypot(take_off.x_m, take_off.y_m) > cfg.near_m
-        if not left and view.frame.gimbal_pitch_rad <= cfg.collect_rad:
-            picture = ground_picture(view, take_off)
-            if picture is not None:
-                mosaic.add(picture)
+        picture = None if left else ground_picture(view, take_off)
+        if picture is not None:
+            mosaic.add(picture)
         if left or mosaic.pictures >= cfg.pictures:
             self._mosaic = None
             if mosaic.pictures >= cfg.least_pictures:
@@ -137,8 +131,7 @@ class SpotFinder:
     def _match(self, view: MarkView, take_off: Pose2D) -> _Match | None:
         """Return the believed displacement of a view; None without one."""
         cfg = self._config
-        looks_down = view.frame.gimbal_pitch_rad <= cfg.down_rad
-        if self._known is None or not looks_down:
+        if self._known is None:
             return None
         if math.hypot(take_off.x_m, take_off.y_m) > math.sqrt(2.0) * cfg.reach_m:
             return None

@@ -189,8 +189,7 @@ def above_spot(*, off_m: float, mark: str = "spot") -> LeafBench:
         start = Pose2D(x_m=off_m if late else 0.0, y_m=0.0, yaw_rad=0.0)
         if late:
             bench.board[SITE_MAP] = replace(drawn_map(), pose=pose, start=start, captured_s=now_s)
-        shown = view_of_ground(floor, pose, at_s=now_s)
-        bench.board[FRAME], bench.board[CLASS_MAP] = shown.frame, shown.class_map
+        bench.board[FRAME] = view_of_ground(floor, pose, at_s=now_s).frame
         bench.tick()
     return bench
 

@@ -6,12 +6,9 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from sim_bridge.anafi import anafi_camera
-from tests.paper_lab import paper_map
-from uav_bt.lab.shipped import load_lab
 from uav_bt.landing_marks import MarkView
 from uav_bt.types import Frame, Pose2D
 from uav_bt.types.arrays import Image
@@ -21,7 +18,6 @@ CAMERA = anafi_camera(320, 180)
 CAMERA_M = 1.5
 CELL_M = 0.01  # of the drawn ground
 SIDE_PX = 800
-CLASSES = load_lab().classes
 AT_THE_SPOT = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 
@@ -59,13 +55,11 @@ def view(
         gimbal_pitch_rad=pitch_rad,
         height_above_ground_m=CAMERA_M,
     )
-    ids: NDArray[np.uint8] = np.full((90, 160), CLASSES.ground, dtype=np.uint8)
     believed = Pose2D(
         x_m=body.x_m + off[0], y_m=body.y_m + off[1], yaw_rad=body.yaw_rad + math.radians(off[2])
     )
     return MarkView(
         frame=frame,
         camera=CAMERA,
-        class_map=paper_map(ids=ids, captured_s=at_s),
         take_off=believed.pose_to_body(AT_THE_SPOT),
     )

@@ -85,6 +85,18 @@ def test_a_spot_that_was_not_seen_from_above_is_not_found() -> None:
     assert back(finder, ground, AT_THE_SPOT, (0.0, 0.0, 0.0)) is None
 
 
+def test_an_oblique_view_shows_no_spot() -> None:
+    """It was not compared with the picture, and it is not collected."""
+    ground, finder = texture(), SpotFinder(MARK)
+    for index in range(5):
+        seen = view(ground, AT_THE_SPOT, at_s=0.1 * index)
+        oblique = replace(seen.frame, gimbal_pitch_rad=math.radians(-42.0))
+        assert finder.find(replace(seen, frame=oblique)) is None
+    finder.find(view(ground, Pose2D(x_m=2.0, y_m=0.0, yaw_rad=0.0), at_s=5.0))
+
+    assert back(finder, ground, AT_THE_SPOT, (0.0, 0.0, 0.0)) is None
+
+
 def test_an_option_is_refused() -> None:
     with pytest.raises(InputError, match="landing mark 'spot' has no option 'size_m'"):
         SpotFinder(replace(MARK, options={"size_m": 1.0}))
