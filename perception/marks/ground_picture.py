@@ -72,7 +72,8 @@ def ground_picture(view: MarkView, frame: Pose2D) -> GroundPicture | None:
     pixels = project(level_m, camera, pitch_rad).reshape(_SIDE_PX, _SIDE_PX, 2)
     limits_px = np.array(image_px[::-1]) - 1.0 - _BORDER_PX
     with np.errstate(invalid="ignore"):
-        known = ((pixels >= _BORDER_PX) & (pixels <= limits_px)).all(axis=-1)
+        inside = (pixels >= _BORDER_PX) & (pixels <= limits_px)
+    known: Flags = np.asarray(inside.all(axis=-1))
     if not known.any():
         return None
     columns, rows = (np.where(known, pixels[..., each], -1.0).astype(np.float32) for each in (0, 1))
