@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.camera import CameraModel, ClassMap, Frame
+from uav_bt.types.pose import Pose2D
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,11 +34,14 @@ class MarkView:
             capture.
         camera: Intrinsics at any size with the image's aspect ratio.
         class_map: Class map of the frame; None without one.
+        take_off: Take-off pose relative to the body at the capture, as map and odometry know it: x
+            forward, y right, yaw clockwise. None where it is unknown.
     """
 
     frame: Frame
     camera: CameraModel
     class_map: ClassMap | None = None
+    take_off: Pose2D | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
 
 from behaviours.stage_timer import StageTimer
 from perception.networks.named import segmentation_file
@@ -24,6 +26,11 @@ from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import DepthBeside, Segmenter
 from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import LandingMark, Pose2D
+from uav_bt.types.site_map import SiteMap
+
+_OF_THE_PLACE: Final = "place"
+_SPOT: Final = "spot"  # registered name of the take-off spot as a landing mark
 
 
 def _mapping_file(classes: str) -> None:
@@ -107,11 +114,23 @@ class Segment(Leaf):
 class FindMark(Leaf):
     """Find the landing mark in each new view and track it through misses; SUCCESS always.
 
-    Kind, size and height of the mark are those of the lab, the site or the scene.
+    Kind, size and height of the mark are those of the lab, the site or the scene. With
+    `mark="spot"` it is the take-off spot, recognised by the texture of the ground. For that the
+    camera looks straight down after the take-off, before the drone flies away.
     """
 
     formerly = ("FindHelipad",)
     answers = (Status.SUCCESS,)
+    ports = (
+        Port(
+            "mark",
+            str,
+            default=_OF_THE_PLACE,
+            choices=(_OF_THE_PLACE, _SPOT),
+            doc="place: the mark of the scene, the site or the lab. spot: the take-off spot",
+            at_setup=True,
+        ),
+    )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
     writes = (MARK,)
 
@@ -119,15 +138,20 @@ class FindMark(Leaf):
         """Make the finder of the mark; raises InputError if the mark's options are wrong."""
         from perception.marks.tracked_mark import TrackedMark  # noqa: PLC0415  (filterpy is heavy)
 
-        self._finder, self._track = make_mark_finder(mission.mark), TrackedMark()
-        self._sight = mission.sight if self._finder.uses_images else None
+        self._mark = _mark_of(mission.mark, self.port_value("mark"))
+        self._finder, self._track = make_mark_finder(self._mark), TrackedMark()
+        # A drone without images sees the mark of the scene, and no texture.
+        looks = self._finder.uses_images and self._mark == mission.mark
+        self._sight = mission.sight if looks else None
         self._timer = StageTimer(mission, "mark")
         self._last_s, self._map_restarts = -1.0, 0
+        self._take_off: Pose2D | None = None  # in the frame of the track
 
     def on_inherit(self, former: Self) -> None:
-        """Keep the mark's track."""
-        self._track, self._last_s = former._track, former._last_s
-        self._map_restarts = former._map_restarts
+        """Keep the track of the same mark, and what its finder remembers."""
+        if self._mark == former._mark:
+            self._finder, self._track, self._last_s = former._finder, former._track, former._last_s
+        self._map_restarts, self._take_off = former._map_restarts, former._take_off
 
     def update(self) -> Status:
         """Move the track with the drone, and search a new view for the mark."""
@@ -138,10 +162,13 @@ class FindMark(Leaf):
         if site_map is not None and site_map.restarts > self._map_restarts:
             self._map_restarts = site_map.restarts
             self._track.forget()  # the track is relative to the drone's pose before the restart
+        self._note_take_off(site_map)
         # The mark is fixed to the ground, so it is moved by the motion over the ground, not by
         # telemetry's.
         over_ground = state if motion is None else motion.over_ground(state)
         self._track.predict(over_ground, self.clock.now())
+        if self._take_off is None:
+            self._take_off = self._track.pose_at(math.inf)
         captured_s = self._view_s()
         if captured_s is None:
             self._track.see(None, self._last_s)
@@ -153,6 +180,16 @@ class FindMark(Leaf):
         if fix is not None:
             self.write(MARK, fix, captured_s=fix.captured_s)
         return Status.SUCCESS
+
+    def _note_take_off(self, site_map: SiteMap | None) -> None:
+        """Take the take-off pose of the map over into the frame of the track.
+
+        Args:
+            site_map: Map of the tick before, as the track still is.
+        """
+        here = self._track.pose_at(math.inf)
+        if site_map is not None and here is not None:
+            self._take_off = here.pose_to_world(site_map.pose.pose_to_body(site_map.start))
 
     def _view_s(self) -> float | None:
         """Return the capture time of the newest view that the finder can use; None without one."""
@@ -169,5 +206,19 @@ class FindMark(Leaf):
             return None
         if self._sight is not None:
             return self._sight.mark(frame)
-        class_map = self.read(CLASS_MAP).value
-        return self._finder.find(MarkView(frame=frame, camera=camera, class_map=class_map))
+        pose, take_off = self._track.pose_at(captured_s), self._take_off
+        return self._finder.find(
+            MarkView(
+                frame=frame,
+                camera=camera,
+                class_map=self.read(CLASS_MAP).value,
+                take_off=None if pose is None or take_off is None else pose.pose_to_body(take_off),
+            )
+        )
+
+
+def _mark_of(mark: LandingMark, name: str) -> LandingMark:
+    """Return the mark of the place, or the take-off spot instead of it."""
+    if name != _SPOT:
+        return mark
+    return replace(mark, kind=_SPOT, height_m=0.0, options={})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from perception.marks.tracker import MarkTracker
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.types import DroneState, MarkFix
+from uav_bt.types.dead_reckoning import OdometryPose
 
 
 class TrackedMark:
@@ -26,6 +27,14 @@ class TrackedMark:
         """
         self._reckons = True
         self._tracker.predict(state, now_s)
+
+    def pose_at(self, time_s: float) -> OdometryPose | None:
+        """Return the drone's dead-reckoned pose; None before any telemetry.
+
+        Args:
+            time_s: A time in the last seconds; `math.inf` for the newest pose.
+        """
+        return self._tracker.pose_at(time_s)
 
     def forget(self) -> None:
         """Drop the track; the odometry goes on."""

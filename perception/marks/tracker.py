@@ -17,7 +17,7 @@ from perception.marks.heading_track import HeadingTrack
 from uav_bt.errors import ValueRangeError
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.types import DroneState, MarkFix, rotation
-from uav_bt.types.dead_reckoning import Odometry
+from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +64,10 @@ class MarkTracker:
             self._filter.predict(Q=np.eye(2) * (self._config.drift_std_mps**2 * dt))
             self._heading.predict(dt)
         self._filter_time_s = pose.time_s
+
+    def pose_at(self, time_s: float) -> OdometryPose | None:
+        """Return the drone's pose at a time in the last seconds; None before any telemetry."""
+        return self._odometry.at(time_s)
 
     def update(self, sighting: MarkSighting, *, captured_s: float) -> bool:
         """Update the track with a sighting; a less confident one moves it less.

@@ -61,6 +61,11 @@ class Pose2D:
         x_m, y_m = self.to_world(pose.x_m, pose.y_m)
         return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad + self.yaw_rad)
 
+    def pose_to_body(self, pose: Pose2D) -> Pose2D:
+        """Return a pose of this pose's frame relative to this one."""
+        x_m, y_m = self.to_body(pose.x_m, pose.y_m)
+        return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad - self.yaw_rad)
+
     def to_world(self, forward_m: float, side_m: float) -> tuple[float, float]:
         """Return a point relative to this pose in the frame of the pose.
 
