@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import cv2
 import numpy as np
 
 from perception.camera.ground_plane import GroundPlane, view_of
@@ -43,6 +44,7 @@ class BadFlight:
         camera: Camera file; None for the drone's own intrinsics.
         faults: Of the drone.
         mirror_x_m: World x of a mirror across the room; None without one.
+        ports: Values by NODE.PORT, in place of those of the tree.
     """
 
     case: str
@@ -53,6 +55,7 @@ class BadFlight:
     camera: Path | None
     faults: tuple[str, ...]
     mirror_x_m: float | None
+    ports: dict[str, str]
 
 
 class Watch:
@@ -111,16 +114,16 @@ class Watch:
             height_px, width_px = class_map.ids.shape
             view = view_of(frame, camera, (width_px, height_px))
             ground = GroundPlane.of(view)
-            resized = relative.depth
-            if resized.shape == class_map.ids.shape:
-                sample = sample_ground(
-                    resized, class_map.is_ground, ground.depth_m, np.random.default_rng(0)
-                )
-                if sample is not None:
-                    measures = evidence(sample.measures, None, view.height_m)
-                    found["now"] = scale_confidence(measures).value or 0.0
-                    found["scale"] = sample.measures.log_scale - math.log(view.height_m)
-                    found |= {name: each.value or 0.0 for name, each in measures.items()}
+            resized = cv2.resize(relative.depth, (width_px, height_px))
+            sample = sample_ground(
+                resized, class_map.is_ground, ground.depth_m, np.random.default_rng(0)
+            )
+            if sample is not None:
+                measures = evidence(sample.measures, None, view.height_m)
+                found["now"] = scale_confidence(measures).value or 0.0
+                found["scale"] = sample.measures.log_scale - math.log(view.height_m)
+                found["share"] = sample.measures.share
+                found |= {name: each.value or 0.0 for name, each in measures.items()}
         if motion is not None and state is not None and motion.untracked_s < _FRESH_S:
             found["ground_f"] = motion.velocity.forward_mps
             found["ground_r"] = motion.velocity.right_mps
@@ -165,6 +168,7 @@ def fly(flight: BadFlight, size_px: tuple[int, int], frames: Path) -> dict[str, 
         seed=flight.seed,
         camera=flight.camera,
         faults=flight.faults,
+        ports=flight.ports,
         image_size_px=size_px,
     )
     report = app.fly(flight.tree, options, listeners=[watch.follow])

@@ -213,6 +213,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--cases", nargs="+", choices=[each.name for each in BAD_ROOMS])
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--tree", default="survey_any_room")
+    parser.add_argument("--set", nargs="*", default=["CoverFor.duration_ms=60000"], dest="ports")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args(arguments)
     file = given.out / FLIGHTS_FILE
@@ -235,6 +236,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 camera=None if room.focal is None else folder / CAMERA_FILE,
                 faults=room.faults,
                 mirror_x_m=room.mirror_x_m,
+                ports=dict(each.split("=", 1) for each in given.ports),
             )
             flights.append(fly(flight, SIZE_PX, given.out / "frames"))
             with file.open("a", encoding="utf-8") as lines:
