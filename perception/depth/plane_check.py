@@ -9,6 +9,8 @@ wrong height does not show here: it changes the plane alone, and so the unit of 
 
 from __future__ import annotations
 
+from typing import Final
+
 import cv2
 import numpy as np
 
@@ -18,8 +20,11 @@ from perception.depth.evidence import evidence
 from perception.depth.scale import sample_ground
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
-MEASURES = ("slope", "height")
+MEASURES: Final = ("slope", "height")
 """Measures of `evidence` that show it."""
+
+# Least extent of the ground in view. A camera that looks straight down sees one range only.
+_EXTENT: Final = 0.9
 
 
 def agreement_with_plane(
@@ -39,7 +44,7 @@ def agreement_with_plane(
         generator: Samples the pixels of the ground.
 
     Returns:
-        The weakest measure with its reason; None where too little ground is in view, and for depth
+        The weakest measure with its reason; None where too little ground or one range is in view, and for depth
         of another unit or of another frame.
     """
     of_frame = relative.captured_s == class_map.captured_s == frame.captured_s
@@ -54,6 +59,8 @@ def agreement_with_plane(
     if sample is None:
         return None
     found = evidence(sample.measures, None, plane.view.height_m)
+    if (found["extent"].value or 0.0) < _EXTENT:
+        return None
     about = {name: found[name] for name in MEASURES}
     weakest = min(about.values(), key=lambda each: each.value or 0.0)
     return Confidence(value=weakest.value, reason=weakest.reason, measures=about)
