@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -131,18 +131,22 @@ class Watch:
             found["told_r"] = motion.velocity.right_mps - motion.error.right_mps
         self.frames.append(found)
 
-    def share(self, *, trusted: bool) -> float | None:
-        """Return a share of the frames with depth: trusted and wrong, or not trusted."""
-        known = [each for each in self.frames if "confidence" in each]
-        if not known:
-            return None
-        if trusted:
-            counted = [
-                abs(each["off"]) > WRONG for each in known if each["confidence"] > TRUSTED
-            ]
-        else:
-            counted = [each["confidence"] <= TRUSTED for each in known]
-        return sum(counted) / len(known)
+
+def share_of(frames: Sequence[Mapping[str, float]], *, trusted: bool) -> float | None:
+    """Return the share of frames whose depth is trusted and wrong, or is not trusted.
+
+    Args:
+        frames: What was compared in each frame.
+        trusted: Which share; the whole are the frames with depth.
+    """
+    known = [each for each in frames if "confidence" in each]
+    if not known:
+        return None
+    sure = [each["confidence"] > TRUSTED for each in known]
+    wrong = [abs(each["off"]) > WRONG for each in known]
+    counted = [a and b for a, b in zip(sure, wrong, strict=True)] if trusted else sure
+    share = sum(counted) / len(known)
+    return share if trusted else 1.0 - share
 
 
 def _off(depth: Floats32, true: Floats32) -> float:
@@ -187,8 +191,8 @@ def fly(flight: BadFlight, size_px: tuple[int, int], frames: Path) -> dict[str, 
         "covered": report.coverage_passed,
         "drift_m": report.map_drift_m,
         "clearance_m": report.min_clearance_m,
-        "trusted_wrong": watch.share(trusted=True),
-        "doubted": watch.share(trusted=False),
+        "trusted_wrong": share_of(watch.frames, trusted=True),
+        "doubted": share_of(watch.frames, trusted=False),
         "warnings": report.warnings,
         "events": [f"{each.time_s:.0f} {each.kind.value} {each.text}" for each in report.events],
     }

@@ -31,6 +31,10 @@ SIZE_PX: Final = (320, 180)
 FLIGHTS_FILE: Final = "flights.jsonl"
 CAMERA_FILE: Final = "camera.yaml"
 MIRROR_X_M: Final = 0.0
+_COLUMNS: Final = (
+    *("case", "seed", "outcome", "reason", "contacts", "time, s", "covered", "drift, m"),
+    *("trusted and wrong", "doubted"),
+)
 _FROM: Final = "depot"
 _SCENE: Final = "depot-val-a"
 _NEAR_MIRROR_M: Final = 0.8  # no object stands nearer to its image than twice this
@@ -88,9 +92,7 @@ def _mirror(lab: Lab, scene: Scene) -> None:
     """Put a wall-high mirror across the room: behind it stands the image of what is before it."""
     del lab
     before = [
-        each
-        for each in scene["objects"]
-        if each["position_m"][0] < MIRROR_X_M - _NEAR_MIRROR_M
+        each for each in scene["objects"] if each["position_m"][0] < MIRROR_X_M - _NEAR_MIRROR_M
     ]
     images = []
     for each in before:
@@ -172,11 +174,7 @@ def _camera_text(factor: float) -> str:
 
 def table(flights: Iterable[dict[str, Any]]) -> str:
     """Return the table of flights, as Markdown."""
-    rows = [
-        "| case | seed | outcome | reason | contacts | time, s | covered | drift, m | "
-        "trusted and wrong | doubted |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    rows = [f"| {' | '.join(_COLUMNS)} |", "|---" * len(_COLUMNS) + "|"]
     for each in flights:
         numbers = [
             _number(each["duration_s"], ".0f"),

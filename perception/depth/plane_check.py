@@ -44,8 +44,8 @@ def agreement_with_plane(
         generator: Samples the pixels of the ground.
 
     Returns:
-        The weakest measure with its reason; None where too little ground or one range is in view, and for depth
-        of another unit or of another frame.
+        The weakest measure with its reason; None where too little ground or one range is in view,
+        and for depth of another unit or of another frame.
     """
     of_frame = relative.captured_s == class_map.captured_s == frame.captured_s
     if not (relative.in_heights and of_frame and frame.height_above_ground_m > 0.0):

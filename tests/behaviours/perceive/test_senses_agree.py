@@ -27,9 +27,7 @@ def see(
 ) -> list[Status]:
     """Show frames for a time, with the camera of the file wrong by a factor."""
     bench.camera = replace(CAMERA, fx_px=focal * CAMERA.fx_px, fy_px=focal * CAMERA.fy_px)
-    view = CameraView(
-        camera=CAMERA.resized(*SIZE), pitch_rad=PITCH_RAD, height_m=HEIGHT_M
-    )
+    view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=PITCH_RAD, height_m=HEIGHT_M)
     heights = np.nan_to_num(ground_depth(view), nan=50.0) / np.float32(HEIGHT_M)
     answers = []
     for _ in range(round(seconds / 0.1)):

@@ -32,9 +32,7 @@ def agreement(
     pitch_rad: float = PITCH_RAD,
 ) -> Confidence | None:
     """Return the agreement of exact depth in heights with telemetry and camera as given."""
-    view = CameraView(
-        camera=CAMERA.resized(*SIZE), pitch_rad=pitch_rad, height_m=HEIGHT_M
-    )
+    view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=pitch_rad, height_m=HEIGHT_M)
     depth = np.nan_to_num(ground_depth(view), nan=50.0) / np.float32(HEIGHT_M)
     if wall:
         depth = np.full_like(depth, 2.0)
