@@ -98,8 +98,7 @@ class SensesAgree(Leaf):
         mean = sum(value for _, value, _ in known) / len(known)
         if mean >= self.port_value("least"):
             return ""
-        worst = min(known, key=lambda each: each[1])
-        return f"the network's depth contradicts the ground's plane ({worst[2]}): {_ADVICE}"
+        return f"the network's depth contradicts the ground's plane ({known[-1][2]}): {_ADVICE}"
 
     def _against_telemetry(self, now_s: float) -> str:
         """Return why the motion over the ground contradicts telemetry; empty if it does not."""

@@ -21,7 +21,9 @@ from uav_bt.board.context import MissionContext
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
+from uav_bt.types import MissionPhase
 from uav_bt.types.arrays import Floats32
+from uav_bt.types.flight_results import EventKind, FlightEvent
 
 TRUSTED: Final = 0.5  # least confidence of a trusted depth
 WRONG: Final = math.log(1.2)
@@ -149,6 +151,17 @@ def share_of(frames: Sequence[Mapping[str, float]], *, trusted: bool) -> float |
     return share if trusted else 1.0 - share
 
 
+def _cause(events: Sequence[FlightEvent]) -> str:
+    """Return the failure that led to an emergency landing; empty without one."""
+    cause = ""
+    for event in events:
+        if event.kind is EventKind.PHASE and event.text == MissionPhase.EMERGENCY_LANDING.value:
+            return cause
+        if event.kind is EventKind.FAILED:
+            cause = event.text
+    return ""
+
+
 def _off(depth: Floats32, true: Floats32) -> float:
     """Return the logarithm of the median ratio of depth to the exact one; 0 without any."""
     near = np.isfinite(depth) & (depth > 0.0) & (true > 0.0) & (true < _NEAR_M)
@@ -178,14 +191,14 @@ def fly(flight: BadFlight, size_px: tuple[int, int], frames: Path) -> dict[str, 
     report = app.fly(flight.tree, options, listeners=[watch.follow])
     frames.mkdir(parents=True, exist_ok=True)
     name = f"{flight.lab.name}-{flight.seed}-{Path(flight.tree).stem}.jsonl"
-    lines = "\n".join(json.dumps(each) for each in watch.frames)
-    (frames / name).write_text(lines + "\n", encoding="utf-8")
+    lines = "".join(json.dumps(each) + "\n" for each in watch.frames)
+    (frames / name).write_text(lines, encoding="utf-8")
     return {
         "case": flight.case,
         "seed": flight.seed,
         "tree": flight.tree,
         "outcome": report.outcome,
-        "reason": report.reason,
+        "reason": _cause(report.events) or report.reason,
         "contacts": {key: round(value, 1) for key, value in watch.contacts.items()},
         "duration_s": report.duration_s,
         "covered": report.coverage_passed,

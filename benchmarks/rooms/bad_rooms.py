@@ -101,6 +101,13 @@ def _mirror(lab: Lab, scene: Scene) -> None:
             {**each, "position_m": [2 * MIRROR_X_M - x_m, y_m], "yaw_deg": -each.get("yaw_deg", 0)}
         )
     scene["objects"] = before + images
+    scene["take_off"] = {"from": [-1.6, 1.6], "yaw_deg": 0}
+
+
+def _mirror_beyond_area(lab: Lab, scene: Scene) -> None:
+    """State an area that ends 0.5 m before the mirror."""
+    _mirror(lab, scene)
+    lab["area"] = "start:-2.2,-1.2; start:1.1,-1.2; start:1.1,4.4; start:-2.2,4.4"
 
 
 def _light(ambient: float, share: float) -> Callable[[Lab, Scene], None]:
@@ -120,6 +127,7 @@ BAD_ROOMS: Final = (
     BadRoom(name="walls like the floor", change=_walls_like_floor),
     BadRoom(name="rugs with a dark border", change=_rug),
     BadRoom(name="mirror", change=_mirror, mirror_x_m=MIRROR_X_M),
+    BadRoom(name="mirror beyond the area", change=_mirror_beyond_area, mirror_x_m=MIRROR_X_M),
     BadRoom(name="dim", change=_light(0.1, 0.15)),
     BadRoom(name="dark", change=_light(0.02, 0.02)),
     BadRoom(name="camera x2", focal=2.0),

@@ -218,12 +218,9 @@ class GroundOdometry:
             reported_m = np.array(rotate(end.x_m - begin.x_m, end.y_m - begin.y_m, turn_rad))
             seen_mps, yaw_rad = (step.way_m - reported_m) / passed_s, begin.yaw_rad + turn_rad
             self._error.correct(seen_mps, passed_s, step.spread_m, yaw_rad)
-            seen_m, told_m = (rotate(*each, -yaw_rad) for each in (step.way_m, reported_m))
-            self._stretch.add(
-                (seen_m[0] / passed_s, seen_m[1] / passed_s),
-                (told_m[0] / passed_s, told_m[1] / passed_s),
-                passed_s,
-            )
+            both_m = rotate_points(np.stack([step.way_m, reported_m]), -yaw_rad)
+            seen, reported = (both_m / passed_s).tolist()
+            self._stretch.add(tuple(seen), tuple(reported), passed_s)
 
     def _shown(
         self, before: _Sight | None, expected: Pose2D, passed_s: float, offset_m: float
