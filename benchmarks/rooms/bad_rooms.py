@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import cv2
+import numpy as np
 import yaml
 
 from benchmarks.rooms.bad_flights import BadFlight, fly
@@ -35,6 +37,7 @@ _COLUMNS: Final = (
     *("case", "seed", "outcome", "reason", "contacts", "time, s", "covered", "drift, m"),
     *("trusted and wrong", "doubted"),
 )
+_GREY_FILE: Final = "grey.png"
 _FROM: Final = "depot"
 _SCENE: Final = "depot-val-a"
 _NEAR_MIRROR_M: Final = 0.8  # no object stands nearer to its image than twice this
@@ -66,6 +69,11 @@ class BadRoom:
 def _plain_floor(lab: Lab, scene: Scene) -> None:
     del scene
     lab["room"]["ground"]["surface"] = {"generator": "paint", "colour": "#8f908c"}
+
+
+def _one_colour(lab: Lab, scene: Scene) -> None:
+    del scene
+    lab["room"]["ground"]["surface"] = {"image": _GREY_FILE, "tile_m": [1.0, 1.0]}
 
 
 def _walls_like_floor(lab: Lab, scene: Scene) -> None:
@@ -123,7 +131,8 @@ def _light(ambient: float, share: float) -> Callable[[Lab, Scene], None]:
 
 BAD_ROOMS: Final = (
     BadRoom(name="good room"),
-    BadRoom(name="plain floor", change=_plain_floor),
+    BadRoom(name="painted floor", change=_plain_floor),
+    BadRoom(name="floor of one colour", change=_one_colour),
     BadRoom(name="walls like the floor", change=_walls_like_floor),
     BadRoom(name="rugs with a dark border", change=_rug),
     BadRoom(name="mirror", change=_mirror, mirror_x_m=MIRROR_X_M),
@@ -155,6 +164,7 @@ def write_bad_room(room: BadRoom, folder: Path) -> Path:
     scenes.mkdir(parents=True)
     for file in ("barrier.obj", "crate.jpg"):
         shutil.copyfile(depot.folder / file, folder / file)
+    cv2.imwrite(str(folder / _GREY_FILE), np.full((64, 64, 3), 143, np.uint8))
     if room.focal is not None:
         (folder / CAMERA_FILE).write_text(_camera_text(room.focal), encoding="utf-8")
     (folder / LAB_FILE).write_text(yaml.safe_dump(lab, sort_keys=False), encoding="utf-8")
