@@ -32,6 +32,7 @@ from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from behaviours.perceive.learn_ground import LearnGround
 from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
+from behaviours.perceive.senses_agree import SensesAgree
 from behaviours.perceive.site_map import MapSite
 from uav_bt.tree import Node
 from uav_bt.tree.rules import Rules
@@ -76,6 +77,7 @@ NODES: Final[tuple[type[Node], ...]] = (
     SearchByMap,
     SearchUnderPolicy,
     Segment,
+    SensesAgree,
     StopAboveMark,
     SwayAround,
     TakeOff,

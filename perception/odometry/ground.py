@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.odometry.heading import Heading, HeadingConfig
+from perception.odometry.stretch import Stretch
 from perception.odometry.velocity_error import VelocityError, VelocityErrorConfig
 from perception.odometry.visual import (
     GroundMotion,
@@ -90,6 +91,7 @@ class GroundOdometry:
         self._odometry = Odometry()  # telemetry alone
         self._heading = Heading(self._config.heading)
         self._error = VelocityError(self._config.error)
+        self._stretch = Stretch()
         self._last: _Sight | None = None
         # Poses at the capture of the last frame: by telemetry alone, and corrected.
         self._seen: tuple[OdometryPose, OdometryPose] | None = None
@@ -130,6 +132,7 @@ class GroundOdometry:
             tracked_s=self._tracked_s,
             turn_rad=self._heading.correction_rad,
             velocity_s=self._odometry.velocity_s,
+            stretch=self._stretch.factor,
         )
 
     def predict(self, state: DroneState, now_s: float | None = None) -> OdometryPose | None:
@@ -215,6 +218,9 @@ class GroundOdometry:
             reported_m = np.array(rotate(end.x_m - begin.x_m, end.y_m - begin.y_m, turn_rad))
             seen_mps, yaw_rad = (step.way_m - reported_m) / passed_s, begin.yaw_rad + turn_rad
             self._error.correct(seen_mps, passed_s, step.spread_m, yaw_rad)
+            both_m = rotate_points(np.stack([step.way_m, reported_m]), -yaw_rad)
+            seen, reported = (both_m / passed_s).tolist()
+            self._stretch.add(tuple(seen), tuple(reported), passed_s)
 
     def _shown(
         self, before: _Sight | None, expected: Pose2D, passed_s: float, offset_m: float

@@ -74,6 +74,8 @@ class MotionEstimate:
         velocity: over the ground: telemetry's newest with `error` added.
         error: velocity over the ground minus telemetry's; it varies slowly.
         bias: the part of `error` that turns with the drone.
+        stretch: displacement over the ground by the frames over that of telemetry. It is the factor
+            by which height or focal length are wrong, or telemetry's velocity. None: unknown.
         tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
         turn_rad: heading minus telemetry's; it varies slowly.
         velocity_s: capture time of `velocity`; None for the time of the pose.
@@ -87,6 +89,7 @@ class MotionEstimate:
     turn_rad: float = 0.0
     velocity_s: float | None = None
     bias: BodyVelocity = field(default_factory=BodyVelocity)
+    stretch: float | None = None
 
     @property
     def drift(self) -> BodyVelocity:

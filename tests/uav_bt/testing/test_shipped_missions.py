@@ -89,3 +89,36 @@ def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
         "Land started",
     )
     bench.log.assert_not_started("EmergencyLand")
+
+
+def survey_any_room(senses: str, view: str) -> TreeBench:
+    mocks = {"*": "S", "TakeOff": "RRS", "Explore": "R", "Turn": "(RRS)", "EmergencyLand": "R"}
+    conditions = {"senses_agree": senses, "this_view_agrees": view}
+    return load_tree(TREES / "survey_any_room.xml", mocks={**mocks, **conditions})
+
+
+def test_a_survey_goes_on_while_the_senses_agree() -> None:
+    bench = survey_any_room("S", "S")
+    for _ in range(8):
+        bench.tick()
+    bench.log.assert_started("Explore", times=1)
+    bench.log.assert_not_started("Turn")
+
+
+def test_nothing_is_flown_by_a_view_that_contradicts_itself() -> None:
+    """It turns until the view agrees, and then explores on."""
+    bench = survey_any_room("S", "SSFFFFS")
+    for _ in range(12):
+        bench.tick()
+    bench.log.assert_order("Explore started", "Turn started", "Explore halted", "Explore started")
+    bench.log.assert_started("Explore", times=2)
+
+
+@pytest.mark.parametrize("senses", ["SF", "SSSSSF"])
+def test_senses_that_disagree_for_long_end_the_survey(senses: str) -> None:
+    """During the take-off, too."""
+    bench = survey_any_room(senses, "S")
+    for _ in range(8):
+        bench.tick()
+    bench.log.assert_order("senses_agree failed", "EmergencyLand started")
+    bench.log.assert_not_started("GoTo")

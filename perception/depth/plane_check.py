@@ -1,0 +1,66 @@
+"""Does a network's depth of the ground agree with the plane that camera, pitch and height give?
+
+A network whose depth is in heights of the camera gives the depth of the ground without a camera
+file. Where the focal length of the file is wrong, the plane is seen at other angles, and the ratio
+of the two depths changes with the range: by the power of one minus the factor. A wrong pitch
+changes ratio and power. A network that does not know what it sees contradicts the plane, too. A
+wrong height does not show here: it changes the plane alone, and so the unit of the network.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import cv2
+import numpy as np
+
+from perception.camera.ground_plane import GroundPlane, view_of
+from perception.depth.confidence import Confidence
+from perception.depth.evidence import evidence
+from perception.depth.scale import sample_ground
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
+
+MEASURES: Final = ("slope", "height")
+"""Measures of `evidence` that show it."""
+
+# Least extent of the ground in view. A camera that looks straight down sees one range only.
+_EXTENT: Final = 0.9
+
+
+def agreement_with_plane(
+    relative: DepthMap,
+    class_map: ClassMap,
+    frame: Frame,
+    camera: CameraModel,
+    generator: np.random.Generator,
+) -> Confidence | None:
+    """Return how far depth in heights agrees with the plane of the ground, 0 to 1.
+
+    Args:
+        relative: Depth of the frame in heights of the camera, at any size.
+        class_map: Class map of that frame.
+        frame: Its telemetry gives the plane.
+        camera: Intrinsics at any size.
+        generator: Samples the pixels of the ground.
+
+    Returns:
+        The weakest measure with its reason; None where too little ground or one range is in view,
+        and for depth of another unit or of another frame.
+    """
+    of_frame = relative.captured_s == class_map.captured_s == frame.captured_s
+    if not (relative.in_heights and of_frame and frame.height_above_ground_m > 0.0):
+        return None
+    height_px, width_px = class_map.ids.shape
+    plane = GroundPlane.of(view_of(frame, camera, (width_px, height_px)))
+    depth = relative.depth
+    if depth.shape != class_map.ids.shape:
+        depth = np.asarray(cv2.resize(depth, (width_px, height_px)), dtype=np.float32)
+    sample = sample_ground(depth, class_map.is_ground, plane.depth_m, generator)
+    if sample is None:
+        return None
+    found = evidence(sample.measures, None, plane.view.height_m)
+    if (found["extent"].value or 0.0) < _EXTENT:
+        return None
+    about = {name: found[name] for name in MEASURES}
+    weakest = min(about.values(), key=lambda each: each.value or 0.0)
+    return Confidence(value=weakest.value, reason=weakest.reason, measures=about)

@@ -1,0 +1,122 @@
+"""SensesAgree: a contradiction must last, and what is not measured contradicts nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from behaviours.perceive.senses_agree import SensesAgree
+from perception.camera.ground_plane import CameraView, ground_depth
+from tests.paper_lab import CARPET, paper_map
+from uav_bt.board import CLASS_MAP, FRAME, ODOMETRY, RELATIVE_DEPTH
+from uav_bt.testing import LeafBench, pinhole
+from uav_bt.tree import Status
+from uav_bt.types import BodyVelocity, DepthMap, DroneState, FlyingState
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+
+CAMERA = pinhole(640, 360)
+SIZE = (224, 112)
+PITCH_RAD = math.radians(-32.0)
+HEIGHT_M = 1.5
+
+
+def see(
+    bench: LeafBench, seconds: float, *, focal: float = 1.0, depth: bool = True
+) -> list[Status]:
+    """Show frames for a time, with the camera of the file wrong by a factor."""
+    bench.camera = replace(CAMERA, fx_px=focal * CAMERA.fx_px, fy_px=focal * CAMERA.fy_px)
+    view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=PITCH_RAD, height_m=HEIGHT_M)
+    heights = np.nan_to_num(ground_depth(view), nan=50.0) / np.float32(HEIGHT_M)
+    answers = []
+    for _ in range(round(seconds / 0.1)):
+        bench.clock.advance(0.1)
+        now_s = bench.clock.now()
+        bench.observe(
+            DroneState(
+                captured_s=now_s,
+                flying=FlyingState.FLYING,
+                height_above_ground_m=HEIGHT_M,
+                gimbal_pitch_rad=PITCH_RAD,
+            )
+        )
+        ids = np.full(SIZE[::-1], CARPET, np.uint8)
+        bench.board[CLASS_MAP] = paper_map(ids=ids, captured_s=bench.board[FRAME].captured_s)
+        if depth:
+            bench.board[RELATIVE_DEPTH] = DepthMap(
+                depth=heights,
+                metric=False,
+                captured_s=bench.board[FRAME].captured_s,
+                in_heights=True,
+            )
+        answers.append(bench.tick())
+    return answers
+
+
+def move(bench: LeafBench, seconds: float, stretch: float | None) -> list[Status]:
+    """Tick with a factor of the odometry, without frames."""
+    answers = []
+    for _ in range(round(seconds / 0.1)):
+        bench.clock.advance(0.1)
+        pose = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
+        bench.board[ODOMETRY] = MotionEstimate(
+            pose=pose,
+            seen=pose,
+            velocity=BodyVelocity(),
+            error=BodyVelocity(),
+            tracked_s=pose.time_s,
+            stretch=stretch,
+        )
+        answers.append(bench.tick())
+    return answers
+
+
+def test_right_inputs_agree() -> None:
+    assert set(see(LeafBench(SensesAgree), 6.0)) == {Status.SUCCESS}
+
+
+def test_a_wrong_camera_file_fails_after_the_window_and_says_why() -> None:
+    bench = LeafBench(SensesAgree, for_s=2.0)
+    answers = see(bench, 3.0, focal=2.0)
+    assert answers[:19] == [Status.SUCCESS] * 19
+    assert answers[22:] == [Status.FAILURE] * len(answers[22:])
+    assert "is the camera file that of this drone" in bench.feedback
+
+
+def test_a_short_contradiction_passes() -> None:
+    bench = LeafBench(SensesAgree, for_s=2.0)
+    see(bench, 3.0)
+    assert set(see(bench, 0.8, focal=2.0)) == {Status.SUCCESS}
+    assert set(see(bench, 1.0)) == {Status.SUCCESS}
+
+
+def test_it_agrees_again_when_the_view_does() -> None:
+    bench = LeafBench(SensesAgree, for_s=2.0)
+    assert see(bench, 3.0, focal=2.0)[-1] is Status.FAILURE
+    assert see(bench, 2.5)[-1] is Status.SUCCESS
+
+
+def test_without_depth_in_heights_nothing_is_contradicted() -> None:
+    assert set(see(LeafBench(SensesAgree), 5.0, focal=2.0, depth=False)) == {Status.SUCCESS}
+
+
+def test_ground_that_passes_too_fast_for_telemetry_fails() -> None:
+    for factor in (0.7, 1.5, -0.2):
+        bench = LeafBench(SensesAgree, for_s=2.0)
+        answers = move(bench, 3.0, factor)
+        assert answers[:20] == [Status.SUCCESS] * 20
+        assert answers[21:] == [Status.FAILURE] * 9
+        assert "as fast as telemetry says" in bench.feedback
+
+
+def test_a_small_or_unknown_factor_is_none() -> None:
+    for factor in (None, 0.9, 1.2):
+        assert set(move(LeafBench(SensesAgree, for_s=2.0), 4.0, factor)) == {Status.SUCCESS}
+
+
+def test_the_time_of_a_pause_does_not_count() -> None:
+    bench = LeafBench(SensesAgree, for_s=2.0)
+    move(bench, 1.5, 1.5)
+    bench.clock.advance(60.0)
+    assert set(move(bench, 1.5, 1.5)) == {Status.SUCCESS}

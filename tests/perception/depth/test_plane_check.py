@@ -1,0 +1,91 @@
+"""Depth in heights against the plane of the ground: which wrong inputs show."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.camera.ground_plane import CameraView, ground_depth
+from perception.depth.confidence import Confidence
+from perception.depth.plane_check import agreement_with_plane
+from tests.paper_lab import BACKGROUND, CARPET, paper_map
+from uav_bt.testing import pinhole
+from uav_bt.types import DepthMap, Frame
+
+CAMERA = pinhole(640, 360)
+SIZE = (224, 112)
+PITCH_RAD = math.radians(-32.0)
+HEIGHT_M = 1.5
+
+
+def agreement(
+    *,
+    focal: float = 1.0,
+    pitch_off_deg: float = 0.0,
+    height_off_m: float = 0.0,
+    in_heights: bool = True,
+    ground: bool = True,
+    wall: bool = False,
+    pitch_rad: float = PITCH_RAD,
+) -> Confidence | None:
+    """Return the agreement of exact depth in heights with telemetry and camera as given."""
+    view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=pitch_rad, height_m=HEIGHT_M)
+    depth = np.nan_to_num(ground_depth(view), nan=50.0) / np.float32(HEIGHT_M)
+    if wall:
+        depth = np.full_like(depth, 2.0)
+    frame = Frame(
+        image=np.full((360, 640, 3), 90, np.uint8),
+        index=0,
+        captured_s=0.0,
+        gimbal_pitch_rad=pitch_rad + math.radians(pitch_off_deg),
+        height_above_ground_m=HEIGHT_M + height_off_m,
+    )
+    ids = np.full(SIZE[::-1], CARPET if ground else BACKGROUND, np.uint8)
+    camera = replace(CAMERA, fx_px=focal * CAMERA.fx_px, fy_px=focal * CAMERA.fy_px)
+    relative = DepthMap(depth=depth, metric=False, captured_s=0.0, in_heights=in_heights)
+    return agreement_with_plane(
+        relative, paper_map(ids=ids, captured_s=0.0), frame, camera, np.random.default_rng(1)
+    )
+
+
+def value(**how: float | bool) -> float:
+    found = agreement(**how)  # type: ignore[arg-type]
+    assert found is not None
+    assert found.value is not None
+    return found.value
+
+
+def test_right_inputs_agree() -> None:
+    assert value() > 0.9
+
+
+@pytest.mark.parametrize("focal", [0.5, 2.0])
+def test_a_focal_length_that_is_wrong_by_two_shows(focal: float) -> None:
+    assert value(focal=focal) < 0.3
+    found = agreement(focal=focal)
+    assert found is not None
+    assert found.reason
+
+
+def test_a_wall_that_counts_as_ground_shows() -> None:
+    assert value(wall=True) < 0.15
+
+
+def test_a_wrong_pitch_shows() -> None:
+    assert value(pitch_off_deg=10.0) < 0.4
+
+
+def test_a_wrong_height_does_not_show() -> None:
+    assert value(height_off_m=0.5) > 0.9
+
+
+def test_depth_in_another_unit_and_views_without_ground_say_nothing() -> None:
+    assert agreement(in_heights=False) is None
+    assert agreement(ground=False) is None
+
+
+def test_a_view_straight_down_says_nothing() -> None:
+    assert agreement(focal=2.0, pitch_rad=math.radians(-90.0)) is None
