@@ -156,7 +156,7 @@ def write_bad_room(room: BadRoom, folder: Path) -> Path:
     depot = load_lab(_FROM)
     lab = yaml.safe_load(depot.file.read_text(encoding="utf-8"))
     scene = yaml.safe_load(depot.scenes[_SCENE].read_text(encoding="utf-8"))
-    lab.pop("network")
+    lab.pop("network", None)
     lab = {**lab, "limits": {"speed_mps": 0.6, "ceiling_m": 2.6}}
     scene = {"objects": scene["objects"], "take_off": copy.deepcopy(_TAKE_OFF)}
     room.change(lab, scene)
