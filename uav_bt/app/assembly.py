@@ -14,7 +14,7 @@ from uav_bt import plugins
 from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.exact_masks import ExactSegmenter
 from uav_bt.app.flying_process import collections_postponed
-from uav_bt.app.lab_network import refuse_foreign_network
+from uav_bt.app.lab_network import refuse_foreign_camera, refuse_foreign_network
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place_of_flight import (
@@ -160,6 +160,7 @@ class Flight(Generic[DroneT]):
         if not given and not self.options.exact_masks:
             named = isinstance(self.options.lab, Lab)
             refuse_foreign_network(self.mission, self.lab, named=named)
+            refuse_foreign_camera(self.mission, self.drone.camera)
 
     @property
     def scene_name(self) -> str | None:

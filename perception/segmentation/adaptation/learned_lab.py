@@ -31,7 +31,7 @@ from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.lab import LAB_FILE, NETWORK_FILE, Lab
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.roles import ROLE_NAMES
-from uav_bt.types import CameraModel, ClassMap, Frame
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 _NAME: Final = re.compile(r"[a-z][a-z0-9_-]*")
 _CAMERA_FILE: Final = "camera.yaml"
@@ -156,8 +156,8 @@ def write_learned_lab(
         raise FileError(folder, "exists: choose another name")
     with writing(folder):
         folder.mkdir(parents=True)
-    stated = {"adapted_from": place.statement.base}
-    write_adapted(folder / NETWORK_FILE, network.path, network.groups, place.head, stated)
+    base = place.statement.base
+    write_adapted(folder / NETWORK_FILE, network.path, network.groups, place.head, base)
     write_whole(folder / _CAMERA_FILE, yaml.safe_dump(_camera_keys(camera), sort_keys=False))
     place.statement.write(folder)
     write_whole(folder / LAB_FILE, _LAB_TEXT)
@@ -181,6 +181,8 @@ def _camera_keys(camera: CameraModel) -> dict[str, object]:
 class AdaptedSegmenter:
     """A network with its adapted head, as a segmenter in the flight that has learned the place.
 
+    A network with a second head gives the relative depth of the frame, too.
+
     Args:
         network: the frozen network.
         head: the head.
@@ -193,11 +195,21 @@ class AdaptedSegmenter:
     def __init__(self, network: RoleNetwork, head: GroundHead, classes: LabClasses) -> None:
         self._network, self._head, self._classes = network, head, classes
         self._ids = np.array([_class_of(role, classes) for role in ROLES], np.uint8)
+        self._depth: DepthMap | None = None
+
+    @property
+    def relative_depth(self) -> DepthMap | None:
+        """Depth of the frame that was segmented last, in heights of the camera above the ground."""
+        return self._depth
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame."""
-        scores = self._head.scores(self._network.infer(frame.image))
-        ids = self._ids[scores.argmax(axis=0)]
+        view = self._network.infer(frame.image)
+        if view.depth is not None:
+            self._depth = DepthMap(
+                depth=view.depth, metric=False, captured_s=frame.captured_s, in_heights=True
+            )
+        ids = self._ids[self._head.scores(view).argmax(axis=0)]
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
 
 

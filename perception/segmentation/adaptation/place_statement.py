@@ -29,6 +29,11 @@ _MOST_FAR: Final = 0.5  # mean shift of the features, standard deviations; chose
 _LENS: Final = 0.03  # relative difference of the focal lengths; chosen
 _HIGHER_M: Final = 0.6  # difference in height; chosen
 
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_Spread = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+_Share = Annotated[float, Field(ge=0, le=1)]
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceStatement:
@@ -52,15 +57,15 @@ class PlaceStatement:
     version: Annotated[int, Field(ge=1, le=1)] = 1
     made: str = ""
     base: str
-    width_px: int
-    height_px: int
-    focal_px: tuple[float, float]
-    height_m: float
-    frames: int
-    known_share: float
-    agreement: float
-    feature_mean: tuple[float, ...]
-    feature_spread: tuple[float, ...]
+    width_px: Annotated[int, Field(ge=16, le=16384)]
+    height_px: Annotated[int, Field(ge=16, le=16384)]
+    focal_px: tuple[_Positive, _Positive]
+    height_m: Annotated[float, Field(gt=0, le=100)]
+    frames: Annotated[int, Field(ge=1)]
+    known_share: _Share
+    agreement: _Share
+    feature_mean: tuple[_Finite, ...]
+    feature_spread: tuple[_Spread, ...]
 
     def write(self, folder: Path) -> None:
         """Write the statement into the folder of a lab."""
@@ -80,23 +85,39 @@ class PlaceStatement:
         """
         remedy = "it is written when a place is learned; learn the place again"
         file = read_yaml(folder / STATEMENT_FILE, PlaceStatement, "statement", remedy=remedy)
+        means, spreads = len(file.value.feature_mean), len(file.value.feature_spread)
+        if means != spreads:
+            raise file.error(f"expected {means} numbers, got {spreads}", "feature_spread")
         return file.value
 
-    def foreign(
-        self, camera: CameraModel, height_m: float, views: Sequence[RoleView]
-    ) -> str | None:
+    def foreign_camera(self, camera: CameraModel) -> str | None:
+        """Return why the network does not fit a camera; None if it does.
+
+        Args:
+            camera: of the flight, at any size. Another aspect changes one of the two angles.
+        """
+        lens = camera.resized(self.width_px, self.height_px)
+        sides = (self.width_px, self.height_px)
+        focal_px = (lens.fx_px, lens.fy_px)
+        if all(
+            abs(now / then - 1.0) <= _LENS
+            for now, then in zip(focal_px, self.focal_px, strict=True)
+        ):
+            return None
+        now, then = (
+            " x ".join(f"{_angle_deg(side, each):.0f}" for side, each in zip(sides, of, strict=True))
+            for of in (focal_px, self.focal_px)
+        )
+        return f"it was learned with a camera that sees {then} degrees, and this one sees {now}"
+
+    def foreign(self, height_m: float, views: Sequence[RoleView]) -> str | None:
         """Return why the network does not fit a flight; None if it does.
 
         Args:
-            camera: of the flight, at any size.
             height_m: of the lens above the ground.
-            views: what the network that was adapted gives for some frames, best all around.
+            views: what the network gives for some frames, best all around.
         """
-        lens = camera.resized(self.width_px, self.height_px)
-        for now, then in zip((lens.fx_px, lens.fy_px), self.focal_px, strict=True):
-            if abs(now / then - 1.0) > _LENS:
-                return f"it was learned with a focal length of {then:.0f} px, now {now:.0f} px"
-        if abs(height_m - self.height_m) > _HIGHER_M:
+        if not abs(height_m - self.height_m) <= _HIGHER_M:
             return f"it was learned {self.height_m:.1f} m above the ground, not {height_m:.1f} m"
         far = self.distance(views)
         if not far <= _MOST_FAR:
@@ -112,6 +133,11 @@ class PlaceStatement:
             return math.inf
         shift = (mean - self.feature_mean) / np.maximum(self.feature_spread, 1e-6)
         return float(np.sqrt(np.mean(shift**2)))
+
+
+def _angle_deg(side_px: int, focal_px: float) -> float:
+    """Return the angle of view over a side of the image."""
+    return math.degrees(2.0 * math.atan(side_px / (2.0 * focal_px)))
 
 
 def feature_statistics(views: Sequence[RoleView]) -> tuple[Floats, Floats]:
