@@ -64,7 +64,8 @@ class MapSite(Leaf):
             return Status.SUCCESS
         if self._replaced != self._learned.replaced:
             self._replaced = self._learned.replaced
-            self._mapper.restart()
+            if self._last_s > -math.inf:
+                self._mapper.restart()
         with self._timer:
             if self._last_s != class_map.captured_s == frame.captured_s == motion.seen.time_s:
                 self._last_s = class_map.captured_s

@@ -6,7 +6,7 @@ Features and, of a network with a second head, relative depth stay outputs of th
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 

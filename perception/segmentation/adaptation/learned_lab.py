@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -28,12 +27,11 @@ from perception.segmentation.geometry.learn_labels import LabelConfig, ground_la
 from uav_bt.errors import FileError, InputError, WeightsError
 from uav_bt.files import reading, write_whole, writing
 from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.lab import LAB_FILE, NETWORK_FILE, Lab
+from uav_bt.lab.lab import LAB_FILE, NETWORK_FILE, Lab, check_lab_name
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.roles import ROLE_NAMES
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
-_NAME: Final = re.compile(r"[a-z][a-z0-9_-]*")
 _CAMERA_FILE: Final = "camera.yaml"
 # With less agreement the labels contradict what the network can see.
 _LEAST_AGREEMENT: Final = 0.8
@@ -147,11 +145,7 @@ def write_learned_lab(
         FileError: the folder exists or cannot be written.
         MissingDependencyError: the package onnx is not installed.
     """
-    if not _NAME.fullmatch(folder.name):
-        raise InputError(
-            "the name of a lab consists of small letters, digits, _ and -, and begins with a "
-            f"letter, got '{folder.name}'"
-        )
+    check_lab_name(folder.name)
     if folder.exists():
         raise FileError(folder, "exists: choose another name")
     with writing(folder):

@@ -97,18 +97,19 @@ class PlaceStatement:
             camera: of the flight, at any size. Another aspect changes one of the two angles.
         """
         lens = camera.resized(self.width_px, self.height_px)
-        sides = (self.width_px, self.height_px)
-        focal_px = (lens.fx_px, lens.fy_px)
-        if all(
-            abs(now / then - 1.0) <= _LENS
-            for now, then in zip(focal_px, self.focal_px, strict=True)
-        ):
+        now_px, then_px = (lens.fx_px, lens.fy_px), self.focal_px
+        pairs = zip(now_px, then_px, strict=True)
+        if all(abs(now / then - 1.0) <= _LENS for now, then in pairs):
             return None
-        now, then = (
-            " x ".join(f"{_angle_deg(side, each):.0f}" for side, each in zip(sides, of, strict=True))
-            for of in (focal_px, self.focal_px)
-        )
+        now, then = self._angles(now_px), self._angles(then_px)
         return f"it was learned with a camera that sees {then} degrees, and this one sees {now}"
+
+    def _angles(self, focal_px: tuple[float, float]) -> str:
+        """Return the angles of view along columns and rows, in words."""
+        sides = zip((self.width_px, self.height_px), focal_px, strict=True)
+        return " x ".join(
+            f"{math.degrees(2.0 * math.atan(side / (2.0 * focal))):.0f}" for side, focal in sides
+        )
 
     def foreign(self, height_m: float, views: Sequence[RoleView]) -> str | None:
         """Return why the network does not fit a flight; None if it does.
@@ -133,11 +134,6 @@ class PlaceStatement:
             return math.inf
         shift = (mean - self.feature_mean) / np.maximum(self.feature_spread, 1e-6)
         return float(np.sqrt(np.mean(shift**2)))
-
-
-def _angle_deg(side_px: int, focal_px: float) -> float:
-    """Return the angle of view over a side of the image."""
-    return math.degrees(2.0 * math.atan(side_px / (2.0 * focal_px)))
 
 
 def feature_statistics(views: Sequence[RoleView]) -> tuple[Floats, Floats]:

@@ -29,7 +29,8 @@ from perception.segmentation.adaptation.role_network import (
     classes_by_role,
 )
 from perception.segmentation.geometry.labels import GROUND, NOT_GROUND, GroundLabels
-from perception.segmentation.runtime import OnnxSegmenter
+from perception.segmentation.room_runtime import RoomSegmenter
+from perception.segmentation.runtime import OnnxSegmenter, load_segmenter
 from tests.paper_lab import CLASSES
 from uav_bt.errors import FileError, InputError, ShapeError
 from uav_bt.testing.drone import pinhole
@@ -131,11 +132,15 @@ def test_the_folded_network_decides_as_the_head(
     lab = write_learned_lab(tmp_path / "hall", place, network, pinhole())
     assert lab.classes.names == ("outside", "ground", "obstacle")
     assert lab.flight.camera is not None
-    flown = OnnxSegmenter(Path(lab.network["model"]), lab.classes)
+    path = Path(lab.network["model"])
+    flown = OnnxSegmenter(path, lab.classes)
     ids = flown.ids(image)
     expected = place.head.scores(network.infer(image)).argmax(axis=0)
     assert len(np.unique(expected)) > 1
     assert np.mean(ids == expected) > 0.999
+    np.testing.assert_array_equal(
+        OnnxRoleNetwork(path).infer(image).features, network.infer(image).features
+    )
     assert PlaceStatement.read(lab.folder) == place.statement
     with pytest.raises(FileError, match="exists: choose another name"):
         write_learned_lab(tmp_path / "hall", place, network, pinhole())
@@ -152,12 +157,17 @@ def test_another_place_camera_or_height_is_noticed(network: OnnxRoleNetwork, ima
         pinhole(), width_px=448, height_px=224, fx_px=326.0, fy_px=289.7, cx_px=223.5, cy_px=111.5
     )
     same = [network.infer(image)]
-    assert statement.foreign(camera, 1.5, same) is None
-    assert "1.5 m above the ground, not 2.5 m" in (statement.foreign(camera, 2.5, same) or "")
-    wide = replace(camera, fx_px=300.0)
-    assert "focal length" in (statement.foreign(wide, 1.5, same) or "")
+    assert statement.foreign(1.5, same) is None
+    assert "1.5 m above the ground, not 2.5 m" in (statement.foreign(2.5, same) or "")
+    assert "above the ground" in (statement.foreign(float("nan"), same) or "")
     night = [network.infer(np.zeros_like(image))]
-    assert "differ from those of the learned place" in (statement.foreign(camera, 1.5, night) or "")
+    assert "differ from those of the learned place" in (statement.foreign(1.5, night) or "")
+    assert statement.foreign_camera(camera.resized(1280, 640)) is None
+    assert "sees 69 x 42 degrees, and this one sees 73 x 42" in (
+        statement.foreign_camera(replace(camera, fx_px=300.0)) or ""
+    )
+    squarer = replace(camera, height_px=280, cy_px=139.5)  # the same focal lengths, another aspect
+    assert statement.foreign_camera(squarer) is not None
 
 
 def _frame() -> Frame:
@@ -199,3 +209,38 @@ def test_the_metadata_names_the_classes(
     stated = {each.key: each.value for each in model.metadata_props}
     assert json.loads(stated["classes"]) == ["outside", "ground", "obstacle"]
     assert stated["adapted_from"] == network_hash(network.path)
+
+
+ANY = SHIPPED_WEIGHTS / "any.onnx"
+
+
+def test_an_adapted_network_of_two_heads_keeps_its_depth(image: Image, tmp_path: Path) -> None:
+    network = OnnxRoleNetwork(ANY)
+    place = _place(network, image)
+    lab = write_learned_lab(tmp_path / "hall", place, network, pinhole())
+    path = Path(lab.network["model"])
+    adapted, base = OnnxRoleNetwork(path).infer(image), network.infer(image)
+    np.testing.assert_array_equal(adapted.features, base.features)
+    assert adapted.depth is not None
+    np.testing.assert_array_equal(adapted.depth, base.depth)
+    flown = load_segmenter(path, lab.classes)
+    assert isinstance(flown, RoomSegmenter)
+    in_flight = AdaptedSegmenter(network, place.head, lab.classes)
+    frame = replace(_frame(), image=image)
+    assert np.mean(flown.segment(frame).ids == in_flight.segment(frame).ids) > 0.999
+    for segmenter in (flown, in_flight):
+        depth = segmenter.relative_depth
+        assert depth is not None
+        assert (depth.in_heights, depth.captured_s) == (True, frame.captured_s)
+        np.testing.assert_array_equal(depth.depth, base.depth)
+
+
+def test_a_head_that_fits_chance_is_not_taken() -> None:
+    """Labels without a pattern are followed on the frames themselves only."""
+    views, labels = zip(*(_room(seed, blind=False) for seed in range(4)), strict=True)
+    generator = np.random.default_rng(5)
+    chance = [
+        replace(each, labels=generator.choice([GROUND, NOT_GROUND], each.labels.shape).astype("u1"))
+        for each in labels
+    ]
+    assert not fit_head(views, chance, HeadConfig(strength=100.0)).is_new
