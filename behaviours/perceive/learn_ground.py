@@ -92,6 +92,7 @@ class LearnGround(SwayAround):
 
         super().on_setup(mission)
         self._context = mission
+        _lab_name(self.port_value("lab"))
         if self.port_value("lab") and mission.outputs is not None:
             import_onnx()
         model = self.port_value("model")
@@ -189,14 +190,14 @@ class LearnGround(SwayAround):
         """Write the lab folder; the flight goes on where that fails."""
         from perception.segmentation.adaptation.learned_lab import write_learned_lab  # noqa: PLC0415 - as above
 
-        mission, camera = self._context, self.read(CAMERA).value
-        if mission.outputs is None or camera is None:
+        mission = self._context
+        if mission.outputs is None:
             text = f"the lab '{name}' is not written: the flight has no output folder (--out)"
             mission.add_event(EventKind.WARNING, text, self.path)
             return
         try:
             mission.outputs.make()
-            lab = write_learned_lab(mission.outputs.folder / name, place, self._network, camera)
+            lab = write_learned_lab(mission.outputs.folder / name, place, self._network)
         except UavBtError as error:
             text = f"the lab '{name}' is not written: {error}"
             mission.add_event(EventKind.WARNING, text, self.path)

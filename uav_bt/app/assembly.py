@@ -155,12 +155,15 @@ class Flight(Generic[DroneT]):
             raise InputError("exact masks need a simulated drone: a real one has no referee")
         return ExactSegmenter(self.drone.referee, self.classes)
 
-    def _check_network(self) -> None:
+    @property
+    def _has_network(self) -> bool:
         given = self._segmenter is not None or isinstance(self.drone, Imageless)
-        if not given and not self.options.exact_masks:
+        return not given and not self.options.exact_masks
+
+    def _check_network(self) -> None:
+        if self._has_network:
             named = isinstance(self.options.lab, Lab)
             refuse_foreign_network(self.mission, self.lab, named=named)
-            refuse_foreign_camera(self.mission, self.drone.camera)
 
     @property
     def scene_name(self) -> str | None:
@@ -176,11 +179,14 @@ class Flight(Generic[DroneT]):
 
         Raises:
             DroneError: the drone cannot be reached.
-            InputError: A leaf refused its ports, or the lab has no network for its classes.
+            InputError: A leaf refused its ports, the lab has no network for its classes, or its
+                network was learned with another camera.
         """
         self._check_network()
         try:
             self.drone.connect()
+            if self._has_network:
+                refuse_foreign_camera(self.mission, self.drone.camera)
             with collections_postponed():
                 self.mission.setup(self.context)
             yield

@@ -39,7 +39,7 @@ class HeadConfig:
     least: int = 500
     strength: float = 0.02
     parts: int = 4
-    gain: float = 0.03
+    gain: float = 0.05
     seed: int = 0
 
 

@@ -19,7 +19,7 @@ from perception.segmentation.adaptation.role_network import (
 from uav_bt.errors import FileError
 from uav_bt.types import Frame
 
-_VIEWS: Final = 8  # that the decision needs; chosen
+_VIEWS: Final = 12  # that the decision needs; chosen
 _STEADY_M: Final = 0.12  # difference in height of two frames at flight height; chosen
 _LOW_M: Final = 0.5  # below this height the drone takes off or lands; chosen
 _APART_RAD: Final = math.radians(20.0)  # turn between two views; chosen
@@ -47,12 +47,12 @@ def statement_of(path: Path) -> PlaceStatement | None:
         if FEATURES in port.get_names()
     )
     base = model.get_rt_info(key).astype(str)
-    if statement.base != base or len(statement.feature_mean) != channels:
+    if statement.base != base or len(statement.feature_spread) != channels:
         raise FileError(
             path.parent / STATEMENT_FILE,
             f"expected the statement of {path.name}, which was adapted from {base:.12} and has "
             f"{channels} features, got one from {statement.base:.12} with "
-            f"{len(statement.feature_mean)}: copy both files of one learned lab",
+            f"{len(statement.feature_spread)}: copy both files of one learned lab",
         )
     return statement
 

@@ -31,7 +31,7 @@ STATEMENT = PlaceStatement(
     frames=3,
     known_share=0.8,
     agreement=0.9,
-    feature_mean=(0.0,) * 24,
+    feature_means=((0.0,) * 24,),
     feature_spread=(1.0,) * 24,
 )
 HEAD = GroundHead(weights=np.zeros(24), margin_weight=1.0, bias=0.0)

@@ -30,7 +30,7 @@ def write_black_lab(folder: Path, camera: CameraModel) -> Lab:
         camera: with which the place was learned.
     """
     network = OnnxRoleNetwork(SHIPPED_WEIGHTS / "any.onnx")
-    mean, _ = feature_statistics([network.infer(np.zeros((112, 224, 3), np.uint8))])
+    means, _ = feature_statistics([network.infer(np.zeros((112, 224, 3), np.uint8))])
     lens = camera.resized(448, 224)
     statement = PlaceStatement(
         base=network_hash(network.path),
@@ -41,8 +41,8 @@ def write_black_lab(folder: Path, camera: CameraModel) -> Lab:
         frames=3,
         known_share=0.8,
         agreement=0.9,
-        feature_mean=tuple(mean.tolist()),
-        feature_spread=(1.0,) * len(mean),
+        feature_means=tuple(map(tuple, means.tolist())),
+        feature_spread=(1.0,) * means.shape[1],
     )
-    place = LearnedPlace(head=GroundHead.unchanged(len(mean)), statement=statement, labels=())
-    return write_learned_lab(folder, place, network, camera)
+    place = LearnedPlace(head=GroundHead.unchanged(means.shape[1]), statement=statement, labels=())
+    return write_learned_lab(folder, place, network)

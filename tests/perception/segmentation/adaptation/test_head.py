@@ -119,7 +119,7 @@ def _place(network: OnnxRoleNetwork, image: Image) -> LearnedPlace:
         frames=3,
         known_share=0.8,
         agreement=0.9,
-        feature_mean=tuple(features.reshape(len(features), -1).mean(axis=1).tolist()),
+        feature_means=(tuple(features.reshape(len(features), -1).mean(axis=1).tolist()),),
         feature_spread=tuple(spread.tolist()),
     )
     return LearnedPlace(head=head, statement=statement, labels=())
@@ -129,9 +129,8 @@ def test_the_folded_network_decides_as_the_head(
     network: OnnxRoleNetwork, image: Image, tmp_path: Path
 ) -> None:
     place = _place(network, image)
-    lab = write_learned_lab(tmp_path / "hall", place, network, pinhole())
+    lab = write_learned_lab(tmp_path / "hall", place, network)
     assert lab.classes.names == ("outside", "ground", "obstacle")
-    assert lab.flight.camera is not None
     path = Path(lab.network["model"])
     flown = OnnxSegmenter(path, lab.classes)
     ids = flown.ids(image)
@@ -143,12 +142,12 @@ def test_the_folded_network_decides_as_the_head(
     )
     assert PlaceStatement.read(lab.folder) == place.statement
     with pytest.raises(FileError, match="exists: choose another name"):
-        write_learned_lab(tmp_path / "hall", place, network, pinhole())
+        write_learned_lab(tmp_path / "hall", place, network)
 
 
 def test_a_lab_needs_a_name(network: OnnxRoleNetwork, image: Image, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the name of a lab consists of"):
-        write_learned_lab(tmp_path / "My Hall", _place(network, image), network, pinhole())
+        write_learned_lab(tmp_path / "My Hall", _place(network, image), network)
 
 
 def test_another_place_camera_or_height_is_noticed(network: OnnxRoleNetwork, image: Image) -> None:
@@ -204,7 +203,7 @@ def test_the_metadata_names_the_classes(
 ) -> None:
     import onnx  # noqa: PLC0415 - only here
 
-    lab = write_learned_lab(tmp_path / "hall", _place(network, image), network, pinhole())
+    lab = write_learned_lab(tmp_path / "hall", _place(network, image), network)
     model = onnx.load(str(lab.network["model"]))
     stated = {each.key: each.value for each in model.metadata_props}
     assert json.loads(stated["classes"]) == ["outside", "ground", "obstacle"]
@@ -217,7 +216,7 @@ ANY = SHIPPED_WEIGHTS / "any.onnx"
 def test_an_adapted_network_of_two_heads_keeps_its_depth(image: Image, tmp_path: Path) -> None:
     network = OnnxRoleNetwork(ANY)
     place = _place(network, image)
-    lab = write_learned_lab(tmp_path / "hall", place, network, pinhole())
+    lab = write_learned_lab(tmp_path / "hall", place, network)
     path = Path(lab.network["model"])
     adapted, base = OnnxRoleNetwork(path).infer(image), network.infer(image)
     np.testing.assert_array_equal(adapted.features, base.features)

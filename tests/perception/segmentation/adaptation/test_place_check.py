@@ -16,7 +16,6 @@ from perception.segmentation.adaptation.place_check import PlaceCheck, statement
 from perception.segmentation.adaptation.place_statement import STATEMENT_FILE, PlaceStatement
 from perception.segmentation.adaptation.role_network import OnnxRoleNetwork, RoleView
 from uav_bt.errors import FileError
-from uav_bt.testing.drone import pinhole
 from uav_bt.types import Attitude, Frame
 from uav_bt.types.arrays import Image
 
@@ -29,7 +28,7 @@ STATEMENT = PlaceStatement(
     frames=3,
     known_share=0.8,
     agreement=0.9,
-    feature_mean=(0.0,) * 24,
+    feature_means=((0.0,) * 24,),
     feature_spread=(1.0,) * 24,
 )
 
@@ -94,7 +93,7 @@ def learned(tmp_path: Path) -> Path:
     """Return the network of a learned lab."""
     network = OnnxRoleNetwork(SHIPPED_WEIGHTS / "any.onnx")
     place = LearnedPlace(head=GroundHead.unchanged(24), statement=STATEMENT, labels=())
-    lab = write_learned_lab(tmp_path / "hall", place, network, pinhole())
+    lab = write_learned_lab(tmp_path / "hall", place, network)
     return Path(lab.network["model"])
 
 
@@ -108,7 +107,7 @@ def test_an_adapted_network_needs_its_statement(learned: Path) -> None:
     replace(STATEMENT, base="1").write(learned.parent)
     with pytest.raises(FileError, match="copy both files of one learned lab"):
         statement_of(learned)
-    replace(STATEMENT, feature_mean=(0.0,) * 7, feature_spread=(1.0,) * 7).write(learned.parent)
+    replace(STATEMENT, feature_means=((0.0,) * 7,), feature_spread=(1.0,) * 7).write(learned.parent)
     with pytest.raises(FileError, match="has 24 features, got one from 0 with 7"):
         statement_of(learned)
 
@@ -118,8 +117,8 @@ def test_an_adapted_network_needs_its_statement(learned: Path) -> None:
     [
         ("focal_px", [0.0, 1.0], "focal_px"),
         ("height_m", float("nan"), "height_m"),
-        ("feature_spread", [1.0], "expected 24 numbers, got 1"),
-        ("feature_mean", ["x"] * 24, "feature_mean"),
+        ("feature_spread", [1.0], "expected 1 numbers as in feature_spread, got 24"),
+        ("feature_means", [["x"] * 24], "feature_means"),
         ("version", 2, "version"),
     ],
 )
