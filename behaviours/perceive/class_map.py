@@ -69,6 +69,8 @@ class Segment(Leaf):
     )
     reads = (FRAME,)
     writes = (CLASS_MAP, RELATIVE_DEPTH)
+    _network: Segmenter
+    _segmenter: Segmenter  # the network, or the same with further classes as ground
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError or FileError when it cannot be loaded."""

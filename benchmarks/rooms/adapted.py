@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.geometry_labels import fly_around
 from benchmarks.rooms.score import ROLES, RoomScore, score_rooms
-from perception.networks.named import ANY, segmentation_file
+from perception.networks.named import ANY, SHIPPED_UNETS, segmentation_file
 from perception.segmentation.adaptation.head import GroundHead
 from perception.segmentation.adaptation.learned_lab import AdaptedSegmenter, learn_place
 from perception.segmentation.adaptation.role_network import OnnxRoleNetwork
@@ -64,7 +64,7 @@ def measure(folder: Path, *, model: str, views: int, seed: int) -> Outcome:
 
     Args:
         folder: Lab folder of the room.
-        model: Network to adapt, one of roles.
+        model: Network to adapt: one of roles, or a shipped one.
         views: Number of images.
         seed: Of the flight.
     """
@@ -75,7 +75,8 @@ def measure(folder: Path, *, model: str, views: int, seed: int) -> Outcome:
     gathered = fly_around(str(folder), scene, seed)
     if gathered.builder is None:
         raise SystemExit(f"the flight in {scene} gathered nothing")
-    network, classes = OnnxRoleNetwork(path), load_lab(folder).classes
+    stated = load_lab().classes if model in SHIPPED_UNETS else None
+    network, classes = OnnxRoleNetwork(path, stated), load_lab(folder).classes
     head, began_s = GroundHead.unchanged(24), time.process_time()
     try:
         head = learn_place(gathered.builder.footage(), network, base="").head

@@ -83,7 +83,7 @@ def test_a_drone_that_hovers_is_judged_later() -> None:
     for tick in range(100):
         check.add(_frame(0.1 * tick))
     assert not check.is_complete
-    for tick in range(100, 200):
+    for tick in range(100, 300):
         check.add(_frame(0.1 * tick))
     assert check.is_complete
 
