@@ -9,7 +9,7 @@ from typing import Final
 from behaviours.stage_timer import StageTimer
 from perception.camera.ground_plane import view_of
 from perception.depth.corridor import CorridorBuilder, CorridorConfig
-from perception.networks.named import CONTACT, SHIPPED_DEPTHS, depth_file
+from perception.networks.named import ANY, CONTACT, SHIPPED_DEPTHS, depth_file
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
@@ -45,7 +45,8 @@ class EstimateDepth(Leaf):
             str,
             default="depth",
             doc="'depth', an ONNX file (and its mapping), or 'contact' (no network); "
-            "'depth' is not run for frames of which the network of `Segment` gives the depth",
+            "'depth' and 'any' are not run for frames of which the network of `Segment` gives the "
+            "depth",
             look_up=depth_file,
             at_setup=True,
         ),
@@ -131,7 +132,7 @@ class EstimateDepth(Leaf):
         from perception.depth.runtime import load_depth_estimator  # noqa: PLC0415
 
         network: DepthEstimator = load_depth_estimator(model, threads=mission.inference_threads)
-        return _SegmentsDepth(self, network) if model == SHIPPED_DEPTHS[0] else network
+        return _SegmentsDepth(self, network) if model in (SHIPPED_DEPTHS[0], ANY) else network
 
 
 class _SegmentsDepth:

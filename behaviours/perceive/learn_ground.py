@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from behaviours.fly.sway_around import SwayAround
-from perception.networks.named import SHIPPED_UNET, segmentation_file
+from perception.networks.named import ANY, SHIPPED_UNET, segmentation_file
 from uav_bt.board import CAMERA, FRAME, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import UavBtError, UnknownNameError
-from uav_bt.lab.lab import NETWORK_FILE
+from uav_bt.lab.lab import check_lab_name
 from uav_bt.lab.shipped import load_lab
 from uav_bt.tree import Port, Status
 from uav_bt.types import Hover
@@ -24,9 +25,16 @@ if TYPE_CHECKING:
 _FOOTAGE_PX: Final = (448, 224)  # twice the size of the labels
 
 
-def _network_file(model: str) -> None:
-    if segmentation_file(model) is None:
-        raise UnknownNameError("network to adapt", model, (SHIPPED_UNET, "FILE.onnx"))
+def _network_file(model: str) -> Path:
+    path = segmentation_file(model)
+    if path is None:
+        raise UnknownNameError("network to adapt", model, (ANY, SHIPPED_UNET, "FILE.onnx"))
+    return path
+
+
+def _lab_name(name: str) -> None:
+    if name:
+        check_lab_name(name)
 
 
 class LearnGround(SwayAround):
@@ -46,8 +54,8 @@ class LearnGround(SwayAround):
         Port(
             "model",
             str,
-            default="unet",
-            doc="network to adapt: 'unet' or an ONNX file with roles and features",
+            default=ANY,
+            doc="network to adapt: 'any', 'unet', or an ONNX file with roles and features",
             look_up=_network_file,
             at_setup=True,
         ),
@@ -59,22 +67,36 @@ class LearnGround(SwayAround):
             most=600,
             doc="time of hovering until the result is used, s; a real drone hovers on if need be",
         ),
-        Port("lab", str, default="", doc="name of the lab folder to write; empty: none"),
+        Port(
+            "lab",
+            str,
+            default="",
+            doc="name of the lab folder to write, with the package onnx; empty: none",
+            look_up=_lab_name,
+            at_setup=True,
+        ),
     )
     reads = (STATE, FRAME, CAMERA)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Load the network; raises WeightsError when it cannot be adapted."""
+        """Load the network.
+
+        Raises:
+            WeightsError: it cannot be adapted.
+            MissingDependencyError: a lab is to be written, and the package onnx is not installed.
+        """
         # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
+        from perception.networks.inference_packages import import_onnx  # noqa: PLC0415
         from perception.segmentation.adaptation.role_network import OnnxRoleNetwork  # noqa: PLC0415
 
         super().on_setup(mission)
         self._context = mission
+        _lab_name(self.port_value("lab"))
+        if self.port_value("lab") and mission.outputs is not None:
+            import_onnx()
         model = self.port_value("model")
-        path = segmentation_file(model)
-        if path is None:
-            raise UnknownNameError("network to adapt", model, (SHIPPED_UNET, "FILE.onnx"))
+        path = _network_file(model)
         # A network states its classes by name, and the shipped ones have those of the paper's lab.
         classes = load_lab().classes if model == SHIPPED_UNET else mission.classes
         self._network = OnnxRoleNetwork(path, classes, threads=mission.inference_threads)
@@ -131,7 +153,8 @@ class LearnGround(SwayAround):
         )
 
         base = network_hash(self._network.path)
-        return learn_place(gathered.footage(), self._network, base=base)
+        made = datetime.now(UTC).isoformat(timespec="seconds") if self._context.live else ""
+        return learn_place(gathered.footage(), self._network, base=base, made=made)
 
     def _wait(self, result: Future[LearnedPlace]) -> Status:
         self._leaf_clock.tick()
@@ -148,23 +171,35 @@ class LearnGround(SwayAround):
         return Status.SUCCESS
 
     def _use(self, place: LearnedPlace) -> None:
-        from perception.segmentation.adaptation.learned_lab import (  # noqa: PLC0415 - as above
-            AdaptedSegmenter,
-            write_learned_lab,
-        )
+        from perception.segmentation.adaptation.learned_lab import AdaptedSegmenter  # noqa: PLC0415 - as above
 
         mission, statement = self._context, place.statement
-        segmenter = AdaptedSegmenter(self._network, place.head, mission.classes)
+        mission.learned.segmenter = AdaptedSegmenter(self._network, place.head, mission.classes)
+        mission.learned.replaced += 1
         text = (
             f"learned the ground from {statement.frames} frames: {statement.known_share:.0%} of "
             f"their pixels have a label, the network gives {statement.agreement:.0%} of the labels"
         )
-        name = self.port_value("lab")
-        camera = self.read(CAMERA).value
-        if name and mission.outputs is not None and camera is not None:
-            folder = mission.outputs.folder / name
-            mission.outputs.make()
-            write_learned_lab(folder, place, self._network, camera)
-            text += f"; written to {Path(name) / NETWORK_FILE}"
-        mission.learned.segmenter = segmenter
+        if not place.head.is_new:
+            text += "; no head does better on frames that it was not fitted to, so it is kept"
         mission.add_event(EventKind.INFO, text, self.path)
+        if self.port_value("lab"):
+            self._write(place, self.port_value("lab"))
+
+    def _write(self, place: LearnedPlace, name: str) -> None:
+        """Write the lab folder; the flight goes on where that fails."""
+        from perception.segmentation.adaptation.learned_lab import write_learned_lab  # noqa: PLC0415 - as above
+
+        mission = self._context
+        if mission.outputs is None:
+            text = f"the lab '{name}' is not written: the flight has no output folder (--out)"
+            mission.add_event(EventKind.WARNING, text, self.path)
+            return
+        try:
+            mission.outputs.make()
+            lab = write_learned_lab(mission.outputs.folder / name, place, self._network)
+        except UavBtError as error:
+            text = f"the lab '{name}' is not written: {error}"
+            mission.add_event(EventKind.WARNING, text, self.path)
+            return
+        mission.add_event(EventKind.INFO, f"the lab is in {lab.folder}", self.path)

@@ -130,6 +130,13 @@ class SiteMapper:
         self._grid.fly_over(here.x_m, here.y_m)
         self._recent.expire(motion.pose.time_s)
 
+    def restart(self) -> None:
+        """Begin the map anew; objects keep their numbers."""
+        self.restarts += 1
+        self._known_objects.restart(self._registration.correction)
+        self._begin(agreed_s=self._captured_s)
+        self._recent.forget()  # its points were placed by the abandoned map
+
     def pass_over(self, captured_s: float) -> None:
         """Record a frame in which nothing can be placed."""
         self._recent.pass_over(captured_s)
@@ -147,10 +154,7 @@ class SiteMapper:
         placed = view.at(self._registration.corrected(view.pose))
         self._drop_missed(placed)
         if self._contradiction.is_certain(time_s):
-            self.restarts += 1
-            self._known_objects.restart(self._registration.correction)
-            self._begin(agreed_s=time_s)
-            self._recent.forget()  # its points were placed by the abandoned map
+            self.restart()
             return
         self._add_points(placed, 0.0 if off_m is None else off_m)
         self._grid.add(placed)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.errors import MissingDependencyError
+from uav_bt.plugins import install_command
 
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 _CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # of oneDNN: current and older name
@@ -50,7 +51,8 @@ def import_onnx() -> Any:
         import onnx  # noqa: PLC0415
     except ImportError as error:
         raise MissingDependencyError(
-            "an adapted network is written with the package onnx: pip install onnx"
+            f"an adapted network is written with the package onnx; run {install_command('train')}, "
+            "or leave the port `lab` of LearnGround empty"
         ) from error
     return onnx
 

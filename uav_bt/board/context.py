@@ -110,9 +110,16 @@ def _check_type(value: object, kind: Any, words: str) -> None:
 
 @dataclass(kw_only=True)
 class LearnedNetwork:
-    """The segmenter that a flight has learned for the place; it then replaces the network."""
+    """The segmenter that a flight has learned for the place; it then replaces the network.
+
+    Attributes:
+        segmenter: The segmenter; None before.
+        replaced: Number of times that another network took over in flight. A map of the class maps
+            before contradicts the ones after.
+    """
 
     segmenter: Segmenter | None = None
+    replaced: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from uav_bt.brief import brief_repr
+from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.types.landing_mark import LandingMark
 from uav_bt.types.pose import Pose2D
@@ -22,6 +24,22 @@ NETWORK_FILE: Final = "segmentation.onnx"
 
 SCENES_FOLDER: Final = "scenes"
 """Folder of a lab's scene files, in the folder of the lab file."""
+
+
+_NAME: Final = re.compile(r"[a-z][a-z0-9_-]*")
+
+
+def check_lab_name(name: str) -> None:
+    """Refuse a text that cannot be the name of a lab's folder.
+
+    Raises:
+        InputError: It has other characters than small letters, digits, _ and -.
+    """
+    if not _NAME.fullmatch(name):
+        raise InputError(
+            "the name of a lab consists of small letters, digits, _ and -, and begins with a "
+            f"letter, got '{name}'"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

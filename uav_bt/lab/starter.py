@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import writing
-from uav_bt.lab.lab import LAB_FILE
+from uav_bt.lab.lab import LAB_FILE, check_lab_name
 from uav_bt.lab.shipped import shipped_labs
-
-_NAME: Final = re.compile(r"[a-z][a-z0-9_-]*")
 
 STARTER: Final = """\
 # A place to fly in. docs/labs.md explains every key; `uav-bt lab schema --out labs/lab.schema.json`
@@ -61,11 +58,7 @@ def write_lab(name: str, folder: Path) -> Path:
         InputError: The name cannot be one, or a lab of that name ships with uav-bt.
         FileError: The place exists, or the file cannot be written.
     """
-    if not _NAME.fullmatch(name):
-        raise InputError(
-            "the name of a lab consists of small letters, digits, _ and -, and begins with a "
-            f"letter, got '{name}'"
-        )
+    check_lab_name(name)
     if name in shipped_labs():
         raise InputError(f"a lab '{name}' ships with uav-bt: choose another name")
     path = folder / name / LAB_FILE

@@ -1,9 +1,12 @@
-"""The adapted head inside the network: an ONNX file with the logits of three roles."""
+"""The adapted head inside the network: an ONNX file with the logits of three roles.
+
+Features and, of a network with a second head, relative depth stay outputs of the file.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,13 +14,18 @@ import numpy as np
 
 from perception.networks.inference_packages import import_onnx
 from perception.segmentation.adaptation.head import MOST_SURE, GroundHead
-from perception.segmentation.adaptation.role_network import ROLES
+from perception.segmentation.adaptation.role_network import (
+    ADAPTED_FROM,
+    DEPTH,
+    FEATURES,
+    LOGITS,
+    ROLES,
+)
 from uav_bt.errors import WeightsError
 from uav_bt.files import write_whole
 
-_LOGITS: Final = "logits"
-_FEATURES: Final = "features"
 _INNER: Final = "logits_before_adaptation"
+_WEIGHTS_HASH: Final = "weights_sha256"
 
 
 def write_adapted(
@@ -25,16 +33,19 @@ def write_adapted(
     base: Path,
     groups: Sequence[Sequence[int]],
     head: GroundHead,
-    metadata: Mapping[str, str],
+    base_hash: str,
 ) -> None:
     """Write a network with an adapted head.
+
+    The file of a network of roles states roles, and so it is loaded as one. That of a network of
+    classes states the roles as its classes.
 
     Args:
         path: the ONNX file to write; replaced in one step.
         base: the ONNX file of the frozen network.
         groups: numbers of its classes by `ROLES`, as `OnnxRoleNetwork.groups`.
         head: the head.
-        metadata: further metadata of the file.
+        base_hash: SHA-256 of the file of the frozen network, for the metadata.
 
     Raises:
         WeightsError: the network has no features.
@@ -44,21 +55,39 @@ def write_adapted(
     model = onnx.load(str(base))
     graph = model.graph
     outputs = {each.name: each for each in graph.output}
-    logits = _LOGITS if _LOGITS in outputs else graph.output[0].name
+    logits = LOGITS if LOGITS in outputs else graph.output[0].name
     shape = [axis.dim_value for axis in outputs[logits].type.tensor_type.shape.dim]
-    features = _FEATURES if _FEATURES in outputs else _head_input(graph, logits, base)
+    features = FEATURES if FEATURES in outputs else _head_input(graph, logits, base)
     _rename(graph, logits, _INNER)
     nodes, constants = _nodes(onnx, features, groups, head, shape[2:])
     graph.node.extend(nodes)
     graph.initializer.extend(constants)
     del graph.output[:]
-    kind = onnx.TensorProto.FLOAT
-    size = [1, len(ROLES), *shape[2:]]
-    graph.output.append(onnx.helper.make_tensor_value_info(_LOGITS, kind, size))
+    kind, make = onnx.TensorProto.FLOAT, onnx.helper.make_tensor_value_info
+    graph.output.append(make(LOGITS, kind, [1, len(ROLES), *shape[2:]]))
+    if DEPTH in outputs:
+        graph.output.append(outputs[DEPTH])
+    # The features show in flight whether the place is the learned one.
+    if features != FEATURES:
+        graph.node.append(onnx.helper.make_node("Identity", [features], [FEATURES]))
+    small = [1, len(head.weights), None, None]
+    graph.output.append(outputs.get(FEATURES) or make(FEATURES, kind, small))
+    metadata = _metadata(model) | {ADAPTED_FROM: base_hash}
     del model.metadata_props[:]
-    onnx.helper.set_model_props(model, {"classes": json.dumps(ROLES), **metadata})
+    onnx.helper.set_model_props(model, metadata)
     onnx.checker.check_model(model)
     write_whole(path, model.SerializeToString(deterministic=True))
+
+
+def _metadata(model: Any) -> dict[str, str]:
+    """Return the metadata of the adapted network: the base's, with the roles in place of classes.
+
+    The hash of the base's weights is left out: the head has others.
+    """
+    kept = {each.key: each.value for each in model.metadata_props if each.key != _WEIGHTS_HASH}
+    if "roles" not in kept:
+        kept["classes"] = json.dumps(ROLES)
+    return kept
 
 
 def _head_input(graph: Any, logits: str, base: Path) -> str:
@@ -133,6 +162,6 @@ def _nodes(
         make("Add", ["adapted_large", "adapted_m"], ["adapted_score"]),
         make("Sub", [outside, "adapted_best"], ["adapted_first"]),
         make("Sub", [obstacle, "adapted_best"], ["adapted_last"]),
-        make("Concat", ["adapted_first", "adapted_score", "adapted_last"], [_LOGITS], axis=1),
+        make("Concat", ["adapted_first", "adapted_score", "adapted_last"], [LOGITS], axis=1),
     ]
     return nodes, constants

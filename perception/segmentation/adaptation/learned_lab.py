@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-import yaml
 
 from perception.odometry.camera_track import Footage
 from perception.segmentation.adaptation.fold import write_adapted
@@ -28,13 +26,11 @@ from perception.segmentation.geometry.learn_labels import LabelConfig, ground_la
 from uav_bt.errors import FileError, InputError, WeightsError
 from uav_bt.files import reading, write_whole, writing
 from uav_bt.lab.classes import LabClasses
-from uav_bt.lab.lab import LAB_FILE, NETWORK_FILE, Lab
+from uav_bt.lab.lab import LAB_FILE, NETWORK_FILE, Lab, check_lab_name
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.roles import ROLE_NAMES
-from uav_bt.types import CameraModel, ClassMap, Frame
+from uav_bt.types import ClassMap, DepthMap, Frame
 
-_NAME: Final = re.compile(r"[a-z][a-z0-9_-]*")
-_CAMERA_FILE: Final = "camera.yaml"
 # With less agreement the labels contradict what the network can see.
 _LEAST_AGREEMENT: Final = 0.8
 
@@ -47,8 +43,6 @@ classes:
   outside: {role: outside, colour: "#282830"}
   ground: {role: ground, colour: "#7e9e78"}
   obstacle: {role: obstacle, colour: "#d62728"}
-
-camera: camera.yaml
 """
 
 
@@ -102,7 +96,7 @@ def learn_place(
             f"the network can follow only {agreed:.0%} of the labels, {_LEAST_AGREEMENT:.0%} are "
             "needed: the height above the ground may be wrong, or much moves in the room"
         )
-    mean, spread = feature_statistics(views)
+    means, spread = feature_statistics(views)
     camera = footage.camera
     heights_m = [footage.height_above_ground_m[each.frame] for each in labels]
     statement = PlaceStatement(
@@ -115,7 +109,7 @@ def learn_place(
         frames=len(labels),
         known_share=round(float(np.mean([each.known_share for each in labels])), 4),
         agreement=round(agreed, 4),
-        feature_mean=tuple(np.round(mean, 5).tolist()),
+        feature_means=tuple(tuple(np.round(each, 4).tolist()) for each in means),
         feature_spread=tuple(np.round(spread, 5).tolist()),
     )
     return LearnedPlace(head=head, statement=statement, labels=tuple(labels))
@@ -131,55 +125,35 @@ def network_hash(path: Path) -> str:
         return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def write_learned_lab(
-    folder: Path, place: LearnedPlace, network: OnnxRoleNetwork, camera: CameraModel
-) -> Lab:
+def write_learned_lab(folder: Path, place: LearnedPlace, network: OnnxRoleNetwork) -> Lab:
     """Write the folder of a learned lab and return the lab.
 
     Args:
         folder: the new folder; its name is the lab's.
         place: what the flight has learned.
         network: the frozen network.
-        camera: the drone's camera.
 
     Raises:
         InputError: the folder's name cannot be that of a lab.
         FileError: the folder exists or cannot be written.
         MissingDependencyError: the package onnx is not installed.
     """
-    if not _NAME.fullmatch(folder.name):
-        raise InputError(
-            "the name of a lab consists of small letters, digits, _ and -, and begins with a "
-            f"letter, got '{folder.name}'"
-        )
+    check_lab_name(folder.name)
     if folder.exists():
         raise FileError(folder, "exists: choose another name")
     with writing(folder):
         folder.mkdir(parents=True)
-    stated = {"adapted_from": place.statement.base}
-    write_adapted(folder / NETWORK_FILE, network.path, network.groups, place.head, stated)
-    write_whole(folder / _CAMERA_FILE, yaml.safe_dump(_camera_keys(camera), sort_keys=False))
+    base = place.statement.base
+    write_adapted(folder / NETWORK_FILE, network.path, network.groups, place.head, base)
     place.statement.write(folder)
     write_whole(folder / LAB_FILE, _LAB_TEXT)
     return read_lab(folder)
 
 
-def _camera_keys(camera: CameraModel) -> dict[str, object]:
-    return {
-        "width_px": camera.width_px,
-        "height_px": camera.height_px,
-        "K": [
-            [camera.fx_px, 0.0, camera.cx_px],
-            [0.0, camera.fy_px, camera.cy_px],
-            [0.0, 0.0, 1.0],
-        ],
-        "distortion": list(camera.distortion) or [0.0] * 5,
-        "forward_offset_m": camera.forward_offset_m,
-    }
-
-
 class AdaptedSegmenter:
     """A network with its adapted head, as a segmenter in the flight that has learned the place.
+
+    A network with a second head gives the relative depth of the frame, too.
 
     Args:
         network: the frozen network.
@@ -193,11 +167,21 @@ class AdaptedSegmenter:
     def __init__(self, network: RoleNetwork, head: GroundHead, classes: LabClasses) -> None:
         self._network, self._head, self._classes = network, head, classes
         self._ids = np.array([_class_of(role, classes) for role in ROLES], np.uint8)
+        self._depth: DepthMap | None = None
+
+    @property
+    def relative_depth(self) -> DepthMap | None:
+        """Depth of the frame that was segmented last, in heights of the camera above the ground."""
+        return self._depth
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame."""
-        scores = self._head.scores(self._network.infer(frame.image))
-        ids = self._ids[scores.argmax(axis=0)]
+        view = self._network.infer(frame.image)
+        if view.depth is not None:
+            self._depth = DepthMap(
+                depth=view.depth, metric=False, captured_s=frame.captured_s, in_heights=True
+            )
+        ids = self._ids[self._head.scores(view).argmax(axis=0)]
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
 
 

@@ -29,8 +29,11 @@ ROLES: Final = ("outside", "ground", "obstacle")
 
 _ROLES_KEY: Final = ["framework", "roles"]  # where OpenVINO keeps an ONNX file's metadata
 _CLASSES_KEY: Final = ["framework", "classes"]
-_LOGITS: Final = "logits"
-_FEATURES: Final = "features"
+LOGITS: Final = "logits"
+DEPTH: Final = "depth"
+FEATURES: Final = "features"
+ADAPTED_FROM: Final = "adapted_from"
+"""Key of the metadata of an adapted network: the hash of the network that was adapted."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,10 +43,13 @@ class RoleView:
     Attributes:
         scores: (3, H, W) float32, logits of `ROLES`.
         features: (C, h, w) float32; h and w divide H and W.
+        depth: (h, w) float32, in heights of the camera above the ground; None without a second
+            head.
     """
 
     scores: NDArray[np.float32]
     features: NDArray[np.float32]
+    depth: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         if self.scores.ndim != 3 or len(self.scores) != len(ROLES) or self.features.ndim != 3:
@@ -91,7 +97,7 @@ class OnnxRoleNetwork:
     """A network in an ONNX file with the outputs `logits` and `features`, run by OpenVINO.
 
     A file without `features` is accepted if its logits come from a 1x1 convolution: the features
-    are the input of that convolution.
+    are the input of that convolution. Depth comes from the output `depth`, if there is one.
 
     Args:
         path: the ONNX file.
@@ -108,22 +114,26 @@ class OnnxRoleNetwork:
         self.groups = _groups(model, path, classes)
         self._size = input_size(model, path)
         model = accept_uint8(model)
-        logits = _output(model, _LOGITS) or model.output(0)
-        features = _output(model, _FEATURES)
+        logits = _output(model, LOGITS) or model.output(0)
+        features, depth = _output(model, FEATURES), _output(model, DEPTH)
         inner = _head_input(logits, path) if features is None else _source(features)
         ops = import_openvino().opset13
         results = [ops.result(_source(logits)), ops.result(inner)]
-        both = import_openvino().Model(results, model.get_parameters(), model.get_friendly_name())
-        self._request = compile_model(both, threads, path).create_infer_request()
+        if depth is not None:
+            results.append(ops.result(_source(depth)))
+        self._has_depth = depth is not None
+        asked = import_openvino().Model(results, model.get_parameters(), model.get_friendly_name())
+        self._request = compile_model(asked, threads, path).create_infer_request()
 
     def infer(self, rgb: Image) -> RoleView:
         """Return scores and features of an image, (H, W, 3) uint8 RGB of any size."""
         self._request.infer([np.ascontiguousarray(shrunk(rgb, self._size)[None])])
-        logits, features = (
-            np.array(self._request.get_output_tensor(index).data[0], np.float32) for index in (0, 1)
+        logits, features, *depth = (
+            np.array(self._request.get_output_tensor(index).data[0], np.float32)
+            for index in range(3 if self._has_depth else 2)
         )
         scores = np.stack([logits[group].max(axis=0) for group in self.groups])
-        return RoleView(scores=scores, features=features)
+        return RoleView(scores=scores, features=features, depth=depth[0][0] if depth else None)
 
 
 def _groups(model: Any, path: Path, classes: LabClasses | None) -> list[list[int]]:

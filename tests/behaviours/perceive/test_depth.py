@@ -132,6 +132,23 @@ def test_each_frame_is_estimated_once(estimating: LeafBench) -> None:
     assert len(times["relative_depth"]) == len(times["metric_depth"]) == 2
 
 
+def test_the_depth_of_the_segmentation_replaces_that_of_any() -> None:
+    bench = LeafBench(EstimateDepth, model="any")
+    bench.setup()
+    bench.hover()
+    frame = bench.board[FRAME]
+    given = DepthMap(
+        depth=np.full((56, 112), 2.0, np.float32),
+        metric=False,
+        captured_s=frame.captured_s,
+        in_heights=True,
+    )
+    bench.board[RELATIVE_DEPTH] = given
+    leaf = bench.leaf
+    assert isinstance(leaf, EstimateDepth)
+    assert leaf._load("any", leaf.mission).estimate(frame) is given
+
+
 @pytest.mark.parametrize(
     ("rows", "runs"),
     [

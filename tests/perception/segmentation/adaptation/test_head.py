@@ -29,7 +29,8 @@ from perception.segmentation.adaptation.role_network import (
     classes_by_role,
 )
 from perception.segmentation.geometry.labels import GROUND, NOT_GROUND, GroundLabels
-from perception.segmentation.runtime import OnnxSegmenter
+from perception.segmentation.room_runtime import RoomSegmenter
+from perception.segmentation.runtime import OnnxSegmenter, load_segmenter
 from perception.segmentation.training.unet import UNET_FILES
 from tests.paper_lab import CLASSES
 from uav_bt.errors import FileError, InputError, ShapeError
@@ -121,7 +122,7 @@ def _place(network: OnnxRoleNetwork, image: Image) -> LearnedPlace:
         frames=3,
         known_share=0.8,
         agreement=0.9,
-        feature_mean=tuple(features.reshape(len(features), -1).mean(axis=1).tolist()),
+        feature_means=(tuple(features.reshape(len(features), -1).mean(axis=1).tolist()),),
         feature_spread=tuple(spread.tolist()),
     )
     return LearnedPlace(head=head, statement=statement, labels=())
@@ -131,22 +132,25 @@ def test_the_folded_network_decides_as_the_head(
     network: OnnxRoleNetwork, image: Image, tmp_path: Path
 ) -> None:
     place = _place(network, image)
-    lab = write_learned_lab(tmp_path / "hall", place, network, pinhole())
+    lab = write_learned_lab(tmp_path / "hall", place, network)
     assert lab.classes.names == ("outside", "ground", "obstacle")
-    assert lab.flight.camera is not None
-    flown = OnnxSegmenter(Path(lab.network["model"]), lab.classes)
+    path = Path(lab.network["model"])
+    flown = OnnxSegmenter(path, lab.classes)
     ids = flown.ids(image)
     expected = place.head.scores(network.infer(image)).argmax(axis=0)
     assert len(np.unique(expected)) > 1
     assert np.mean(ids == expected) > 0.999
+    np.testing.assert_array_equal(
+        OnnxRoleNetwork(path).infer(image).features, network.infer(image).features
+    )
     assert PlaceStatement.read(lab.folder) == place.statement
     with pytest.raises(FileError, match="exists: choose another name"):
-        write_learned_lab(tmp_path / "hall", place, network, pinhole())
+        write_learned_lab(tmp_path / "hall", place, network)
 
 
 def test_a_lab_needs_a_name(network: OnnxRoleNetwork, image: Image, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the name of a lab consists of"):
-        write_learned_lab(tmp_path / "My Hall", _place(network, image), network, pinhole())
+        write_learned_lab(tmp_path / "My Hall", _place(network, image), network)
 
 
 def test_another_place_camera_or_height_is_noticed(network: OnnxRoleNetwork, image: Image) -> None:
@@ -155,12 +159,17 @@ def test_another_place_camera_or_height_is_noticed(network: OnnxRoleNetwork, ima
         pinhole(), width_px=448, height_px=224, fx_px=326.0, fy_px=289.7, cx_px=223.5, cy_px=111.5
     )
     same = [network.infer(image)]
-    assert statement.foreign(camera, 1.5, same) is None
-    assert "1.5 m above the ground, not 2.5 m" in (statement.foreign(camera, 2.5, same) or "")
-    wide = replace(camera, fx_px=300.0)
-    assert "focal length" in (statement.foreign(wide, 1.5, same) or "")
+    assert statement.foreign(1.5, same) is None
+    assert "1.5 m above the ground, not 2.5 m" in (statement.foreign(2.5, same) or "")
+    assert "above the ground" in (statement.foreign(float("nan"), same) or "")
     night = [network.infer(np.zeros_like(image))]
-    assert "differ from those of the learned place" in (statement.foreign(camera, 1.5, night) or "")
+    assert "differ from those of the learned place" in (statement.foreign(1.5, night) or "")
+    assert statement.foreign_camera(camera.resized(1280, 640)) is None
+    assert "sees 69 x 42 degrees, and this one sees 73 x 42" in (
+        statement.foreign_camera(replace(camera, fx_px=300.0)) or ""
+    )
+    squarer = replace(camera, height_px=280, cy_px=139.5)  # the same focal lengths, another aspect
+    assert statement.foreign_camera(squarer) is not None
 
 
 def _frame() -> Frame:
@@ -197,8 +206,43 @@ def test_the_metadata_names_the_classes(
 ) -> None:
     import onnx  # noqa: PLC0415 - only here
 
-    lab = write_learned_lab(tmp_path / "hall", _place(network, image), network, pinhole())
+    lab = write_learned_lab(tmp_path / "hall", _place(network, image), network)
     model = onnx.load(str(lab.network["model"]))
     stated = {each.key: each.value for each in model.metadata_props}
     assert json.loads(stated["classes"]) == ["outside", "ground", "obstacle"]
     assert stated["adapted_from"] == network_hash(network.path)
+
+
+ANY = SHIPPED_WEIGHTS / "any.onnx"
+
+
+def test_an_adapted_network_of_two_heads_keeps_its_depth(image: Image, tmp_path: Path) -> None:
+    network = OnnxRoleNetwork(ANY)
+    place = _place(network, image)
+    lab = write_learned_lab(tmp_path / "hall", place, network)
+    path = Path(lab.network["model"])
+    adapted, base = OnnxRoleNetwork(path).infer(image), network.infer(image)
+    np.testing.assert_array_equal(adapted.features, base.features)
+    assert adapted.depth is not None
+    np.testing.assert_array_equal(adapted.depth, base.depth)
+    flown = load_segmenter(path, lab.classes)
+    assert isinstance(flown, RoomSegmenter)
+    in_flight = AdaptedSegmenter(network, place.head, lab.classes)
+    frame = replace(_frame(), image=image)
+    assert np.mean(flown.segment(frame).ids == in_flight.segment(frame).ids) > 0.999
+    for segmenter in (flown, in_flight):
+        depth = segmenter.relative_depth
+        assert depth is not None
+        assert (depth.in_heights, depth.captured_s) == (True, frame.captured_s)
+        np.testing.assert_array_equal(depth.depth, base.depth)
+
+
+def test_a_head_that_fits_chance_is_not_taken() -> None:
+    """Labels without a pattern are followed on the frames themselves only."""
+    views, labels = zip(*(_room(seed, blind=False) for seed in range(4)), strict=True)
+    generator = np.random.default_rng(5)
+    chance = [
+        replace(each, labels=generator.choice([GROUND, NOT_GROUND], each.labels.shape).astype("u1"))
+        for each in labels
+    ]
+    assert not fit_head(views, chance, HeadConfig(strength=100.0)).is_new
