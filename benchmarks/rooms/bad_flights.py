@@ -129,8 +129,8 @@ class Watch:
         if motion is not None and state is not None and motion.untracked_s < _FRESH_S:
             found["ground_f"] = motion.velocity.forward_mps
             found["ground_r"] = motion.velocity.right_mps
-            found["told_f"] = motion.velocity.forward_mps - motion.error.forward_mps
-            found["told_r"] = motion.velocity.right_mps - motion.error.right_mps
+            found["reported_f"] = motion.velocity.forward_mps - motion.error.forward_mps
+            found["reported_r"] = motion.velocity.right_mps - motion.error.right_mps
         self.frames.append(found)
 
 

@@ -97,7 +97,7 @@ def _rug(lab: Lab, scene: Scene) -> None:
 
 
 def _mirror(lab: Lab, scene: Scene) -> None:
-    """Put a wall-high mirror across the room: behind it stands the image of what is before it."""
+    """Put a wall-high mirror across the room: behind it stands the mirrored room."""
     del lab
     before = [
         each for each in scene["objects"] if each["position_m"][0] < MIRROR_X_M - _NEAR_MIRROR_M

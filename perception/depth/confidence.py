@@ -12,7 +12,7 @@ class Confidence:
 
     value: float | None = None
     reason: str = ""  # why there is none, or what lowers it most where it is below a half
-    # What it is computed from, by name; each has its number and what was measured.
+    # What it is computed from, by name; each has its number and its measurement.
     measures: Mapping[str, Confidence] = field(default_factory=dict)
 
 

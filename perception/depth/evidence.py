@@ -131,7 +131,7 @@ def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def evidence(
     measures: GroundMeasures, innovation: float | None, height_m: float | None = None
 ) -> dict[str, Confidence]:
-    """Return how far each measure speaks for the scale, 0 to 1, with what was measured.
+    """Return how far each measure speaks for the scale, 0 to 1, with its measurement.
 
     Args:
         measures: of the frame's ground.

@@ -26,7 +26,7 @@ def _labels(places_m: tuple[float, ...], contrast: float = 1.0) -> np.ndarray:
     return sighted(sweep(reference, view(), others), view())
 
 
-def test_floor_and_wall_are_told_apart() -> None:
+def test_floor_and_wall_have_different_labels() -> None:
     labels, floor = _labels((-0.3, 0.3)), frame(0.0)[1]
     ground, other = labels == GROUND, labels == NOT_GROUND
     assert np.mean(floor[ground]) > 0.93
