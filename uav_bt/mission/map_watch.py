@@ -84,8 +84,8 @@ class MapWatch:
         """Yield the events of the map since the last tick."""
         if site_map.restarts > self._restarts:
             yield (
-                "the view contradicted the map, which was begun anew: was the drone moved, or its "
-                "odometry reset?"
+                "the map was begun anew, because the view contradicted it (was the drone moved, or "
+                "its odometry reset?) or another network took over"
             )
         moved_m = 0.0 if site_map.mark is None else site_map.mark.moved_m
         if moved_m > self._mark_moved_m:

@@ -31,7 +31,9 @@ class HeadConfig:
         parts: Number of parts of the turn. Each is judged by a head that was fitted to the others.
         gain: Least rise of the agreement with the labels of parts that a head was not fitted to;
             with less the network is left as it is. The labels leave out the borders, which such a
-            network places better than a new head.
+            network places better than a new head. In rooms of the validation set heads that rose
+            by less than 0.23 had at most 0.77 IoU of ground, those that rose by 0.42 or more at
+            least 0.77; the network for any room rose by at most 0.06.
         seed: Of the choice of the pixels.
     """
 
@@ -39,7 +41,7 @@ class HeadConfig:
     least: int = 500
     strength: float = 0.02
     parts: int = 4
-    gain: float = 0.05
+    gain: float = 0.3
     seed: int = 0
 
 
