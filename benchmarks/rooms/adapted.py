@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.geometry_labels import fly_around
 from benchmarks.rooms.score import ROLES, RoomScore, score_rooms
-from perception.networks.named import ANY, SHIPPED_UNETS, segmentation_file
+from perception.networks.named import ANY, SHIPPED_UNET, segmentation_file
 from perception.segmentation.adaptation.head import GroundHead
 from perception.segmentation.adaptation.learned_lab import AdaptedSegmenter, learn_place
 from perception.segmentation.adaptation.role_network import OnnxRoleNetwork
@@ -75,7 +75,7 @@ def measure(folder: Path, *, model: str, views: int, seed: int) -> Outcome:
     gathered = fly_around(str(folder), scene, seed)
     if gathered.builder is None:
         raise SystemExit(f"the flight in {scene} gathered nothing")
-    stated = load_lab().classes if model in SHIPPED_UNETS else None
+    stated = load_lab().classes if model == SHIPPED_UNET else None
     network, classes = OnnxRoleNetwork(path, stated), load_lab(folder).classes
     head, began_s = GroundHead.unchanged(24), time.process_time()
     try:
