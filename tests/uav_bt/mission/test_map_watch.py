@@ -103,4 +103,4 @@ def test_what_lasts_and_what_happens_again_is_logged_once_each(
     anew = [replace(SEEN, restarts=1)] * 150 + [replace(SEEN, restarts=2)] * 20
     watched([*[NO_GROUND] * 200, SEEN, *anew])
     logged = [record.message[:20] for record in caplog.records]
-    assert logged == ["no ground in view: t", "the view contradicte", "the view contradicte"]
+    assert logged == ["no ground in view: t", "the map was begun an", "the map was begun an"]
