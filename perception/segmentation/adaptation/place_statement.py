@@ -25,8 +25,8 @@ from uav_bt.yaml_file import read_yaml
 STATEMENT_FILE: Final = "learned.yaml"
 """Name of the statement in the folder of a learned lab."""
 
-# Shift of the features, standard deviations; chosen on rooms of the validation set. It is up to 0.30
-# in later turns in the own room, and above 0.33 in 16 of 30 turns in other rooms.
+# Shift of the features, standard deviations; chosen on rooms of the validation set. It is up to
+# 0.30 in later turns in the own room, and above 0.33 in 16 of 30 turns in other rooms.
 _MOST_FAR: Final = 0.33
 _LENS: Final = 0.03  # relative difference of the focal lengths; chosen
 _HIGHER_M: Final = 0.6  # difference in height; chosen
