@@ -11,9 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.rooms.room_views import NO_LABEL, TRUTH_PX, draw_views
+from benchmarks.rooms.room_views import TRUTH_PX, draw_views
 from perception.networks.onnx_runtime import shrunk
 from perception.networks.training.room_run import RoomImages
+from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.progress import Advance, silent
 
@@ -64,7 +65,7 @@ def render_rooms(
 
 def _render(job: RoomJob) -> RoomImages:
     shape = (job.views, TRUTH_PX[1], TRUTH_PX[0])
-    rgb, roles = np.empty((*shape, 3), np.uint8), np.full(shape, NO_LABEL, np.uint8)
+    rgb, roles = np.empty((*shape, 3), np.uint8), np.full(shape, IGNORED, np.uint8)
     depth = np.empty(shape, np.float16)
     scene = load_scene(job.scene)
     for index, view in enumerate(draw_views(scene, job.views, job.seed, level=job.level)):

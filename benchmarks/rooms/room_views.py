@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
@@ -19,7 +20,6 @@ from uav_bt.lab.roles import GROUND, MARK, OBSTACLE, OUTSIDE
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types.arrays import Image
 
-NO_LABEL: Final = 255
 IMAGE_PX: Final = (448, 252)
 TRUTH_PX: Final = (224, 112)
 HEIGHTS_M: Final = (0.5, 2.3)
@@ -27,7 +27,7 @@ PITCHES_DEG: Final = (-60.0, 5.0)
 CLEAR_M: Final = 0.25  # between the camera and any surface
 TRIES: Final = 20_000
 # Ids of the network's roles: outside, ground, obstacle. A mark has no label.
-ROLE_IDS: Final = {OUTSIDE: 0, GROUND: 1, OBSTACLE: 2, MARK: NO_LABEL}
+ROLE_IDS: Final = {OUTSIDE: 0, GROUND: 1, OBSTACLE: 2, MARK: IGNORED}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,7 +115,7 @@ def draw_views(
             )
             for pose in poses
         ]
-    roles_of = np.full(256, NO_LABEL, np.uint8)
+    roles_of = np.full(256, IGNORED, np.uint8)
     for role, number in ROLE_IDS.items():
         for class_id in load_lab(scene.lab).classes.of_role(role):
             roles_of[class_id] = number

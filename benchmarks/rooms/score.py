@@ -11,13 +11,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.rooms.room_views import NO_LABEL, ROLE_IDS, RoomView, draw_views
+from benchmarks.rooms.room_views import ROLE_IDS, RoomView, draw_views
+from perception.networks.named import ROLES
+from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.lab.roles import GROUND
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Frame
 
-ROLES: Final = ("outside", "ground", "obstacle")
 SCALE_OFF: Final = 0.2
 FEWEST: Final = 100  # ground pixels for a scale
 
@@ -86,9 +87,9 @@ def _frame(view: RoomView) -> Frame:
 
 def _count(confusion: NDArray[np.int64], view: RoomView, roles: NDArray[np.uint8]) -> None:
     """Count the pixels by true and called role; a mark has no role of these."""
-    table = np.full(256, NO_LABEL, np.uint8)
+    table = np.full(256, IGNORED, np.uint8)
     for role, number in ROLE_IDS.items():
         table[role] = number
     called = table[cv2.resize(roles, view.roles.shape[::-1], interpolation=cv2.INTER_NEAREST)]
-    known = (view.roles != NO_LABEL) & (called != NO_LABEL)
+    known = (view.roles != IGNORED) & (called != IGNORED)
     np.add.at(confusion, (view.roles[known], called[known]), 1)

@@ -60,12 +60,12 @@ class KnownGround:
         size = (self._size_px, self._size_px)
         return [fft.rfft2(part, size) for part in (known, texture, texture**2)]
 
-    def correlation(self, picture: GroundPicture, least_m2: float) -> Floats:
+    def correlation(self, picture: GroundPicture, min_shared_m2: float) -> Floats:
         """Return the correlation of a picture with this one at each displacement.
 
         Args:
             picture: The picture, of the same shape.
-            least_m2: Least area that both must know.
+            min_shared_m2: Least area that both must know.
 
         Returns:
             (2 R + 1, 2 R + 1): rows by displacement of the given picture along x, columns along y,
@@ -84,7 +84,9 @@ class KnownGround:
         spread_here = product(here2, seen) / count - mean_here**2
         spread_there = product(known, there2) / count - mean_there**2
         common = product(here, there) / count - mean_here * mean_there
-        usable = (count * CELL_M**2 >= least_m2) & (spread_here > _FLAT) & (spread_there > _FLAT)
+        usable = (
+            (count * CELL_M**2 >= min_shared_m2) & (spread_here > _FLAT) & (spread_there > _FLAT)
+        )
         scale = np.sqrt(np.where(usable, spread_here * spread_there, 1.0))
         return np.where(usable, common / scale, -1.0)
 

@@ -30,14 +30,14 @@ class SpotConfig:
     """Views that count, and displacements that are believed. Numbers without a reason are chosen.
 
     Attributes:
-        least_height_m: Lower views show too little ground.
+        min_height_m: Lower views show too little ground.
         near_m: A view up to this distance from the take-off pose is collected.
         pictures: Largest number of views in the remembered picture.
-        least_pictures: Fewer views at the take-off give no picture.
+        min_pictures: Fewer views at the take-off give no picture.
         reach_m: Largest displacement from the estimated spot along each axis.
-        least_m2: Least area that view and picture have in common.
+        min_shared_m2: Least area that view and picture have in common.
         turns_rad: Errors of the estimated heading that are tried.
-        least_score: Least correlation. Right displacements in 11 rooms had 0.6 and more.
+        min_score: Least correlation. Right displacements in 11 rooms had 0.6 and more.
         rival_share: Displacements with this share of the best correlation are possible, too.
         rival_ratio: The nearest of them counts if its distance from the estimate is at most this
             share of the second nearest's.
@@ -45,14 +45,14 @@ class SpotConfig:
         agree_s: Time between those views at most.
     """
 
-    least_height_m: float = 0.7
+    min_height_m: float = 0.7
     near_m: float = 0.3
     pictures: int = 8
-    least_pictures: int = 3
+    min_pictures: int = 3
     reach_m: float = 1.0
-    least_m2: float = 0.4
+    min_shared_m2: float = 0.4
     turns_rad: tuple[float, ...] = tuple(map(math.radians, (-4.0, -2.0, 0.0, 2.0, 4.0)))
-    least_score: float = 0.5
+    min_score: float = 0.5
     rival_share: float = 0.75
     rival_ratio: float = 0.35
     agree_m: float = 0.1
@@ -94,7 +94,7 @@ class SpotFinder:
     def find(self, view: MarkView) -> MarkSighting | None:
         """Return the spot in a view straight down near it; None without texture that shows it."""
         take_off = view.take_off
-        high = view.frame.height_above_ground_m >= self._config.least_height_m
+        high = view.frame.height_above_ground_m >= self._config.min_height_m
         if take_off is None or not high:
             return None
         if self._mosaic is not None:
@@ -125,7 +125,7 @@ class SpotFinder:
             mosaic.add(picture)
         if left or mosaic.pictures >= cfg.pictures:
             self._mosaic = None
-            if mosaic.pictures >= cfg.least_pictures:
+            if mosaic.pictures >= cfg.min_pictures:
                 self._known = KnownGround(mosaic.picture(), cfg.reach_m)
 
     def _match(self, view: MarkView, take_off: Pose2D) -> _Match | None:
@@ -141,8 +141,8 @@ class SpotFinder:
             picture = ground_picture(view, frame)
             if picture is None:
                 return None
-            correlation = self._known.correlation(picture, cfg.least_m2)
-            found = candidates(correlation, least=cfg.least_score * cfg.rival_share)
+            correlation = self._known.correlation(picture, cfg.min_shared_m2)
+            found = candidates(correlation, least=cfg.min_score * cfg.rival_share)
             if found and (best is None or found[0].score > best[0][0].score):
                 best = found, frame
         if best is None:
@@ -158,7 +158,7 @@ class SpotFinder:
             found: At least one, best first.
         """
         cfg, top = self._config, found[0].score
-        if top < cfg.least_score:
+        if top < cfg.min_score:
             return None
         possible = [each for each in found if each.score >= cfg.rival_share * top]
         possible.sort(key=lambda each: each.range_m)

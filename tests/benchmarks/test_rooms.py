@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks.rooms.furnish import FLOWN, Assets, Furniture, write_room
 from benchmarks.rooms.pictures import SIDE_PX, draw_surface
-from benchmarks.rooms.room_views import NO_LABEL, draw_views
+from benchmarks.rooms.room_views import draw_views
+from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.lab.shipped import load_lab
 
@@ -57,7 +58,7 @@ def test_views_have_roles_and_depth_from_above_the_floor(tmp_path: Path, assets:
     views = list(draw_views(scene, 12, seed=1, level=True))
     shares = np.zeros(256)
     for view in views:
-        assert set(np.unique(view.roles)) <= {0, 1, 2, NO_LABEL}
+        assert set(np.unique(view.roles)) <= {0, 1, 2, IGNORED}
         shares += np.bincount(view.roles.ravel(), minlength=256)
         ground = view.roles == 1
         if ground.any():

@@ -17,10 +17,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from perception.networks.named import ROLES
 from perception.networks.training.network_files import NetworkFiles, OnnxPorts
 from perception.segmentation.training.unet import UNet, UNetConfig
 
-ROLES: Final = ("outside", "ground", "obstacle")
 _DEPTH_RANGE: Final = 4.0  # of the logarithm of relative depth: 0.02 to 55 heights
 
 

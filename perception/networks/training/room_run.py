@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import torch
@@ -18,12 +18,18 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from perception.networks.training.loop import LoopConfig, Progress, ignore_progress, train
+from perception.networks.training.loop import (
+    LoopConfig,
+    Progress,
+    channels_last,
+    ignore_progress,
+    train,
+)
 from perception.networks.training.room_augment import RoomAugmentation, augment_rooms
 from perception.networks.training.room_net import RoomNet
+from perception.segmentation.training.run import IGNORED
 from perception.segmentation.training.unet import UNetConfig
 
-NO_LABEL: Final = 255
 ROOM_SHAPE: Final = UNetConfig(outputs=3, channels=(24, 48, 96, 192), context=True)
 _NEAREST, _FARTHEST = 0.05, 12.0  # depth that is learned, in heights of the camera
 
@@ -84,9 +90,9 @@ def train_room_net(
         ValueRangeError: the loss has become NaN or infinite.
     """
     torch.manual_seed(config.seed)
-    net = RoomNet(ROOM_SHAPE) if start is None else start
-    net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # not in the stubs
-    stored = [torch.from_numpy(each).to(config.device) for each in _arrays(images)]
+    net = channels_last(RoomNet(ROOM_SHAPE) if start is None else start)
+    arrays: tuple[NDArray[Any], ...] = (images.rgb, images.roles, images.depth)
+    stored = [torch.from_numpy(each).to(config.device) for each in arrays]
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
         generator = torch.Generator(config.device).manual_seed(int(rng.integers(2**62)))
@@ -100,7 +106,7 @@ def train_room_net(
         logits = net.trunk.spread(net.trunk.head(features))
         known = labels[:, 0].round().long()
         terms = {
-            "roles": functional.cross_entropy(logits, known, ignore_index=NO_LABEL),
+            "roles": functional.cross_entropy(logits, known, ignore_index=IGNORED),
             "depth": depth_loss(net.log_depth(features), labels[:, 1:], config.edges),
         }
         return terms["roles"] + config.depth * terms["depth"], terms
@@ -114,10 +120,6 @@ def train_room_net(
         checkpoint=checkpoint,
         progress=progress,
     )
-
-
-def _arrays(images: RoomImages) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.float16]]:
-    return images.rgb, images.roles, images.depth
 
 
 def depth_loss(log_depth: Tensor, truth: Tensor, edges: float) -> Tensor:

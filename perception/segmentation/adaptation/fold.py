@@ -13,13 +13,13 @@ from typing import Any, Final
 import numpy as np
 
 from perception.networks.inference_packages import import_onnx
-from perception.segmentation.adaptation.head import MOST_SURE, GroundHead
+from perception.networks.named import ROLES
+from perception.segmentation.adaptation.head import MAX_MARGIN, GroundHead
 from perception.segmentation.adaptation.role_network import (
     ADAPTED_FROM,
     DEPTH,
     FEATURES,
     LOGITS,
-    ROLES,
 )
 from uav_bt.errors import WeightsError
 from uav_bt.files import write_whole
@@ -143,7 +143,7 @@ def _nodes(
     outside, ground, obstacle = (f"adapted_{role}" for role in ROLES)
     weights = constant("weights", head.weights[None, :, None, None])
     target = constant("size", [1, 1, *size], np.int64)
-    least, most = constant("least", -MOST_SURE), constant("most", MOST_SURE)
+    least, most = constant("least", -MAX_MARGIN), constant("most", MAX_MARGIN)
     nodes += [
         make("Max", [outside, obstacle], ["adapted_best"]),
         make("Sub", [ground, "adapted_best"], ["adapted_difference"]),

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.linear_model import LogisticRegression
 
-from perception.segmentation.adaptation.role_network import ROLES, RoleView
+from perception.networks.named import ROLES
+from perception.segmentation.adaptation.role_network import RoleView
 from perception.segmentation.geometry.labels import GROUND, NOT_GROUND, GroundLabels
 from uav_bt.errors import InputError, ShapeError
 from uav_bt.types.arrays import Floats
 
 _OUTSIDE, _GROUND, _OBSTACLE = range(len(ROLES))
-MOST_SURE: Final = 20.0  # logits beyond this are equally sure
+MAX_MARGIN: Final = 20.0  # of two logits, beyond which both roles are certain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +99,7 @@ class GroundHead:
 def ground_margin(view: RoleView) -> NDArray[np.float32]:
     """Return the score of ground above the best other role, bounded, (H, W)."""
     best = np.maximum(view.scores[_OUTSIDE], view.scores[_OBSTACLE])
-    return np.asarray(np.clip(view.scores[_GROUND] - best, -MOST_SURE, MOST_SURE), np.float32)
+    return np.asarray(np.clip(view.scores[_GROUND] - best, -MAX_MARGIN, MAX_MARGIN), np.float32)
 
 
 def fit_head(

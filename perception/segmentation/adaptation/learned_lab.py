@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from perception.networks.named import ROLES
 from perception.odometry.camera_track import Footage
 from perception.segmentation.adaptation.fold import write_adapted
 from perception.segmentation.adaptation.head import GroundHead, HeadConfig, agreement, fit_head
@@ -17,7 +18,6 @@ from perception.segmentation.adaptation.place_statement import (
     feature_statistics,
 )
 from perception.segmentation.adaptation.role_network import (
-    ROLES,
     OnnxRoleNetwork,
     RoleNetwork,
 )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.networks.inference_packages import import_openvino
+from perception.networks.named import ROLES
 from perception.networks.onnx_runtime import (
     accept_uint8,
     compile_model,
@@ -23,9 +24,6 @@ from uav_bt.errors import ShapeError, WeightsError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.roles import ROLE_NAMES
 from uav_bt.types.arrays import Image
-
-ROLES: Final = ("outside", "ground", "obstacle")
-"""Roles of the scores, in their order. The landing mark counts as an obstacle."""
 
 _ROLES_KEY: Final = ["framework", "roles"]  # where OpenVINO keeps an ONNX file's metadata
 _CLASSES_KEY: Final = ["framework", "classes"]

@@ -14,7 +14,7 @@ from perception.networks import inference_packages
 from perception.segmentation.adaptation import learned_lab
 from perception.segmentation.adaptation.head import GroundHead
 from perception.segmentation.adaptation.learned_lab import LearnedPlace
-from perception.segmentation.adaptation.place_statement import PlaceStatement
+from tests.perception.segmentation.adaptation.learned_world import STATEMENT
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
 from uav_bt.testing import LeafBench
@@ -22,18 +22,6 @@ from uav_bt.testing.world import live
 from uav_bt.tree import Status
 from uav_bt.types import Hover
 
-STATEMENT = PlaceStatement(
-    base="0",
-    width_px=448,
-    height_px=224,
-    focal_px=(326.0, 289.7),
-    height_m=1.5,
-    frames=3,
-    known_share=0.8,
-    agreement=0.9,
-    feature_means=((0.0,) * 24,),
-    feature_spread=(1.0,) * 24,
-)
 HEAD = GroundHead(weights=np.zeros(24), margin_weight=1.0, bias=0.0)
 PLACE = LearnedPlace(head=HEAD, statement=STATEMENT, labels=())
 

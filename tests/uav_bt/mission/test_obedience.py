@@ -146,8 +146,8 @@ def test_corrections_to_and_fro_are_no_ordered_turn() -> None:
 TO_AND_FRO_RAD = (-0.652, -0.665, -0.839, -1.087, -1.259, -1.238, -1.060, -0.811)
 
 
-@pytest.mark.parametrize(("turns", "said"), [(True, ""), (False, "it does not turn")])
-def test_turns_to_and_fro_are_answered_late(*, turns: bool, said: str) -> None:
+@pytest.mark.parametrize(("turns", "complaint"), [(True, ""), (False, "it does not turn")])
+def test_turns_to_and_fro_are_answered_late(*, turns: bool, complaint: str) -> None:
     """The answer to each turn begins when most of the turn is over."""
 
     def body(now_s: float) -> tuple[Movement, DroneState]:
@@ -157,7 +157,7 @@ def test_turns_to_and_fro_are_answered_late(*, turns: bool, said: str) -> None:
         state = replace(HOVERS, attitude=Attitude(yaw_rad=heading))
         return Velocity(yaw_rate_radps=rate_radps), state
 
-    assert first_complaint(body, seconds=120.0) == said
+    assert first_complaint(body, seconds=120.0) == complaint
 
 
 def test_short_corrections_do_not_hide_a_drone_that_has_ceased_to_turn() -> None:

@@ -8,12 +8,12 @@ import torch
 
 from perception.networks.training.room_augment import RoomAugmentation, augment_rooms
 from perception.networks.training.room_run import (
-    NO_LABEL,
     RoomImages,
     RoomTrainingConfig,
     depth_loss,
     train_room_net,
 )
+from perception.segmentation.training.run import IGNORED
 
 NOTHING = RoomAugmentation(
     zoom=1.0, gain=0.0, tint=0.0, gamma=0.0, shading=0.0, hue_rad=0.0, noise=0.0, blurred=0.0
@@ -27,7 +27,7 @@ def striped(count: int) -> RoomImages:
     rgb[:, 56:, :, 1] += 180
     roles = np.zeros((count, 112, 224), np.uint8)
     roles[:, 56:] = 1
-    roles[:, :4] = NO_LABEL
+    roles[:, :4] = IGNORED
     depth = np.full((count, 112, 224), 4.0, np.float16)
     depth[:, 56:] = np.linspace(4.0, 1.0, 56)[:, None]
     return RoomImages(rgb=rgb, roles=roles, depth=depth)

@@ -21,6 +21,20 @@ from perception.segmentation.adaptation.role_network import OnnxRoleNetwork
 from uav_bt.lab.lab import Lab
 from uav_bt.types import CameraModel
 
+STATEMENT = PlaceStatement(
+    base="0",
+    width_px=448,
+    height_px=224,
+    focal_px=(326.0, 289.7),
+    height_m=1.5,
+    frames=3,
+    known_share=0.8,
+    agreement=0.9,
+    feature_means=((0.0,) * 24,),
+    feature_spread=(1.0,) * 24,
+)
+"""A statement of a place that no flight has learned."""
+
 
 def write_black_lab(folder: Path, camera: CameraModel) -> Lab:
     """Write a lab whose network was learned from black images, 1.5 m above the ground.

@@ -13,24 +13,12 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.adaptation.head import GroundHead
 from perception.segmentation.adaptation.learned_lab import LearnedPlace, write_learned_lab
 from perception.segmentation.adaptation.place_check import PlaceCheck, statement_of
-from perception.segmentation.adaptation.place_statement import STATEMENT_FILE, PlaceStatement
+from perception.segmentation.adaptation.place_statement import STATEMENT_FILE
 from perception.segmentation.adaptation.role_network import OnnxRoleNetwork, RoleView
+from tests.perception.segmentation.adaptation.learned_world import STATEMENT
 from uav_bt.errors import FileError
 from uav_bt.types import Attitude, Frame
 from uav_bt.types.arrays import Image
-
-STATEMENT = PlaceStatement(
-    base="0",
-    width_px=448,
-    height_px=224,
-    focal_px=(326.0, 289.7),
-    height_m=1.5,
-    frames=3,
-    known_share=0.8,
-    agreement=0.9,
-    feature_means=((0.0,) * 24,),
-    feature_spread=(1.0,) * 24,
-)
 
 
 class Uniform:
