@@ -80,7 +80,7 @@ class SensesAgree(Leaf):
         Port(
             "followed",
             float,
-            default=0.25,
+            default=0.1,
             least=0,
             most=1,
             doc="least share of frames with ground whose motion is measured on it; 0: no check",

@@ -112,10 +112,10 @@ def ground_motion(
     begin, here = corners[near].astype(np.float32), here[near]
     if ground is None:  # points on objects are outliers then
         config = replace(config, max_scale=0.0, min_share=0.0)
-        return _tracked(begin, here, first, second, guess, config, 0.0)
+        return _tracked(begin, here, (first, second), guess, config)
     apart_m = config.apart * second.height_m
-    low = _tracked(begin, here, first, second, guess, config, -apart_m)
-    high = _tracked(begin, here, first, second, guess, config, apart_m)
+    low = _tracked(begin, here, (first, second), guess, config, shift_m=-apart_m)
+    high = _tracked(begin, here, (first, second), guess, config, shift_m=apart_m)
     if low is None or high is None:
         return None
     x_m, y_m = high.motion.x_m - low.motion.x_m, high.motion.y_m - low.motion.y_m
@@ -127,23 +127,23 @@ def ground_motion(
 def _tracked(
     begin: Floats32,
     here: Floats,
-    first: GroundView,
-    second: GroundView,
+    views: tuple[GroundView, GroundView],
     guess: Pose2D,
     config: OdometryConfig,
-    shift_m: float,
+    *,
+    shift_m: float = 0.0,
 ) -> GroundMotion | None:
     """Track points and fit their motion.
 
     Args:
         begin: (N, 2) pixels in the first frame.
         here: (N, 2) the same points on the ground, in the level frame of the first camera, m.
-        first: the frame of the points.
-        second: the frame in which they are tracked.
+        views: the frame of the points, and the one in which they are tracked.
         guess: the motion by telemetry.
         config: how they are tracked.
         shift_m: of the guess from which they are tracked, ahead and to the right.
     """
+    first, second = views
     start = replace(guess, x_m=guess.x_m + shift_m, y_m=guess.y_m + shift_m)
     level = np.column_stack([_moved(here, start), np.full(len(here), second.height_m)])
     expected = project(level, second.camera, second.gimbal_pitch_rad)
