@@ -80,7 +80,7 @@ class SensesAgree(Leaf):
         Port(
             "followed",
             float,
-            default=0.1,
+            default=0.4,
             least=0,
             most=1,
             doc="least share of frames with ground whose motion is measured on it; 0: no check",
@@ -160,6 +160,6 @@ class SensesAgree(Leaf):
         if share is None or share >= self.port_value("followed"):
             return ""
         return (
-            "the floor shows no texture: its motion was measured in "
+            "the floor shows too little texture: its motion was measured in "
             f"{share:.0%} of the frames that show it"
         )
