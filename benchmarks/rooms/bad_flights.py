@@ -27,6 +27,7 @@ from uav_bt.types.flight_results import EventKind, FlightEvent
 
 TRUSTED: Final = 0.5  # least confidence of a trusted depth
 WRONG: Final = math.log(1.2)
+GROUND: Final = 0.2  # least share of an image that shows ground, as in `SensesAgree`
 _NEAR_M: Final = 6.0  # depth beyond is not compared
 _FLYING_M: Final = 0.8  # lower than this it takes off or lands
 _HULL_M: Final = 0.15  # half of the body's length
@@ -126,6 +127,9 @@ class Watch:
                 found["scale"] = sample.measures.log_scale - math.log(view.height_m)
                 found["share"] = sample.measures.share
                 found |= {name: each.value or 0.0 for name, each in measures.items()}
+        if motion is not None and motion.ground_share is not None:
+            found["ground"] = motion.ground_share
+            found["followed"] = float(motion.tracked_s == motion.seen.time_s)
         if motion is not None and state is not None and motion.untracked_s < _FRESH_S:
             found["ground_f"] = motion.velocity.forward_mps
             found["ground_r"] = motion.velocity.right_mps
@@ -149,6 +153,16 @@ def share_of(frames: Sequence[Mapping[str, float]], *, trusted: bool) -> float |
     counted = [a and b for a, b in zip(sure, wrong, strict=True)] if trusted else sure
     share = sum(counted) / len(known)
     return share if trusted else 1.0 - share
+
+
+def followed_share(frames: Sequence[Mapping[str, float]]) -> float | None:
+    """Return the share of frames with ground whose motion was measured on it; None without any.
+
+    Args:
+        frames: What was compared in each frame.
+    """
+    known = [each["followed"] for each in frames if each.get("ground", 0.0) >= GROUND]
+    return sum(known) / len(known) if known else None
 
 
 def _cause(events: Sequence[FlightEvent]) -> str:
@@ -206,6 +220,7 @@ def fly(flight: BadFlight, size_px: tuple[int, int], frames: Path) -> dict[str, 
         "clearance_m": report.min_clearance_m,
         "trusted_wrong": share_of(watch.frames, trusted=True),
         "doubted": share_of(watch.frames, trusted=False),
+        "followed": followed_share(watch.frames),
         "warnings": report.warnings,
         "events": [f"{each.time_s:.0f} {each.kind.value} {each.text}" for each in report.events],
     }

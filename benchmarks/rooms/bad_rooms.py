@@ -35,7 +35,7 @@ CAMERA_FILE: Final = "camera.yaml"
 MIRROR_X_M: Final = 0.0
 _COLUMNS: Final = (
     *("case", "seed", "outcome", "reason", "contacts", "time, s", "covered", "drift, m"),
-    *("trusted and wrong", "doubted"),
+    *("trusted and wrong", "doubted", "followed"),
 )
 _GREY_FILE: Final = "grey.png"
 _FROM: Final = "depot"
@@ -200,6 +200,7 @@ def table(flights: Iterable[dict[str, Any]]) -> str:
             _number(each["drift_m"], ".2f"),
             _number(each["trusted_wrong"], ".1%"),
             _number(each["doubted"], ".1%"),
+            _number(each["followed"], ".0%"),
         ]
         cells = [
             each["case"],

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.rooms.bad_flights import share_of
+from benchmarks.rooms.bad_flights import followed_share, share_of
 from benchmarks.rooms.bad_rooms import (
     BAD_ROOMS,
     CAMERA_FILE,
@@ -74,6 +74,17 @@ def test_depth_is_trusted_and_wrong_or_doubted() -> None:
     assert share_of([{"time_s": 1.0}], trusted=True) is None
 
 
+def test_only_frames_with_ground_count_as_followed_or_not() -> None:
+    frames = [
+        {"ground": 0.5, "followed": 1.0},
+        {"ground": 0.5, "followed": 0.0},
+        {"ground": 0.1, "followed": 0.0},
+        {"time_s": 1.0},
+    ]
+    assert followed_share(frames) == 0.5
+    assert followed_share(frames[2:]) is None
+
+
 def test_the_table_has_a_line_for_each_flight() -> None:
     flight = {
         "case": "dark",
@@ -86,6 +97,7 @@ def test_the_table_has_a_line_for_each_flight() -> None:
         "drift_m": 0.123,
         "trusted_wrong": 0.0,
         "doubted": 0.5,
+        "followed": 0.92,
     }
     line = table([flight]).splitlines()[-1]
-    assert line == "| dark | 0 | aborted | no usable frame | none | 21 |  | 0.12 | 0.0% | 50.0% |"
+    assert line == "| dark | 0 | aborted | no usable frame | none | 21 |  | 0.12 | 0.0% | 50.0% | 92% |"
