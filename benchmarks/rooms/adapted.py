@@ -29,7 +29,7 @@ from uav_bt.lab.shipped import load_lab
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a turn in a room has changed.
+    """Effects of a turn in a room.
 
     Attributes:
         room: Name of the room.
