@@ -1,4 +1,4 @@
-r"""Plants defects in copies of the code, and tells how long random flights take to find them.
+r"""Plant defects in copies of the code, and measure how long random flights take to find them.
 
     python -m benchmarks.planted_defects --out runs/planted
     python -m benchmarks.planted_defects --out runs/planted --minutes 6    # of wall time, each

@@ -1,4 +1,4 @@
-"""Confidence of what the depth of a frame rests on: ground, scale, and the depth itself."""
+"""Confidence of the depth of a frame: of its ground, its scale, and the depth itself."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 
 @dataclass(frozen=True, kw_only=True)
 class Confidence:
-    """A number from 0 to 1, or the reason why there is none."""
+    """A number from 0 to 1, or the reason why it is missing."""
 
     value: float | None = None
-    reason: str = ""  # why there is none, or what lowers it most where it is below a half
-    # What it is computed from, by name; each has its number and its measurement.
+    reason: str = ""  # why it is missing, or the measure that lowers it below a half
+    # Its measures by name; each has its number and its measurement.
     measures: Mapping[str, Confidence] = field(default_factory=dict)
 
 

@@ -59,7 +59,7 @@ _FLOW: Final = math.log(1.2)  # a scale is right within a fifth
 # The extent is one from this share of the visible ground and this span of ranges on.
 _SHARE: Final = 0.1
 _SPAN: Final = 0.25
-_NO_HISTORY: Final = 0.5  # in place of the agreement with earlier frames, where there are none
+_NO_HISTORY: Final = 0.5  # instead of the agreement, without earlier frames
 _NORMAL: Final = 1.4826  # standard deviation over median absolute deviation
 _OF_MEDIAN: Final = 1.2533  # standard error of a median over that of a mean
 

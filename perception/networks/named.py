@@ -19,7 +19,7 @@ SHIPPED_DEPTHS: Final = ("depth", ANY)
 """The shipped depth networks: one in 8-bit integers, and the second head of `any`."""
 
 ROLES: Final = ("outside", "ground", "obstacle")
-"""Roles that networks by roles tell apart, in the order of their scores."""
+"""Roles of networks by roles, in the order of their scores."""
 
 TEACHER: Final = "teacher"
 """The segmentation without a network: the teacher of the U-Nets."""

@@ -1,4 +1,4 @@
-"""Checks of the values of options; errors say what was expected and given."""
+"""Checks of the values of options; errors name the expected and the given value."""
 
 from __future__ import annotations
 

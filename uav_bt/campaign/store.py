@@ -111,7 +111,7 @@ class CampaignStore:
         size = os.fstat(self._out.fileno()).st_size
         try:
             written = self._out.write(line)
-            if written != len(line):  # what a disk does that is just full
+            if written != len(line):  # a full disk writes a part
                 raise OSError(28, "no space left on device")  # noqa: TRY301 - one way out
             os.fsync(self._out.fileno())
         except OSError as error:

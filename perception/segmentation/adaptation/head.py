@@ -1,4 +1,4 @@
-"""The linear head: is a pixel ground? From the features of a frozen network and its own opinion."""
+"""The linear head: is a pixel ground? From the features and scores of a frozen network."""
 
 from __future__ import annotations
 

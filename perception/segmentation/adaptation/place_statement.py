@@ -39,7 +39,7 @@ _Share = Annotated[float, Field(ge=0, le=1)]
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceStatement:
-    """What a network was adapted to.
+    """Place and camera that a network was adapted to.
 
     Attributes:
         version: Of the file's form.
