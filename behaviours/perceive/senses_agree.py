@@ -1,4 +1,4 @@
-"""SensesAgree: do camera file, height and networks agree? With it a tree lands when they do not."""
+"""SensesAgree: do camera file, height, networks and floor agree? With it a tree lands otherwise."""
 
 from __future__ import annotations
 
@@ -16,17 +16,47 @@ if TYPE_CHECKING:
 
 _SAME_S: Final = 1e-6  # times that differ by less are equal
 _FEWEST: Final = 3  # frames with an answer in a window
+_SHOWS_GROUND: Final = 0.2  # share of the image; with less, good floors are not always followed
 _ADVICE: Final = "is the camera file that of this drone, and is the take-off surface stated?"
 
 
-class SensesAgree(Leaf):
-    """SUCCESS while camera, height and networks agree; FAILURE when they do not for a while.
+class _Window:
+    """Answers of the last seconds, by time; the oldest is as old as the window or older."""
 
-    Two checks, each over a window. A network whose depth is in heights of the camera (`any`) must
+    def __init__(self) -> None:
+        self._answers: deque[tuple[float, float]] = deque()  # time, s; value
+
+    def clear(self) -> None:
+        """Forget all answers."""
+        self._answers.clear()
+
+    def add(self, now_s: float, value: float) -> None:
+        """Add the answer of a frame."""
+        self._answers.append((now_s, value))
+
+    def mean(self, now_s: float, for_s: float) -> float | None:
+        """Return the mean answer of the last `for_s`; None while it is not known for so long."""
+        began_s, known = now_s - for_s + _SAME_S, self._answers
+        if known and known[-1][0] <= began_s:
+            known.clear()  # nothing was measured within the window
+        while len(known) > 1 and known[1][0] <= began_s:
+            known.popleft()
+        full = bool(known) and known[0][0] <= began_s
+        if not full or len(known) < _FEWEST:
+            return None
+        return sum(value for _, value in known) / len(known)
+
+
+class SensesAgree(Leaf):
+    """SUCCESS while camera, height, networks and floor agree; FAILURE when not for a while.
+
+    Three checks, each over a window. A network whose depth is in heights of the camera (`any`) must
     see the ground as the plane that camera file and pitch give: their agreement, 0 to 1, is
     `least` on average. The ground must pass below the drone as far as telemetry reports, within
-    the factor `stretch`: otherwise height or focal length is wrong, or telemetry's velocity. What
-    is not measured contradicts nothing.
+    the factor `stretch`: otherwise height or focal length is wrong, or telemetry's velocity. Where
+    ground fills a fifth of the image, its motion must be measured in the share `followed` of the
+    frames: a floor of one colour shows none, and the position is telemetry's alone. What is not
+    measured contradicts nothing.
     """
 
     condition = True
@@ -47,6 +77,14 @@ class SensesAgree(Leaf):
             most=10,
             doc="largest factor between the ways by the ground and by telemetry; 10: no check",
         ),
+        Port(
+            "followed",
+            float,
+            default=0.1,
+            least=0,
+            most=1,
+            doc="least share of frames with ground whose motion is measured on it; 0: no check",
+        ),
         Port("for_s", float, default=3.0, least=0.5, most=600, doc="length of the window, s"),
     )
     reads = (FRAME, CLASS_MAP, CAMERA, RELATIVE_DEPTH, ODOMETRY)
@@ -60,19 +98,20 @@ class SensesAgree(Leaf):
         self._generator = mission.rng(self.path)
         self._clock = LeafClock(mission.clock)
         self._last_index = -1
-        self._agreements: deque[tuple[float, float, str]] = deque()  # time, s; value; reason
+        self._reason = ""  # of the last agreement
+        self._seen_s = -math.inf  # capture time of the last frame of the odometry
+        self._agreements, self._followed = _Window(), _Window()
         self._stretched_since_s: float | None = None
 
     def update(self) -> Status:
         """Compare the newest frame, and judge the window."""
         if self._clock.tick() > 0:
             self._agreements.clear()
+            self._followed.clear()
             self._stretched_since_s = None
         now_s = self._clock.now()
-        found = self._look()
-        if found is not None:
-            self._agreements.append((now_s, found.value or 0.0, found.reason))
-        self.feedback_message = self._against_plane(now_s) or self._against_telemetry(now_s)
+        checks = (self._against_plane, self._against_telemetry, self._plain)
+        self.feedback_message = next(filter(None, [check(now_s) for check in checks]), "")
         return Status.FAILURE if self.feedback_message else Status.SUCCESS
 
     def _look(self) -> Confidence | None:
@@ -87,18 +126,14 @@ class SensesAgree(Leaf):
 
     def _against_plane(self, now_s: float) -> str:
         """Return why the window's depth contradicts the plane; empty if it does not."""
-        began_s, known = now_s - self.port_value("for_s") + _SAME_S, self._agreements
-        if known and known[-1][0] <= began_s:
-            known.clear()  # nothing was measured within the window
-        while len(known) > 1 and known[1][0] <= began_s:
-            known.popleft()
-        full = bool(known) and known[0][0] <= began_s
-        if not full or len(known) < _FEWEST:
+        found = self._look()
+        if found is not None:
+            self._agreements.add(now_s, found.value or 0.0)
+            self._reason = found.reason
+        mean = self._agreements.mean(now_s, self.port_value("for_s"))
+        if mean is None or mean >= self.port_value("least"):
             return ""
-        mean = sum(value for _, value, _ in known) / len(known)
-        if mean >= self.port_value("least"):
-            return ""
-        return f"the network's depth contradicts the ground's plane ({known[-1][2]}): {_ADVICE}"
+        return f"the network's depth contradicts the ground's plane ({self._reason}): {_ADVICE}"
 
     def _against_telemetry(self, now_s: float) -> str:
         """Return why the motion over the ground contradicts telemetry; empty if it does not."""
@@ -113,3 +148,18 @@ class SensesAgree(Leaf):
         if now_s - self._stretched_since_s < self.port_value("for_s") - _SAME_S:
             return ""
         return f"the ground passes {factor:.2f} times as fast as telemetry says: {_ADVICE}"
+
+    def _plain(self, now_s: float) -> str:
+        """Return why the motion over the floor is not measured; empty if it is."""
+        motion = self.read(ODOMETRY).value
+        if motion is not None and motion.seen.time_s != self._seen_s:
+            self._seen_s = motion.seen.time_s
+            if motion.ground_share is not None and motion.ground_share >= _SHOWS_GROUND:
+                self._followed.add(now_s, float(motion.tracked_s == self._seen_s))
+        share = self._followed.mean(now_s, self.port_value("for_s"))
+        if share is None or share >= self.port_value("followed"):
+            return ""
+        return (
+            "the floor shows no texture: its motion was measured in "
+            f"{share:.0%} of the frames that show it"
+        )

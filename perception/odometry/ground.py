@@ -32,6 +32,7 @@ from uav_bt.types import (
     rotate_points,
 )
 from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose
+from uav_bt.types.projection import ground_range_to_row
 
 _SPREAD_M: Final = 1.0  # of the points of a measurement that does not state it; usual in flight
 
@@ -44,7 +45,9 @@ class GroundOdometryConfig:
     border_px: int = 2  # ground this near to other classes is left out, to avoid their corners
     max_gap_s: float = 0.5  # s between two frames; after a longer gap only telemetry is used
     min_height_m: float = 0.5  # m of the camera; lower, points move too far between frames
-    following: OdometryConfig = field(default_factory=OdometryConfig)
+    # The strongest corner may be the edge of an object that the class map calls ground. With a low
+    # quality the corners of the ground count beside it.
+    following: OdometryConfig = field(default_factory=lambda: OdometryConfig(quality=0.001))
     heading: HeadingConfig = field(default_factory=HeadingConfig)
     error: VelocityErrorConfig = field(default_factory=VelocityErrorConfig)
 
@@ -55,7 +58,7 @@ class _Sight:
 
     frame: Frame
     view: GroundView | None  # None if points are not tracked here
-    ground: NDArray[np.uint8] | None = None
+    ground: NDArray[np.uint8] | None = None  # (H, W), 1 where ground is near enough to be followed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,6 +99,7 @@ class GroundOdometry:
         # Poses at the capture of the last frame: by telemetry alone, and corrected.
         self._seen: tuple[OdometryPose, OdometryPose] | None = None
         self._tracked_s = -math.inf  # capture time of the last frame with tracked ground
+        self._ground_share: float | None = None  # of the last image in which points were selected
         self._turn_radps = 0.0  # last measured on the ground
         self._steps: deque[_Step] = deque()  # oldest first
 
@@ -133,6 +137,7 @@ class GroundOdometry:
             turn_rad=self._heading.correction_rad,
             velocity_s=self._odometry.velocity_s,
             stretch=self._stretch.factor,
+            ground_share=self._ground_share,
         )
 
     def predict(self, state: DroneState, now_s: float | None = None) -> OdometryPose | None:
@@ -233,12 +238,14 @@ class GroundOdometry:
             passed_s: time since the previous frame.
             offset_m: distance of the lens ahead of the body's centre.
         """
-        cfg = self._config
+        cfg, self._ground_share = self._config, None
         if before is None or self._last is None or not 0.0 < passed_s <= cfg.max_gap_s:
             return None
         if self._measure is not None:
             found = self._measure(before.frame, self._last.frame)
             return None if found is None else GroundMotion(_of_lens(found, -offset_m), _SPREAD_M)
+        if before.ground is not None:
+            self._ground_share = float(before.ground.mean())
         held = replace(expected, yaw_rad=self._turn_radps * passed_s)
         leaps = abs(held.yaw_rad - expected.yaw_rad) > cfg.following.max_yaw_rad
         for each in (expected, held) if leaps else (expected,):
@@ -266,16 +273,17 @@ class GroundOdometry:
             class_map.is_ground.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT
         )
         around = np.ones((2 * self._config.border_px + 1,) * 2, dtype=np.uint8)
-        return _Sight(
-            frame=frame,
-            view=GroundView(
-                grey=np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), dtype=np.uint8),
-                camera=camera.resized(*size),
-                gimbal_pitch_rad=frame.gimbal_pitch_rad,
-                height_m=height_m,
-            ),
-            ground=np.asarray(cv2.erode(ground, around), dtype=np.uint8),
+        near = np.asarray(cv2.erode(ground, around), dtype=np.uint8)
+        view = GroundView(
+            grey=np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), dtype=np.uint8),
+            camera=camera.resized(*size),
+            gimbal_pitch_rad=frame.gimbal_pitch_rad,
+            height_m=height_m,
         )
+        range_m = self._config.following.max_range_m
+        farthest = ground_range_to_row(range_m, view.camera, view.gimbal_pitch_rad, height_m)
+        near[: max(0, math.ceil(farthest))] = 0
+        return _Sight(frame=frame, view=view, ground=near)
 
     def _corrected(self, raw: OdometryPose | None) -> OdometryPose | None:
         if raw is None or self._seen is None:

@@ -23,7 +23,7 @@ from uav_bt.types import (
     Pose2D,
     rotate_points,
 )
-from uav_bt.types.arrays import Floats, Image
+from uav_bt.types.arrays import Floats, Floats32, Image
 from uav_bt.types.projection import ground_points, project
 
 
@@ -39,9 +39,13 @@ class OdometryConfig:
     inlier_m: float = 0.03  # largest residual on the ground; points on boxes have larger ones
     min_points: int = 20  # fewer inliers give no motion
     # With a ground mask, fewer inliers of the tracked points give none either. On textured ground
-    # 99 % of the motions have more than 0.8; on plain ground, where noise is tracked, a third of
-    # them has less than 0.6.
+    # 99 % of the motions have more than 0.8.
     min_share: float = 0.6
+    # With a ground mask, points are tracked from two guesses that are apart by twice this share of
+    # the height, ahead and to the right. Texture gives the same motion (95 % differ by less than
+    # 0.05 of the guesses' distance); the noise of a plain floor follows the guess (more than 0.38).
+    apart: float = 0.0133
+    max_dependence: float = 0.2  # largest difference of the motions, relative to the guesses'
     min_spread_m: float = 0.3  # points closer together give no motion: turn and shift look alike
     rounds: int = 6  # of fitting and reweighting
     # Largest relative error between the two heights, corrected if a ground mask is given. With
@@ -94,7 +98,7 @@ def ground_motion(
         config: how points are found.
 
     Returns:
-        The motion; None with too few points on the ground.
+        The motion; None with too few points on the ground, and on ground without texture.
     """
     config = config or OdometryConfig()
     corners = cv2.goodFeaturesToTrack(
@@ -104,29 +108,60 @@ def ground_motion(
         return None
     corners = corners.reshape(-1, 2)
     here = ground_points(corners, first.camera, first.gimbal_pitch_rad, first.height_m)
-    guessed = _moved(here, guess)
-    level = np.column_stack([guessed, np.full(len(guessed), second.height_m)])
+    near = np.hypot(*here.T) < config.max_range_m
+    begin, here = corners[near].astype(np.float32), here[near]
+    if ground is None:  # points on objects are outliers then
+        config = replace(config, max_scale=0.0, min_share=0.0)
+        return _tracked(begin, here, (first, second), guess, config)
+    apart_m = config.apart * second.height_m
+    low = _tracked(begin, here, (first, second), guess, config, shift_m=-apart_m)
+    high = _tracked(begin, here, (first, second), guess, config, shift_m=apart_m)
+    if low is None or high is None:
+        return None
+    x_m, y_m = high.motion.x_m - low.motion.x_m, high.motion.y_m - low.motion.y_m
+    if math.hypot(x_m, y_m) > config.max_dependence * 2.0 * math.sqrt(2.0) * apart_m:
+        return None
+    return GroundMotion(low.motion.towards(high.motion, 0.5), min(low.spread_m, high.spread_m))
+
+
+def _tracked(
+    begin: Floats32,
+    here: Floats,
+    views: tuple[GroundView, GroundView],
+    guess: Pose2D,
+    config: OdometryConfig,
+    *,
+    shift_m: float = 0.0,
+) -> GroundMotion | None:
+    """Track points and fit their motion.
+
+    Args:
+        begin: (N, 2) pixels in the first frame.
+        here: (N, 2) the same points on the ground, in the level frame of the first camera, m.
+        views: the frame of the points, and the one in which they are tracked.
+        guess: the motion by telemetry.
+        config: how they are tracked.
+        shift_m: of the guess from which they are tracked, ahead and to the right.
+    """
+    first, second = views
+    start = replace(guess, x_m=guess.x_m + shift_m, y_m=guess.y_m + shift_m)
+    level = np.column_stack([_moved(here, start), np.full(len(here), second.height_m)])
     expected = project(level, second.camera, second.gimbal_pitch_rad)
-    usable = np.isfinite(expected).all(axis=1) & (np.hypot(*here.T) < config.max_range_m)
+    usable = np.isfinite(expected).all(axis=1)
     if np.count_nonzero(usable) < config.min_points:
         return None
-    begin = corners[usable].astype(np.float32)
     found, status, _ = cv2.calcOpticalFlowPyrLK(
         first.grey,
         second.grey,
-        begin,
+        begin[usable],
         expected[usable].astype(np.float32),
         winSize=(config.window_px, config.window_px),
         maxLevel=2,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
-    tracked = status.ravel() == 1
-    here = here[usable][tracked]
-    there = ground_points(found[tracked], second.camera, second.gimbal_pitch_rad, second.height_m)
-    good = np.isfinite(there).all(axis=1)
-    if ground is None:  # points on objects are outliers then
-        config = replace(config, max_scale=0.0, min_share=0.0)
-    return _fitted(here[good], there[good], guess, config)
+    there = ground_points(found, second.camera, second.gimbal_pitch_rad, second.height_m)
+    good = (status.ravel() == 1) & np.isfinite(there).all(axis=1)
+    return _fitted(here[usable][good], there[good], guess, config)
 
 
 def _moved(points: Floats, motion: Pose2D) -> Floats:

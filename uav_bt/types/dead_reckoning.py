@@ -76,6 +76,8 @@ class MotionEstimate:
         bias: the part of `error` that turns with the drone.
         stretch: displacement over the ground by the frames over that of telemetry. It is the factor
             by which height or focal length are wrong, or telemetry's velocity. None: unknown.
+        ground_share: share of the image with ground near enough to be followed up to the frame of
+            `seen`, whether it was followed or not. None where no two frames were compared.
         tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
         turn_rad: heading minus telemetry's; it varies slowly.
         velocity_s: capture time of `velocity`; None for the time of the pose.
@@ -90,6 +92,7 @@ class MotionEstimate:
     velocity_s: float | None = None
     bias: BodyVelocity = field(default_factory=BodyVelocity)
     stretch: float | None = None
+    ground_share: float | None = None
 
     @property
     def drift(self) -> BodyVelocity:

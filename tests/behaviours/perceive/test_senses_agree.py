@@ -54,10 +54,17 @@ def see(
     return answers
 
 
-def move(bench: LeafBench, seconds: float, stretch: float | None) -> list[Status]:
-    """Tick with a factor of the odometry, without frames."""
+def move(
+    bench: LeafBench,
+    seconds: float,
+    stretch: float | None = None,
+    *,
+    ground_share: float | None = None,
+    follows: int = 1,
+) -> list[Status]:
+    """Tick with answers of the odometry, without frames; one frame in `follows` is followed."""
     answers = []
-    for _ in range(round(seconds / 0.1)):
+    for tick in range(round(seconds / 0.1)):
         bench.clock.advance(0.1)
         pose = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
         bench.board[ODOMETRY] = MotionEstimate(
@@ -65,8 +72,9 @@ def move(bench: LeafBench, seconds: float, stretch: float | None) -> list[Status
             seen=pose,
             velocity=BodyVelocity(),
             error=BodyVelocity(),
-            tracked_s=pose.time_s,
+            tracked_s=pose.time_s if tick % follows == 0 else 0.0,
             stretch=stretch,
+            ground_share=ground_share,
         )
         answers.append(bench.tick())
     return answers
@@ -120,3 +128,35 @@ def test_the_time_of_a_pause_does_not_count() -> None:
     move(bench, 1.5, 1.5)
     bench.clock.advance(60.0)
     assert set(move(bench, 1.5, 1.5)) == {Status.SUCCESS}
+
+
+def test_a_floor_whose_motion_is_rarely_measured_fails_after_the_window() -> None:
+    bench = LeafBench(SensesAgree, for_s=2.0, followed=0.25)
+    answers = move(bench, 3.0, ground_share=0.5, follows=5)
+    assert answers[:20] == [Status.SUCCESS] * 20
+    assert answers[21:] == [Status.FAILURE] * 9
+    assert "the floor shows no texture: its motion was measured in 19% of the frames" in (
+        bench.feedback
+    )
+
+
+def test_a_floor_that_is_followed_now_and_then_suffices() -> None:
+    bench = LeafBench(SensesAgree, for_s=2.0)
+    assert set(move(bench, 4.0, ground_share=0.5, follows=5)) == {Status.SUCCESS}
+
+
+def test_little_ground_in_view_shows_nothing_of_the_floor() -> None:
+    for share in (None, 0.1):
+        bench = LeafBench(SensesAgree, for_s=2.0)
+        assert set(move(bench, 4.0, ground_share=share, follows=100)) == {Status.SUCCESS}
+
+
+def test_a_floor_with_texture_agrees_again() -> None:
+    bench = LeafBench(SensesAgree, for_s=2.0)
+    assert move(bench, 3.0, ground_share=0.5, follows=100)[-1] is Status.FAILURE
+    assert move(bench, 2.5, ground_share=0.5)[-1] is Status.SUCCESS
+
+
+def test_without_the_check_a_plain_floor_agrees() -> None:
+    bench = LeafBench(SensesAgree, for_s=2.0, followed=0.0)
+    assert set(move(bench, 4.0, ground_share=0.5, follows=100)) == {Status.SUCCESS}

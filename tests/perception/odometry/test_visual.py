@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.odometry.ground import GroundOdometry
+from perception.odometry.ground import GroundOdometry, GroundOdometryConfig
 from perception.odometry.visual import (
     GroundView,
     OdometryConfig,
@@ -32,12 +32,14 @@ from uav_bt.types import (
     Pose2D,
     rotate_points,
 )
+from uav_bt.types.arrays import Floats, Image
 
 SIZE_PX = (320, 180)
 CAMERA = anafi_camera(*SIZE_PX)
 PITCH_RAD = math.radians(-30)
 HEIGHT_M = 1.5
 STEP_S = 0.1
+STILL = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 LAB = Scene(name="empty", helipad=Helipad(position_m=(-2.2, -1.7)), boxes=())
 
 
@@ -118,24 +120,64 @@ def test_points_close_together_tell_no_turn_from_a_shift() -> None:
     assert ground_motion(view, view, still, patch, OdometryConfig(min_spread_m=0.0)) is not None
 
 
-def test_ground_without_texture_tells_no_motion() -> None:
-    """Two images share half of their corners; the others are noise, as on a plain floor."""
-    rng, still = np.random.default_rng(3), Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
-    first = cv2.GaussianBlur(rng.integers(0, 255, (180, 320), dtype=np.uint8), (0, 0), 2)
-    second = cv2.GaussianBlur(rng.integers(0, 255, (180, 320), dtype=np.uint8), (0, 0), 2)
-    second[:, :120] = first[:, :120]
-    views = [
+def test_ground_that_moves_in_two_ways_tells_no_motion() -> None:
+    """Nearly half of the image is shifted: it may be the top of an object that counts as ground."""
+    first = _textured()
+    second = first.copy()
+    second[:, 180:] = np.roll(first[:, 180:], 6, axis=0)
+    ground = np.ones(first.shape, np.uint8)
+    assert ground_motion(*_views(first, second), STILL, ground) is None
+    loose = OdometryConfig(min_share=0.0)
+    assert ground_motion(*_views(first, second), STILL, ground, loose) is not None
+
+
+def test_the_noise_of_a_plain_floor_tells_no_motion() -> None:
+    """Noise has corners, and tracked from where they are expected they agree with telemetry."""
+    rng = np.random.default_rng(3)
+    plain = np.full((180, 320), 143.0)
+    noisy = [np.clip(plain + rng.normal(0.0, 2.0, plain.shape), 0, 255) for _ in range(2)]
+    ground = np.ones(plain.shape, np.uint8)
+    assert ground_motion(*_views(*noisy), STILL, ground) is None
+    loose = OdometryConfig(max_dependence=2.0, min_share=0.0)
+    assert ground_motion(*_views(*noisy), STILL, ground, loose) is not None
+
+
+def test_texture_weaker_than_the_noise_tells_the_motion() -> None:
+    rng = np.random.default_rng(3)
+    texture = 143.0 + 1.6 * (_textured() - 128.0) / np.std(_textured())
+    noisy = [np.clip(texture + rng.normal(0.0, 2.0, texture.shape), 0, 255) for _ in range(2)]
+    ground = np.ones(texture.shape, np.uint8)
+    shown = ground_motion(*_views(*noisy), STILL, ground)
+    assert shown is not None
+    assert math.hypot(shown.motion.x_m, shown.motion.y_m) < 0.005
+
+
+def test_an_object_that_counts_as_ground_hides_no_weak_texture() -> None:
+    """The corners of a chequered box are many times as strong as those of the floor."""
+    image = np.asarray(128 + (_textured().astype(float) - 128) / 8, np.uint8)
+    image[110:134, 30:54] = 255 * (np.indices((24, 24)).sum(axis=0) // 8 % 2)
+    ground = np.ones(image.shape, np.uint8)
+    config = GroundOdometryConfig().following
+    assert ground_motion(*_views(image, image), STILL, ground, config) is not None
+    assert ground_motion(*_views(image, image), STILL, ground) is None
+
+
+def _textured() -> Image:
+    rng = np.random.default_rng(3)
+    blurred = cv2.GaussianBlur(rng.integers(0, 255, (180, 320), dtype=np.uint8), (0, 0), 2)
+    return np.asarray(cv2.normalize(blurred, None, 0, 255, cv2.NORM_MINMAX), np.uint8)
+
+
+def _views(*images: Floats | Image) -> list[GroundView]:
+    return [
         GroundView(
-            grey=np.asarray(grey, np.uint8),
+            grey=np.asarray(image, np.uint8),
             camera=CAMERA,
             gimbal_pitch_rad=PITCH_RAD,
             height_m=HEIGHT_M,
         )
-        for grey in (first, second)
+        for image in images
     ]
-    ground = np.ones(first.shape, np.uint8)
-    assert ground_motion(*views, still, ground) is None
-    assert ground_motion(*views, still, ground, OdometryConfig(min_share=0.0)) is not None
 
 
 def test_the_noise_of_telemetry_s_heading_is_not_the_pose_s() -> None:
@@ -304,3 +346,13 @@ def test_the_fit_is_that_of_reweighted_least_squares(max_scale: float) -> None:
     assert (x_m, y_m, turn_rad) == pytest.approx((0.12, -0.03, 0.05), abs=0.01)
     assert spread_m == pytest.approx(math.sqrt(spread_m2), rel=1e-9)
     assert inliers == np.count_nonzero(np.hypot(*off_m.T) < 0.03) > 55
+
+
+def test_the_share_of_ground_is_stated_with_and_without_texture() -> None:
+    poses, still = [pose(-1.0, 0.0)] * 4, BodyVelocity()
+    for blind in (False, True):
+        motion = fly(poses, still, blind=blind).estimate
+        assert motion is not None
+        assert motion.ground_share is not None
+        assert motion.ground_share > 0.2
+        assert (motion.tracked_s == motion.seen.time_s) is not blind
