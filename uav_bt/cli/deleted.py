@@ -21,6 +21,7 @@ _INSTEAD: Final = {
     "view --video": "'uav-bt fly --video FILE' makes the film in flight, and in Python "
     "RecordedFlight(RECORD).film(FILE) makes it from a record",
     "view --speed": "RecordedFlight(RECORD).film(FILE, speed=2.0) makes a fast film of a record",
+    "serve-anafi --media-name": "leave it out: the stream is called as on the real device",
     "check --engine": "leave it out: files are read as engine 4.10 reads them",
 }
 
