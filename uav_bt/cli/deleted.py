@@ -27,7 +27,7 @@ _INSTEAD: Final = {
 
 
 class DeletedError(click.ClickException):
-    """A deleted command or option was called. The message says what to use instead."""
+    """A deleted command or option was called. The message names the replacement."""
 
     exit_code = InputError.exit_code
 
