@@ -8,10 +8,10 @@ that of a true object within 0.5 m; of two such objects the second one is a dupl
 
 position, size  of the objects at the end, the size as the length of the longer side: median of the
                 absolute error, and its 95th percentile
-height          of those of which the map knows it; the roofs of the others are above the camera
+height          of those with a height on the map; the roofs of the others are above the camera
 one id          share of the ticks after an object's first one in which it has its most frequent id:
                 the smallest of all objects, and the number of objects below 95 %
-false           objects of the map at the end that are none, and the same in the worst tick
+false           objects of the map at the end without a true one, and the same in the worst tick
 duplicates      likewise
 """
 

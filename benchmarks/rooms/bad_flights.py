@@ -82,7 +82,7 @@ class Watch:
         return (self,)
 
     def on_tick(self, record: TickRecord) -> None:
-        """Note what is touched, and compare the depth of a new frame."""
+        """Note contacts, and compare the depth of a new frame."""
         truth = record.truth
         if truth is None or self._drone is None or self._drone.referee is None:
             return

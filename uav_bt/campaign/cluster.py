@@ -87,7 +87,7 @@ class DaskBackend:
         return "dask"
 
     def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
-        """Fly tasks, as `Backend` says.
+        """Fly tasks; see `Backend`.
 
         Raises:
             InputError: the scheduler does not answer, has no workers, or they have another uav-bt.

@@ -26,10 +26,10 @@ _FORMAT: Final = 1  # of campaign.json
 
 
 def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
-    """Return the plan of a campaign's folder, and the runs it was flown in so far.
+    """Return the plan of a campaign's folder, and its runs.
 
     Raises:
-        FileError: there is none, or it is damaged or of a newer format.
+        FileError: the plan is absent, damaged or of a newer format.
     """
     path = folder / PLAN_FILE
     with reading(path):

@@ -51,7 +51,7 @@ def shrink_command(
 
     DIR is the folder of a `uav-bt campaign`, or a file with one flight per line. The first flight
     that failed is taken, unless --tree, --scene and --seed name another. Boxes, movers and faults
-    are left out as long as the flight ends with the same outcome. What is left is written as a
+    are left out as long as the flight ends with the same outcome. The rest is written as a
     scene file and a fault file, with the command that flies them in the twin with images.
 
     \b
@@ -99,7 +99,7 @@ def _failed(source: Path, wanted: dict[str, object]) -> FailedFlight:
     """Return the first failed flight that has the wanted tree, scene and seed.
 
     Raises:
-        InputError: there is none.
+        InputError: no flight failed so.
     """
     named = {name: value for name, value in wanted.items() if value is not None}
     for one in read_sources([source]).sets:

@@ -45,8 +45,8 @@ class JudgeConfig:
             timeout. None: that of the mission's rules, or 300 s.
         patience_s: longest time without a take-off command, seconds; then the mission ends as a
             timeout. Chosen: networks load within seconds.
-        landing_surfaces: names in contacts of what the drone may touch while it takes off or
-            lands, or kinds of objects: `table` stands for `table-1`, but not for `tablet-1`.
+        landing_surfaces: names in contacts of the surfaces that the drone may touch while it takes
+            off or lands, or kinds of objects: `table` stands for `table-1`, but not for `tablet-1`.
         land_on: where the flight must end. None: as the mission's rules say, or on the landing
             mark.
 

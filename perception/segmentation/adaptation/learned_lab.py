@@ -130,7 +130,7 @@ def write_learned_lab(folder: Path, place: LearnedPlace, network: OnnxRoleNetwor
 
     Args:
         folder: the new folder; its name is the lab's.
-        place: what the flight has learned.
+        place: results of the flight.
         network: the frozen network.
 
     Raises:
