@@ -6,6 +6,10 @@ Tracked between two frames by optical flow (Lucas and Kanade), they give the hor
 the turn. Telemetry's heading has an error of half a degree, which moves an image by more than two
 pixels; the turn from the ground has a fraction of that error. `GroundOdometry`
 (`perception.odometry.ground`) combines this with dead reckoning in flight.
+
+On a floor of one colour the corners are image noise. Their flow ends where it began, at the guess,
+so that they agree with one another and with telemetry. Points of the ground are therefore tracked
+from two guesses: a motion that depends on the guess is none.
 """
 
 from __future__ import annotations
