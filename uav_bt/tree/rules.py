@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from uav_bt.errors import ValueRangeError
-from uav_bt.lab.drawn_area import area_problem
+from uav_bt.lab.drawn_area import check_area
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import SUCCESS, Status
@@ -12,16 +11,9 @@ from uav_bt.types.place import area_corners
 
 
 def _check_area(text: str) -> None:
-    """Refuse a text that is neither empty nor the corners of an area around the take-off pose.
-
-    Whether corners in the lab's drawing contain the take-off pose depends on the scene, and is
-    checked when the flight is put together; so are corners in both frames.
-    """
-    if not text or len({corner.frame for corner in area_corners(text)}) > 1:
-        return
-    problem = area_problem(text, take_off=None, mark=None)
-    if problem is not None:
-        raise ValueRangeError(problem)
+    """Refuse a text that is neither empty nor an area."""
+    if text:
+        check_area(text)
 
 
 class Rules(Leaf):
