@@ -99,6 +99,10 @@ def test_a_shipped_network_is_called_by_its_name(tmp_path: Path) -> None:
         ("camera: 3", "camera: expected a text, got '3'"),
         ("network: {model: gone.onnx}", r"model: there is no file .*gone\.onnx"),
         ("network: {model: 3}", "network.model: expected a text, got '3'"),
+        (
+            'flight_height_m: 1\narea: "lab:-1,-1; lab:1,1; lab:1,-1; lab:-1,1"',
+            "site.yaml:2: area: the sides of an area must not cross",
+        ),
         ("ground: carpet", "ground: expected a list, got 'carpet'"),
         (
             "ports: {http: 99999}",
