@@ -213,3 +213,9 @@ def test_every_command_looks_at_its_outputs_and_each_is_in_the_table_above() -> 
     untried = {("campaign", "--resume"), ("net evaluate student", "--views-kept")}
     runs = {(words, option) for words, option in seen if option == "--run"}
     assert seen - tried == untried | (runs - tried)
+
+
+def test_shrink_writes_over_no_scene_that_was_flown(world: Path) -> None:
+    before = contents(world)
+    assert_refused(run("shrink", "flights.jsonl", "--out", "."), "empty or a new folder")
+    assert contents(world) == before
