@@ -16,7 +16,7 @@ _REAL: Final = re.compile(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 class IfThenElse(ControlNode):
-    """Ticks its first child, the condition, once, then the second or the third to its end."""
+    """Ticks its first child once, then the second on success or the third on failure to its end."""
 
     min_children = 2
     max_children = 3
@@ -48,7 +48,7 @@ class IfThenElse(ControlNode):
 
 
 class WhileDoElse(ControlNode):
-    """Ticks its first child, the condition, in every tick, and the second or the third."""
+    """Ticks its first child in every tick, and the second on success or the third on failure."""
 
     min_children = 2
     max_children = 3
