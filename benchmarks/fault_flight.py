@@ -106,7 +106,7 @@ class Case:
 
 
 class WatchedDrone(FaultyDrone):
-    """Knows what becomes of a drone, also when nobody follows the flight any more."""
+    """Follows a drone, also after the end of its flight."""
 
     def __init__(self, drone: Drone, fault: Fault) -> None:
         super().__init__(drone, fault)

@@ -1,9 +1,9 @@
-"""What a right reaction to each kind of fault is: one table, and the verdict on a flight.
+"""Right reactions to each kind of fault: one table, and the verdict on a flight.
 
 A reaction is right when nothing but the ground was touched, the drone stayed inside the ground's
 edge, its motors stand still at the end, the report is written and whole, and its reason (or an
-override, or a warning) names the fault. The table says where less is asked for: where a mission may
-fly on as if nothing was, and where nobody could have landed the drone.
+override, or a warning) names the fault. The table requires less where a mission may fly
+on, and where no command could have landed the drone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from uav_bt.types import MissionPhase
 
 @dataclass(frozen=True, kw_only=True)
 class Expected:
-    """What is asked of the reaction to one kind of fault."""
+    """Requirements on the reaction to one kind of fault."""
 
     named: str  # a regular expression of its names in reasons and warnings, from a word's begin
     bearable: bool = False  # a mission that ends on the mark all the same is right
@@ -30,7 +30,7 @@ class Expected:
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """What happened in one flight; what could not be known is None."""
+    """Outcome of one flight; unknown values are None."""
 
     began_s: float | None  # when the fault had its first effect, mission time
     ended_s: float  # mission time

@@ -1,4 +1,4 @@
-r"""Injects faults into flights and says whether the reactions are right.
+r"""Inject faults into flights and judge the reactions.
 
     python -m benchmarks.faults --out runs/faults                       # all kinds, all phases
     python -m benchmarks.faults --kind video-lost~3 late=0.7 --phase explore land
@@ -106,7 +106,7 @@ class Flown:
 
     @property
     def reaction(self) -> str:
-        """What is wrong with it, or that nothing is."""
+        """Its mistakes, or that it has none."""
         if self.facts.began_s is None:
             return "not reached"
         fault = self.case.parsed

@@ -15,14 +15,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
 import statistics
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-
-from benchmarks.profile_flight import processor
 
 TREES = ("survey_and_land", "explore_and_land_depth", "explore_and_land_segmentation")
 SCENES = ("val-a", "val-b")
@@ -91,6 +90,18 @@ def measure(python: str, flight: Sequence[str], cores: list[int] | None) -> list
         flown["tick_ms"]["p99"],
         used.ru_maxrss / 1024,
     ]
+
+
+def processor() -> str:
+    """Return the processor's name, and whether it has VNNI."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    facts = dict(line.split(":", 1) for line in lines if ":" in line)
+    facts = {name.strip(): value.strip() for name, value in facts.items()}
+    has = "with" if "vnni" in facts.get("flags", "") else "without"
+    limit = os.environ.get("ONEDNN_MAX_CPU_ISA")
+    return f"{facts.get('model name', platform.machine())} {has} VNNI" + (
+        f", networks limited to {limit}" if limit else ""
+    )
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
-"""How fast the language server is, and that no document ends it.
+"""Measure the language server's times, and send it damaged documents.
 
     python -m benchmarks.language_server
 
 Opens a file of 1,000 nodes, types letters into it, and measures until the diagnostics of that very
 text are back; then completion and hover, at rest and right behind a keystroke. Then mutated files
 go through the server (open, complete, hover, outline, format) and through the formatter, and whole
-files with blanks and comments strewn in through the formatter alone. It must not change its own
-result, and what it has laid out is refused for the same reasons, or loads to the same nodes, which
-tick as before.
+files with added blanks and comments through the formatter alone. The formatter must not change its
+results, and a formatted file has the same findings, or loads to the same nodes, which tick as
+before.
 """
 
 from __future__ import annotations

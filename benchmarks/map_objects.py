@@ -1,4 +1,4 @@
-"""How well the map knows the objects of a scene, by the truth.
+"""Errors of the map's objects against those of a scene.
 
     python -m benchmarks.map_objects --flights 2
     python -m benchmarks.map_objects --profile harsh --seconds 150
@@ -8,10 +8,10 @@ that of a true object within 0.5 m; of two such objects the second one is a dupl
 
 position, size  of the objects at the end, the size as the length of the longer side: median of the
                 absolute error, and its 95th percentile
-height          of those of which the map knows it; the roofs of the others are above the camera
+height          of those with a height on the map; the roofs of the others are above the camera
 one id          share of the ticks after an object's first one in which it has its most frequent id:
                 the smallest of all objects, and the number of objects below 95 %
-false           objects of the map at the end that are none, and the same in the worst tick
+false           objects of the map at the end without a true one, and the same in the worst tick
 duplicates      likewise
 """
 
@@ -48,11 +48,11 @@ class Errors:
     Attributes:
         position_m: Distances of the objects from their true places.
         size_m: Errors of the longer sides.
-        height_m: Errors of the heights that the map knows.
+        height_m: Errors of the heights that the map has.
         one_id: Share of the ticks in which an object has its most frequent id, for each object.
         missing: Number of true objects without an object of the map.
         without_height: Number of objects of unknown height.
-        false: Number of objects of the map that are none.
+        false: Number of objects of the map without a true one.
         duplicates: Number of further objects of the map for a true one.
         worst_false: The same in the worst tick.
         worst_duplicates: The same in the worst tick.

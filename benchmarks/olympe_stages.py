@@ -1,7 +1,7 @@
-"""Where the time goes from a frame's capture to its command, stage by stage, over Olympe.
+"""Times of the stages from a frame's capture to its command, over Olympe.
 
-The thread's own time stands beside the wall's: what a stage takes longer than that, it waited, for
-other work on the cores above all.
+The processor time of the thread stands beside the wall time. The difference is waiting, mostly for
+other work on the cores.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-r"""Plants defects in copies of the code, and tells how long random flights take to find them.
+r"""Plant defects in copies of the code, and measure how long random flights take to find them.
 
     python -m benchmarks.planted_defects --out runs/planted
     python -m benchmarks.planted_defects --out runs/planted --minutes 6    # of wall time, each
@@ -23,6 +23,7 @@ import argparse
 import json
 import re
 import shlex
+import shutil
 import signal
 import sys
 import time
@@ -236,6 +237,7 @@ class Hunt:
         """
         out, log = self._folder / "smallest", self._folder / "shrink.log"
         log.unlink(missing_ok=True)
+        shutil.rmtree(out, ignore_errors=True)  # of a run that was stopped
         tree, seed = Path(line["tree"]).stem, str(line["seed"])
         words = ["shrink", str(self._flights), "--tree", tree, "--scene", line["scene"]]
         words += ["--seed", seed, "--out", str(out)]

@@ -1,6 +1,6 @@
 """All errors of the project.
 
-UavBtError                      exit code 1 unless a subclass says otherwise
+UavBtError                      exit code 1 unless a subclass states another
   InputError                    the input was refused (exit code 2)
     ShapeError                    an array has the wrong shape
     ValueRangeError               a number is out of its range

@@ -15,10 +15,11 @@ from uav_bt.errors import FileError
 _NAMING: Final = {".xml", ".yaml", ".yml"}  # files that name further ones
 # How a file names others: quoted in XML, after a colon or a dash in YAML.
 _NAMED: Final = re.compile(r"""["']([^"'\n]+)["']|[:\-][ \t]+([^"'\n#]+)""")
-# Suffixes of the files that are read from a folder.
+# Suffixes and names of the files that are read from a folder. Its other JSON files are outputs.
 _IN_FOLDERS: Final = {
-    *(".mcap", ".jsonl", ".xml", ".csv", ".onnx"),
-    *(".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"),
+    *(".mcap", ".jsonl", ".csv", ".onnx", ".obj", *_NAMING),
+    *(".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"),
+    *("campaign.json", "classes.json"),
 }
 
 
@@ -86,5 +87,6 @@ def _files(text: str, folder: Path) -> Iterator[Path]:
             if part and path.is_file():
                 yield path.resolve()
             elif part == text and folder == Path() and path.is_dir():
-                inside = path.rglob("*")
-                yield from (file for file in inside if file.suffix.lower() in _IN_FOLDERS)
+                for file in path.rglob("*"):
+                    if {file.suffix.lower(), file.name} & _IN_FOLDERS:
+                        yield file

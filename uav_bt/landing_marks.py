@@ -34,7 +34,7 @@ class MarkView:
             capture.
         camera: Intrinsics at any size with the image's aspect ratio.
         class_map: Class map of the frame; None without one.
-        take_off: Take-off pose relative to the body at the capture, as map and odometry know it: x
+        take_off: Take-off pose relative to the body at the capture, by map and odometry: x
             forward, y right, yaw clockwise. None where it is unknown.
     """
 
@@ -99,6 +99,6 @@ class MarkFinder(Protocol):
     def picture(self) -> NDArray[np.uint8] | None:
         """Return the image of the mark's whole top, (H, W, 3) RGB, for a simulator.
 
-        The image's upper edge is the mark's. None if the simulator draws the mark by itself.
+        The image's upper edge is the mark's. None if the simulator draws the mark.
         """
         ...

@@ -69,5 +69,5 @@ class Photographing(Protocol):
 
     @property
     def stills(self) -> StillCamera | None:
-        """The camera; None before connecting, and if there is none."""
+        """The camera; None before connecting, and for a drone without a camera."""
         ...

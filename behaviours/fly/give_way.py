@@ -25,7 +25,7 @@ class GiveWay(CourseLeaf):
     )
 
     def update(self) -> Status:
-        """Give way if the port says so; without telemetry FAILURE: others decide."""
+        """Give way if the port is set; without telemetry FAILURE."""
         return super().update() if self.state() is not None else Status.FAILURE
 
     def work(self, state: DroneState) -> Status:

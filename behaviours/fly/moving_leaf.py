@@ -86,7 +86,7 @@ class MovingLeaf(Leaf):
         return None
 
     def terminate(self, new_status: Status) -> None:
-        """Drop the movement; the arbiter cancels a movement that nobody proposes."""
+        """Drop the movement; the arbiter cancels a movement that no leaf proposes."""
         del new_status
         self._step.drop(self.clock.now())
         self.leaf_clock.stop()

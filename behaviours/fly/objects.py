@@ -165,8 +165,8 @@ class ViewPoints(MapLeaf):
 
     The list begins with the place that is reached first, and each place is followed by the nearest
     one that is left. If the wanted place has no room or no free view, a place beside it is
-    taken. The list has fewer places than `count` where there are none. An object hides what is
-    behind it, whatever its height. FAILURE also without a map, and while the map does not know
+    taken. The list is shorter than `count` if fewer places are free. An object hides the places
+    behind it, whatever its height. FAILURE also without a map, and while the map does not have
     the object.
     """
 

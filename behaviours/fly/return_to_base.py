@@ -13,8 +13,8 @@ from uav_bt.tree import Port, SubtreeNode
 class ReturnToBase(SubtreeNode):
     """Search for the landing mark and fly to it; SUCCESS above it.
 
-    The drone flies by the site map if there is one. With `approach="policy"` the leaf policy leads
-    the search and judges the way to the mark.
+    The drone flies by the site map if there is one. With `approach="policy"` the leaf policy
+    chooses the way of the search and to the mark.
     """
 
     ports = (

@@ -1,7 +1,7 @@
 """One relative movement: proposed until the drone reports its end, resumed when it ended early.
 
 An override (a stale frame, a lost link, a pilot) makes the drone hover, and the drone reports the
-movement as interrupted. Leaves need not know about overrides: the rest of the movement is measured
+movement as interrupted. Leaves need no code for overrides: the rest of the movement is measured
 with the telemetry and proposed again.
 """
 

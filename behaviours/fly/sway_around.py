@@ -20,7 +20,7 @@ class SwayAround(Leaf):
 
     A turn alone shows no distance: frames at different places do. The drone stays within `sway_m`
     of the place where the leaf began. The camera changes between two pitches from one period to
-    the next. No map is needed, so the leaf works in a place that nobody knows; the free room
+    the next. No map is needed, so the leaf works in an unknown place; the free room
     around the take-off place must suffice.
     """
 

@@ -73,7 +73,7 @@ class Aim(enum.Enum):
 
 
 class MapSearch:
-    """Decides on each new map where to fly, and remembers places that stayed unseen.
+    """Decides on each new map where to fly, and keeps a list of places that stayed unseen.
 
     Args:
         config: Limits of the search.

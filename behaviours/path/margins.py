@@ -1,7 +1,7 @@
 """Margins of routes: distances from obstacles and edges, and speeds.
 
 Distances are from the body's centre to the nearest point. Half of the body's diagonal is 0.2 m. The
-numbers were chosen in flights on the training scenes unless their line says otherwise.
+numbers were chosen in flights on the training scenes unless their line states otherwise.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from uav_bt.types import HeldTurn
 
 
 class Advise(Leaf):
-    """Ask a leaf policy about each new view, and write its answer; SUCCESS always.
+    """Write the answer of a leaf policy for each new view; SUCCESS always.
 
     Place it after the perception leaves, including `RememberViews`. No leaf follows the advice.
     """

@@ -197,7 +197,7 @@ class FindMark(Leaf):
         self._take_off: Pose2D | None = None  # in the frame of the track
 
     def on_inherit(self, former: Self) -> None:
-        """Keep the track of the same mark, and what its finder remembers."""
+        """Keep the track of the same mark, and the state of its finder."""
         if self._mark == former._mark:
             self._finder, self._track, self._last_s = former._finder, former._track, former._last_s
         self._map_restarts, self._take_off = former._map_restarts, former._take_off

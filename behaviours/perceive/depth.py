@@ -68,6 +68,16 @@ class EstimateDepth(Leaf):
             "nearer than this, m; 20: always",
             at_setup=True,
         ),
+        Port(
+            "least_confidence",
+            float,
+            default=0.2,
+            least=0.0,
+            most=1.0,
+            doc="least confidence of the scale with which the network's depth is used; below it "
+            "depth is by ground contact alone",
+            at_setup=True,
+        ),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, SITE_MAP, ODOMETRY, RELATIVE_DEPTH)
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
@@ -93,6 +103,7 @@ class EstimateDepth(Leaf):
                 generator=mission.rng(self.path),
                 config=MetricDepthConfig(
                     network_ahead_m=self.port_value("network_ahead_m"),
+                    least_confidence=self.port_value("least_confidence"),
                     contact=ContactDepthConfig(pad_height_m=mission.mark.height_m),
                 ),
             ),

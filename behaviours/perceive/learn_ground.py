@@ -187,7 +187,7 @@ class LearnGround(SwayAround):
             self._write(place, self.port_value("lab"))
 
     def _write(self, place: LearnedPlace, name: str) -> None:
-        """Write the lab folder; the flight goes on where that fails."""
+        """Write the lab folder; the flight goes on if that fails."""
         from perception.segmentation.adaptation.learned_lab import write_learned_lab  # noqa: PLC0415 - as above
 
         mission = self._context

@@ -1,5 +1,5 @@
 # ruff: noqa: S101 - as a user of the SDK would write it
-"""Fly a square with turns; what the end events say must add up. Then interrupt a movement."""
+"""Fly a square with turns; their end events must add up. Then interrupt a movement."""
 
 import math
 import os

@@ -13,7 +13,7 @@ seen = []
 
 
 def on_frame(frame):
-    """Note a frame's size and whether it says where the drone is."""
+    """Note a frame's size and whether it has the place of the drone."""
     frame.ref()
     try:
         info = frame.info()["raw"]["frame"]["info"]

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.geometry_labels import fly_around
 from benchmarks.rooms.score import RoomScore, score_rooms
+from benchmarks.rooms.turn import fly_around
 from perception.networks.named import ANY, ROLES, SHIPPED_UNET, segmentation_file
 from perception.segmentation.adaptation.head import GroundHead
 from perception.segmentation.adaptation.learned_lab import AdaptedSegmenter, learn_place
@@ -29,7 +29,7 @@ from uav_bt.lab.shipped import load_lab
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a turn in a room has changed.
+    """Effects of a turn in a room.
 
     Attributes:
         room: Name of the room.

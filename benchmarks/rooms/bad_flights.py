@@ -1,4 +1,4 @@
-"""One flight in a bad room: how it ended, what it touched, and the depth that it relied on."""
+"""One flight in a bad room: outcome, contacts, and the errors of its depth."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Watch:
         return (self,)
 
     def on_tick(self, record: TickRecord) -> None:
-        """Note what is touched, and compare the depth of a new frame."""
+        """Note contacts, and compare the depth of a new frame."""
         truth = record.truth
         if truth is None or self._drone is None or self._drone.referee is None:
             return
@@ -142,7 +142,7 @@ def share_of(frames: Sequence[Mapping[str, float]], *, trusted: bool) -> float |
     """Return the share of frames whose depth is trusted and wrong, or is not trusted.
 
     Args:
-        frames: What was compared in each frame.
+        frames: The comparison of each frame.
         trusted: Which share; the whole are the frames with depth.
     """
     known = [each for each in frames if "confidence" in each]
@@ -190,7 +190,7 @@ def fly(flight: BadFlight, size_px: tuple[int, int], frames: Path) -> dict[str, 
     Args:
         flight: What to fly.
         size_px: Width and height of the images.
-        frames: Folder for what was compared in each frame, as JSON lines.
+        frames: Folder for the comparison of each frame, as JSON lines.
     """
     watch = Watch(flight.mirror_x_m)
     options = app.FlightOptions(

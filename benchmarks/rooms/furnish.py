@@ -87,7 +87,7 @@ def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: Roo
 
     Args:
         folder: Folder of the lab; its name is the name of the scene.
-        assets: What the room is made of.
+        assets: Furniture and materials of the room.
         rng: Source of the random numbers.
         plan: Sizes and number of objects.
     """

@@ -12,7 +12,7 @@
     corners: [24, 13]
     images_used: 312
 
-The first four keys are required. `frames` tells which images the camera belongs to: images as they
+The first four keys are required. `frames` states the images of the camera: images as they
 are stored (`raw`, the default) or as a player turns them by the orientation in the file (`turned`).
 The other keys document the origin of the numbers. `forward_offset_m` may be added: the distance of
 the lens ahead of the drone's centre. `Undistorter` removes the distortion from images.

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 Side = Literal["left", "right", "front", "up", "down"]
 SIDES: Final[tuple[Side, ...]] = ("left", "right", "front", "up", "down")
 
-_NEVER = np.float32(np.inf)
-
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorConfig:

@@ -55,10 +55,11 @@ _RESIDUAL: Final = 0.03
 _INNOVATION: Final = 0.1
 # Twice the standard deviation of the logarithm in rooms that no training saw.
 _HEIGHT: Final = 0.2
+_FLOW: Final = math.log(1.2)  # a scale is right within a fifth
 # The extent is one from this share of the visible ground and this span of ranges on.
 _SHARE: Final = 0.1
 _SPAN: Final = 0.25
-_NO_HISTORY: Final = 0.5  # in place of the agreement with earlier frames, where there are none
+_NO_HISTORY: Final = 0.5  # instead of the agreement, without earlier frames
 _NORMAL: Final = 1.4826  # standard deviation over median absolute deviation
 _OF_MEDIAN: Final = 1.2533  # standard error of a median over that of a mean
 
@@ -201,6 +202,19 @@ def ground_confidence(measures: GroundMeasures) -> Confidence:
     weakest = min(about.values(), key=lambda each: each.value or 0.0)
     value = weakest.value or 0.0
     return Confidence(value=value, reason=weakest.reason if value < 0.5 else "", measures=about)
+
+
+def flow_confidence(stretch: float) -> Confidence:
+    """Return how far the ground's optical flow agrees with the drone's motion.
+
+    Args:
+        stretch: displacement over the ground by the frames over that of telemetry
+            (`MotionEstimate.stretch`): the factor by which height or focal length is wrong.
+    """
+    value = 0.0 if stretch <= 0.0 else _falling(math.log(stretch), _FLOW)
+    return Confidence(
+        value=value, reason=f"the ground passes {stretch:.2f} times as fast as telemetry reports"
+    )
 
 
 def _falling(value: float, half: float) -> float:

@@ -35,6 +35,8 @@ from uav_bt.types import (
 
 Source = Literal["network", "contact", "fused"]
 SOURCES: Final[tuple[Source, ...]] = ("network", "contact", "fused")
+LEAST_CONFIDENCE: Final = 0.2
+"""Least confidence of a scale that is used. Of lower ones seven of ten or fewer are right."""
 _NO_NETWORK: Final = "the depth is by ground contact, without the network"
 
 
@@ -47,6 +49,7 @@ class MetricDepthConfig:
     min_height_m: float = 0.15  # a lower drone stands, and its camera is too near to the ground
     max_m: float = 20.0  # larger than any lab; limits the depth of a network's sky
     roll_rad: float = 0.0  # known roll of the image that the gimbal leaves, right side down
+    least_confidence: float = LEAST_CONFIDENCE
     # `fused` depth needs the network if the farthest possible point of an obstacle of unknown depth
     # is within these distances of the lens: ahead, to either side, and below. `max_m` ahead always
     # runs it. On the validation scenes the corridor then misses 27 instead of 24 of the intruded
@@ -74,6 +77,13 @@ class MetricDepth:
         """Return no depth, for a reason."""
         none = Confidences.none(refusal)
         return cls(depth=None, refusal=refusal, relative=relative, confidences=none)
+
+    def limited(self, name: str, by: Confidence) -> MetricDepth:
+        """Return it with a further measure, which the confidence of the depth cannot exceed."""
+        confidences, depth = self.confidences.limited(name, by), self.depth
+        if depth is not None:
+            depth = replace(depth, confidence=confidences.depth.value or 0.0)
+        return replace(self, depth=depth, confidences=confidences)
 
 
 class MetricDepthMaker:
@@ -142,15 +152,16 @@ class MetricDepthMaker:
             contact = ContactEstimation(class_map, ground, self._config.contact, remembered)
             measured = contact.result()
             if self._source == "contact" or self._suffices(measured, class_map, ground):
-                return _contact_only(measured, captured_s, "", _NO_NETWORK)
+                return _contact_only(measured, captured_s, "", Confidence(reason=_NO_NETWORK))
         relative = relative() if callable(relative) else relative
         refusal = _relative_refusal(frame, relative)
         if refusal or relative is None:
             return MetricDepth.refused(refusal, relative)
-        scale, no_scale, on_ground = self._scale_of(relative, class_map, ground)
+        scale, of_scale, on_ground = self._scale_of(relative, class_map, ground)
         if scale is None:
             known = None if contact is None else contact.result()
-            without = _contact_only(known, captured_s, no_scale, no_scale, on_ground)
+            refusal = f"no scale: {of_scale.reason}"
+            without = _contact_only(known, captured_s, refusal, of_scale, on_ground)
             return replace(without, relative=relative)
         metres = scale.apply(_resized(relative.depth, view))
         network_m = np.clip(metres, 0.0, self._config.max_m)
@@ -160,8 +171,8 @@ class MetricDepthMaker:
         depth = _fused(scale, network_m, known, captured_s)
         confidences = Confidences(
             ground=on_ground,
-            scale=scale.why or Confidence(value=scale.confidence),
-            depth=Confidence(value=depth.confidence, reason=scale.why.reason if scale.why else ""),
+            scale=of_scale,
+            depth=Confidence(value=depth.confidence, reason=of_scale.reason),
         )
         return MetricDepth(depth=depth, scale=scale, relative=relative, confidences=confidences)
 
@@ -178,8 +189,8 @@ class MetricDepthMaker:
 
     def _scale_of(
         self, relative: DepthMap, class_map: ClassMap, ground: GroundPlane
-    ) -> tuple[Scale | None, str, Confidence]:
-        """Return the scale of a network's depth, or None and the reason; and the ground's."""
+    ) -> tuple[Scale | None, Confidence, Confidence]:
+        """Return the scale of a network's depth if it is trusted, its confidence, the ground's."""
         fitting, sampling = _resized(relative.depth, ground.view), self._config.sampling
         sample = sample_ground(
             fitting, class_map.is_ground, ground.depth_m, self._generator, sampling
@@ -189,10 +200,12 @@ class MetricDepthMaker:
             on_ground = ground_confidence(sample.measures)
         height_m = ground.view.height_m if relative.in_heights else None
         scale = self._scale.update(sample, class_map.captured_s, height_m)
-        if scale is not None:
-            return scale, "", on_ground
-        why = "too little ground" if sample is None else "the ground disagrees with itself"
-        return None, f"no scale: {why}", on_ground
+        if scale is None:
+            why = "too little ground" if sample is None else "the ground disagrees with itself"
+            return None, Confidence(reason=why), on_ground
+        confidence = scale.why or Confidence(value=scale.confidence)
+        trusted = scale.confidence >= self._config.least_confidence
+        return scale if trusted else None, confidence, on_ground
 
     def _refusal(self, frame: Frame, class_map: ClassMap) -> str:
         height_m, pitch_rad = frame.height_above_ground_m, frame.gimbal_pitch_rad
@@ -236,13 +249,11 @@ def _contact_only(
     contact: ContactDepth | None,
     captured_s: float,
     refusal: str,
-    no_scale: str,
+    scale: Confidence,
     ground: Confidence | None = None,
 ) -> MetricDepth:
     """Return the depth by ground contact; None instead of an empty map, which would mean free."""
-    confidences = Confidences(
-        ground=ground or Confidence(reason=no_scale), scale=Confidence(reason=no_scale)
-    )
+    confidences = Confidences(ground=ground or Confidence(reason=scale.reason), scale=scale)
     if contact is None or not np.isfinite(contact.depth).any():
         refusal = refusal or "nothing in view stands on ground"
         confidences = replace(confidences, depth=Confidence(reason=refusal))

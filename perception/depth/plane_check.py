@@ -3,7 +3,7 @@
 A network whose depth is in heights of the camera gives the depth of the ground without a camera
 file. Where the focal length of the file is wrong, the plane is seen at other angles, and the ratio
 of the two depths changes with the range: by the power of one minus the factor. A wrong pitch
-changes ratio and power. A network that does not know what it sees contradicts the plane, too. A
+changes ratio and power. A network in a place unlike its training contradicts the plane, too. A
 wrong height does not show here: it changes the plane alone, and so the unit of the network.
 """
 

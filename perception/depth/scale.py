@@ -35,7 +35,7 @@ class Scale:
     factor: float  # metres per unit of relative depth, positive
     shift_m: float = 0.0
     confidence: float = 1.0  # 0 to 1
-    why: Confidence | None = None  # that confidence with what it is computed from
+    why: Confidence | None = None  # that confidence with its measures
 
     def apply(self, relative: Floats32) -> Floats32:
         """Return metres, (H, W) float32, of relative depth."""

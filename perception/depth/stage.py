@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.view_change import ViewChange
+from perception.depth.evidence import flow_confidence
 from perception.depth.metric import MetricDepth, MetricDepthMaker, remembered_bases
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator
@@ -108,7 +109,9 @@ class DepthStage:
         network = None if self._network is None else partial(relative, self._network)
         metric = self._maker.make(frame, class_map, camera, network, remembered)
         spent("metric_depth", self._timer() - began_s - network_s)
-        return metric
+        if motion is None or motion.stretch is None:
+            return metric
+        return metric.limited("flow", flow_confidence(motion.stretch))
 
     def _frozen(self, frame: Frame, state: DroneState | None) -> str:
         """Return a refusal if a moving drone sent the same image again."""

@@ -1,7 +1,7 @@
 """Displacement between two pictures of the ground: masked normalised cross-correlation.
 
-The correlation is normalised over the cells that both pictures know, for every displacement at once
-(Padfield, Masked object registration in the Fourier domain, 2012).
+The correlation is normalised over the cells that are known in both pictures, for every displacement
+at once (Padfield, Masked object registration in the Fourier domain, 2012).
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class KnownGround:
 
         Args:
             picture: The picture, of the same shape.
-            min_shared_m2: Least area that both must know.
+            min_shared_m2: Least area that must be known in both.
 
         Returns:
             (2 R + 1, 2 R + 1): rows by displacement of the given picture along x, columns along y,

@@ -27,7 +27,7 @@ _PICTURE_PX: Final = 64
 
 @dataclass(frozen=True, kw_only=True)
 class SpotConfig:
-    """Views that count, and displacements that are believed. Numbers without a reason are chosen.
+    """Views that count, and displacements that are accepted. Numbers without a reason are chosen.
 
     Attributes:
         min_height_m: Lower views show too little ground.
@@ -75,7 +75,7 @@ class SpotFinder:
 
     Args:
         mark: Its size is not used; the spot is at the height of the ground.
-        config: Views that count, and displacements that are believed.
+        config: Views that count, and displacements that are accepted.
 
     Raises:
         ValueRangeError: The mark has an option: this kind has none.
@@ -129,7 +129,7 @@ class SpotFinder:
                 self._known = KnownGround(mosaic.picture(), cfg.reach_m)
 
     def _match(self, view: MarkView, take_off: Pose2D) -> _Match | None:
-        """Return the believed displacement of a view; None without one."""
+        """Return the accepted displacement of a view; None without one."""
         cfg = self._config
         if self._known is None:
             return None

@@ -19,7 +19,7 @@ SHIPPED_DEPTHS: Final = ("depth", ANY)
 """The shipped depth networks: one in 8-bit integers, and the second head of `any`."""
 
 ROLES: Final = ("outside", "ground", "obstacle")
-"""Roles that networks by roles tell apart, in the order of their scores."""
+"""Roles of networks by roles, in the order of their scores."""
 
 TEACHER: Final = "teacher"
 """The segmentation without a network: the teacher of the U-Nets."""
@@ -80,7 +80,7 @@ def check_onnx(path: Path, remedy: str) -> None:
 
     Args:
         path: the file.
-        remedy: command that makes the shipped file, for the message when the file is absent.
+        remedy: command that writes such a file, for the message when the file is absent.
 
     Raises:
         WeightsError: the file is absent or not ONNX.
@@ -88,7 +88,7 @@ def check_onnx(path: Path, remedy: str) -> None:
     if not path.is_file():
         raise WeightsError(
             path,
-            f"there is no such network{did_you_mean_file(path)}; {remedy} makes the shipped one",
+            f"there is no such network{did_you_mean_file(path)}; {remedy} writes one",
         )
     with reading(path, WeightsError), path.open("rb") as file:
         head = file.read(len(_IR_VERSION))

@@ -67,7 +67,7 @@ class FootageBuilder:
             self._states.append(state)
 
     def footage(self) -> Footage:
-        """Return what was gathered.
+        """Return the gathered footage.
 
         Raises:
             ShapeError: there is no frame or no telemetry.

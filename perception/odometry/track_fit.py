@@ -34,7 +34,7 @@ class TrackFitConfig:
     """Which frames are compared, and the errors of the two sources. Numbers are chosen."""
 
     gaps: tuple[int, ...] = (1, 2, 4, 8)  # frames between the two frames of a pair
-    # No mask shows the ground here, so many points are tracked and few of them must agree.
+    # No mask shows the ground here: many points are tracked, and few of them must agree.
     following: OdometryConfig = field(
         default_factory=lambda: OdometryConfig(
             points=500, quality=0.005, spacing_px=4, min_points=15, max_range_m=5.0

@@ -33,7 +33,7 @@ class VelocityErrorConfig:
             spread of `wide_m`. It grows with the inverse square of the spread.
         wide_m: Spread of the points for `seen_m`, root mean square around their middle, m.
         gate: Squared innovation over its variance above which a measurement is an outlier. A wall
-            that passes for ground moves unlike the ground.
+            that is taken for ground moves unlike the ground.
         outliers: After this number of outliers in a row the next one is believed.
     """
 

@@ -23,10 +23,10 @@ from uav_bt.types import ClassMap, DepthMap, Frame
 
 
 class RoomSegmenter:
-    """A network for any room: it knows roles, and no classes.
+    """A network for any room: it has roles instead of classes.
 
     A role becomes a class of the lab: the first class that is outside, the first ground, and the
-    first obstacle that is no upper face. The network does not know landing marks.
+    first obstacle that is no upper face. The network has no landing marks.
 
     Args:
         path: the ONNX file, with the outputs `logits` (1, 3, H, W) of outside, ground and obstacle,

@@ -38,7 +38,6 @@ class DroneSetup:
     video_rate_hz: float = 30.0  # highest frame rate, that of the ANAFI
     video: bool = True
     skycontroller: bool = False  # whether clients connect to a remote control with a drone
-    media_name: str | None = None  # name of the video stream; None: as on the real device
     card: Card = Card.READY  # the memory card of the camera
     gps: bool | None = None  # whether there is a GPS fix; None: outdoors yes, in a lab no
 
@@ -127,8 +126,7 @@ class LoopbackDrone:
                     port=setup.server.ports.rtsp,
                     encoder=encoder,
                     serial=setup.server.identity.serial,
-                    media_name=setup.media_name
-                    or (REMOTE_MEDIUM if setup.skycontroller else DIRECT_MEDIUM),
+                    media_name=REMOTE_MEDIUM if setup.skycontroller else DIRECT_MEDIUM,
                     now=self._clock.now,
                     finish=self._camera.close,
                 )

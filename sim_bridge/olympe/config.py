@@ -58,7 +58,7 @@ class OlympeConfig:
         remote_control: whether a remote control answers at the address, as a SkyController 3.
         take_off_surface_m: height of the take-off surface above the ground, m.
         video_latency_s: least time from exposure to arrival of a frame, s. Default: an estimate,
-            not measured on a drone; the loopback drone has 0.16 (`docs/results.md`).
+            not measured on a drone.
         order_repeat_s: time after which a take-off or landing without effect is repeated, s.
             Chosen: the SDK drops a packet without acknowledgement after 0.9.
         sticks_hold_s: time for which the SDK repeats stick positions, every 25 ms, before it

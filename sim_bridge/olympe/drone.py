@@ -103,7 +103,7 @@ class OlympeDrone:
         if self._flight is not None:
             return
         config, clock = self._config, self.clock
-        sdk = self._sdk()  # first: without it nobody needs to switch a drone on
+        sdk = self._sdk()  # first, so that a missing SDK is reported before a missing drone
         config = replace(config, remote_control=self._probe(config))
         telemetry = Telemetry(
             clock.now,

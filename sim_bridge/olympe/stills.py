@@ -1,4 +1,4 @@
-"""Photographs of the drone's camera: asks for them, and follows them by the drone's events."""
+"""Photographs of the drone's camera: requests them and follows the drone's events."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ _UNREADY: Final = {
 
 
 class _Step(enum.Enum):
-    """What the present photograph waits for."""
+    """Event for which the present photograph waits."""
 
-    NOTHING = "nothing"  # there is none
+    NOTHING = "nothing"  # no photograph
     MODE = "mode"  # the camera changes to photographs
     BEGIN = "begin"  # the drone has not yet confirmed the command
     SAVE = "save"  # the drone takes and stores it

@@ -1,4 +1,4 @@
-"""Class ids and depth of a view by ray casting: what a perfect network would see, without images.
+"""Class ids and depth of a view by ray casting: the output of a perfect network, without images.
 
 Every pixel's ray is intersected with the ground, and with the boxes, cylinders and triangles whose
 outlines in the image contain the pixel. The view is that of the twin's renderer at the same pose.

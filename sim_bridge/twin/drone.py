@@ -70,7 +70,7 @@ class TwinDrone(SimulatedDrone):
         """Build the lab and the renderer, and put the drone at its take-off point.
 
         Raises:
-            MissingDependencyError: OpenGL does not work here; the message says what to install.
+            MissingDependencyError: OpenGL does not work here; the message names the remedy.
         """
         if self._flight is not None:
             return

@@ -48,7 +48,7 @@ def choose_gl() -> str:
         MuJoCo's name of the backend: ``egl``, ``osmesa``, ``glfw``, ...
 
     Raises:
-        MissingDependencyError: no backend works; the message says what to install.
+        MissingDependencyError: no backend works; the message names the remedy.
         UnknownNameError: ``MUJOCO_GL`` is not the name of a backend.
     """
     asked = os.environ.get("MUJOCO_GL", "").lower().strip()

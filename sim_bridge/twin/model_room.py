@@ -1,4 +1,4 @@
-"""What a lab file adds to the model: objects of its kinds, ground, walls and lamps."""
+"""Parts of the model from a lab file: objects of its kinds, ground, walls and lamps."""
 
 from __future__ import annotations
 

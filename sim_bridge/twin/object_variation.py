@@ -1,4 +1,4 @@
-"""Random variations of what a lab states: places of objects, lamps, and movers of its kinds."""
+"""Random variations of a lab: places of objects, lamps, and movers of its kinds."""
 
 from __future__ import annotations
 

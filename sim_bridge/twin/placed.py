@@ -40,7 +40,7 @@ class ObjectSpec:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shape:
-    """What the twin builds of a kind.
+    """Shapes that the twin builds of a kind.
 
     Attributes:
         name: Name of the kind.

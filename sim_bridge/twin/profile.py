@@ -104,7 +104,7 @@ class Profile:
 
     @staticmethod
     def names() -> tuple[str, ...]:
-        """Return the names that `named` knows."""
+        """Return the names that `named` takes."""
         return tuple(_NAMED)
 
     def with_instant_telemetry(self) -> Profile:

@@ -34,7 +34,7 @@ class Renderer:
             double the time of an image, and the lens blur softens the edges.
 
     Raises:
-        MissingDependencyError: OpenGL does not work here; the message says what to install.
+        MissingDependencyError: OpenGL does not work here; the message names the remedy.
         InputError: this process was forked from one that has drawn.
     """
 

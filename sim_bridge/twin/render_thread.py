@@ -27,7 +27,7 @@ class RenderThread:
         lab: the compiled scene.
 
     Raises:
-        MissingDependencyError: OpenGL does not work here; the message says what to install.
+        MissingDependencyError: OpenGL does not work here; the message names the remedy.
         InputError: this process was forked from one that has drawn.
     """
 

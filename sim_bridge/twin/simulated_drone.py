@@ -1,4 +1,4 @@
-"""What the simulated drones share: the clock, the orders, and when a frame is delivered."""
+"""Base of the simulated drones: the clock, the orders, and the delivery of frames."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Running:
 
 
 class SimulatedDrone:
-    """A drone in the twin's physics; a subclass says what it sees.
+    """A drone in the twin's physics; a subclass adds perception.
 
     Time passes only in `clock.sleep_until`, which advances the physics in steps of 10 ms.
 

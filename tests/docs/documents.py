@@ -25,6 +25,7 @@ SAVED: Final = re.compile(r"[Ss]ave (?:this|it)\s+as\s+`([\w./-]+)`[^`]*\Z")
 # Commands of a block that is marked by an indentation of four spaces or more.
 INDENTED: Final = re.compile(r"^ {4,}(?:\$ |uav-bt |pip |python |make |pytest )", re.MULTILINE)
 INLINE: Final = re.compile(r"(?<!`)`(uav-bt [^`]+)`(?!`)")
+INLINE_SCRIPT: Final = re.compile(r"(?<!`)`(python (?:-m\s+benchmarks[. ]|benchmarks/)[^`]+)`(?!`)")
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ earlier command, or provided by the reader. `pytest -m slow tests/docs` also run
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Iterator
 from functools import partial
@@ -15,7 +16,16 @@ from typing import Final
 
 import pytest
 
-from tests.docs.documents import INDENTED, INLINE, ROOT, check_inline, prose
+from tests.docs.documents import (
+    INDENTED,
+    INLINE,
+    INLINE_SCRIPT,
+    ROOT,
+    Command,
+    check_inline,
+    check_script,
+    prose,
+)
 from tests.docs.reader import Reader
 
 PAGES: Final = (
@@ -141,3 +151,5 @@ def test_commands_in_the_prose_exist(page: str) -> None:
     assert INDENTED.findall(text) == [], "a block that is not fenced"
     for found in INLINE.findall(text):
         check_inline(" ".join(found.split()))
+    for found in INLINE_SCRIPT.findall(text):
+        check_script(Command(tuple(shlex.split(found)), line=0))

@@ -48,7 +48,7 @@ def test_the_newest_supported_python_is_taken(tmp_path: Path) -> None:
     assert "with Python 3.12.0" in done.stderr
 
 
-def test_an_index_out_of_reach_is_told_and_a_further_try_goes_on(tmp_path: Path) -> None:
+def test_an_index_out_of_reach_is_reported_and_a_further_try_goes_on(tmp_path: Path) -> None:
     away = {"PIP_NO_INDEX": "1", "PIP_CONFIG_FILE": os.devnull, "PIP_FIND_LINKS": ""}
     first = install(tmp_path / "venv", PYTHON=sys.executable, **away)
     assert first.returncode == 2, first.stderr

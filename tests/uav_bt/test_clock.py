@@ -16,7 +16,7 @@ def test_all_are_clocks(clock: object) -> None:
     assert isinstance(clock, Clock)
 
 
-def test_a_manual_clock_stands_until_it_is_told() -> None:
+def test_a_manual_clock_stands_until_it_is_advanced() -> None:
     clock = ManualClock(5.0)
     assert clock.now() == clock.now() == 5.0
     clock.advance(0.25)

@@ -52,7 +52,7 @@ def test_the_drawing_at_the_top_shows_every_class_below_its_base(error: type[Uav
     assert base.split()[0] == error.__mro__[1].__name__
 
 
-def test_a_wrong_shape_is_told_with_the_right_one() -> None:
+def test_a_wrong_shape_is_reported_with_the_right_one() -> None:
     error = ShapeError("class map", expected="HxW", actual=(2, 3, 4))
     assert str(error) == "class map must be HxW, got 2x3x4"
 
@@ -75,7 +75,7 @@ def test_a_refused_tree_carries_all_findings_and_counts_them() -> None:
     assert "refused, 1 error\n" in str(TreeError("m.xml", ["a"]))
 
 
-def test_an_unknown_name_is_told_with_the_nearest_and_all_known_ones() -> None:
+def test_an_unknown_name_is_reported_with_the_most_similar_and_all_known_ones() -> None:
     error = UnknownNameError("policy", "segmentaton", ["wander", "segmentation"])
     assert str(error) == (
         "unknown policy 'segmentaton'; did you mean 'segmentation'? (known: segmentation, wander)"
@@ -87,7 +87,7 @@ def test_nothing_is_suggested_for_a_name_like_no_other() -> None:
     assert did_you_mean("zzz", ["alpha", "beta"]) == ""
 
 
-def test_a_failed_node_is_told_with_its_path_and_cause() -> None:
+def test_a_failed_node_is_reported_with_its_path_and_cause() -> None:
     error = NodeFailedError("Main/seq/leaf", LookupError("gone"))
     assert error.node_path == "Main/seq/leaf"
     assert str(error) == "node 'Main/seq/leaf' failed: LookupError: gone"

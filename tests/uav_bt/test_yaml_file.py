@@ -73,7 +73,7 @@ def test_json_is_yaml_and_aliases_are_values(tmp_path: Path) -> None:
     assert read(tmp_path, "notes: {a: &a 3, b: *a}\nsize_m: [5, 4]").value.notes["b"] == 3
 
 
-def test_all_problems_are_told_in_the_order_of_their_lines(tmp_path: Path) -> None:
+def test_all_problems_are_reported_in_the_order_of_their_lines(tmp_path: Path) -> None:
     text = "doors: [{nam: a}, 3]\nlit: maybe\nseats: 1.5\ncolour: blue\nsize_m: [5]\n"
     assert problems(tmp_path, text) == [
         "room.yaml:1: doors[0]: lacks the key 'name'",
@@ -121,7 +121,7 @@ def test_all_problems_are_told_in_the_order_of_their_lines(tmp_path: Path) -> No
         ("\n".join(f"k{n}: 1" for n in range(9000)), "and 8950 problems more"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(tmp_path: Path, text: str, problem: str) -> None:
+def test_a_mistake_is_reported_with_its_place(tmp_path: Path, text: str, problem: str) -> None:
     assert problem in "\n".join(problems(tmp_path, text))
 
 
@@ -138,7 +138,7 @@ def test_a_text_that_aliases_repeat_makes_no_long_message(tmp_path: Path) -> Non
     assert len("".join(problems(tmp_path, f"a: &a {'x' * 100_000}\nb: *a\nsize_m: *a"))) < 1000
 
 
-def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
+def test_files_that_cannot_be_read_raise(tmp_path: Path) -> None:
     path = tmp_path / "room.yaml"
     with pytest.raises(SceneError, match=r"room.yaml: there is no such room file; build one"):
         read_yaml(path, Room, "room file", failure=SceneError, remedy="build one")

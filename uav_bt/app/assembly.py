@@ -43,6 +43,7 @@ from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, Imageless, LeafPolicy, Segmenter
 from uav_bt.still_camera import Photographing
+from uav_bt.testing.faults import FaultyDrone
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types.area import Area
 
@@ -106,6 +107,15 @@ class Flight(Generic[DroneT]):
             area = area_of(self.rules, site or Site(), take_off_pose(site, drone))
         self.area = area
         self._judge = judge or Judge(self.judge_config, self.mark)
+
+    def missed_faults(self) -> list[str]:
+        """Return a warning for each fault of the options that the flight did not have."""
+        faults = [one for one in self._followers if isinstance(one, FaultyDrone)]
+        return [
+            f"the fault {one.fault} had no effect: {one.missed}"
+            for one in faults
+            if one.missed is not None
+        ]
 
     def __repr__(self) -> str:
         flown = "" if self.scene_name is None else f" in {self.scene_name}"

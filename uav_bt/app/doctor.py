@@ -34,7 +34,7 @@ def examine(draws: Callable[[], str]) -> Iterator[Check]:
     """Check the machine, line by line.
 
     Args:
-        draws: draws an image of the lab and says with what; raises when it cannot.
+        draws: draws an image of the lab and returns the renderer's name; raises when it cannot.
     """
     yield _python()
     yield _machine()

@@ -13,7 +13,7 @@ class ExactSegmenter:
     """The twin's exact class ids as a segmenter: for evaluations, never for a mission's result.
 
     Args:
-        referee: knows the exact class ids.
+        referee: gives the exact class ids.
         classes: classes of the lab.
         size_px: width and height of the class maps.
     """

@@ -1,4 +1,4 @@
-"""Films and the status line of a flight, composed: what the displays need to know about the lab.
+"""Films and the status line of a flight, with the values of its lab.
 
 `app.fly(tree, video="flight.mp4")` films; with options of the film, or beside another one:
 

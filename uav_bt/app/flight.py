@@ -242,6 +242,7 @@ def _run(
             notes=flight.context.notes,
             objects=objects_of(last_map(flight.context.board)),
         )
+        result = replace(result, warnings=[*result.warnings, *flight.missed_faults()])
         for what, write in keep.items():
             try:
                 write(result)

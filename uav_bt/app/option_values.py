@@ -1,4 +1,4 @@
-"""Checks of the values of options; errors say what was expected and given."""
+"""Checks of the values of options; errors name the expected and the given value."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Final, NoReturn
 
-from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.errors import FileError, InputError, ValueRangeError
 from uav_bt.files import reading
 from uav_bt.protocols import Drone, LeafPolicy
+from uav_bt.testing.faults import RANDOM, Fault
 from uav_bt.tree.loading.parameters import Plain, split_port
 from uav_bt.tree.port import port_text
 
@@ -66,13 +67,14 @@ def files(value: object) -> tuple[Path, ...]:
 
 
 def fault_texts(faults: object) -> tuple[str, ...]:
-    """Return faults as texts; their kinds are checked when the flight is put together.
+    """Return faults as texts. Those of a file are checked here, where their lines are known.
 
     Args:
         faults: Sequence of texts. `@FILE` stands for the lines of a file.
 
     Raises:
         InputError: The value is not such a sequence, or a file cannot be read.
+        FileError: A line of a file is not a fault.
     """
     if not isinstance(faults, (tuple, list)) or not all(isinstance(one, str) for one in faults):
         refuse("faults", "a list of faults, such as ['video-lost@explore+1~3']", faults)
@@ -86,7 +88,16 @@ def _fault_lines(text: str) -> Iterator[str]:
     path = Path(text[1:])
     with reading(path):
         lines = path.read_text(encoding="utf-8").splitlines()
-    yield from (line.strip() for line in lines if line.strip())
+    for number, line in enumerate(lines, start=1):
+        fault = line.strip()
+        if not fault:
+            continue
+        if fault != RANDOM:
+            try:
+                Fault.parse(fault)
+            except InputError as error:
+                raise FileError(path, str(error), line=number) from error
+        yield fault
 
 
 def port_values(ports: object) -> dict[str, str]:

@@ -27,7 +27,7 @@ _GIT_LIMIT_S: Final = 5.0
 
 @lru_cache(maxsize=8)
 def commit(folder: Path = Path(uav_bt.__file__).parent) -> str | None:
-    """Return the commit of the checkout that a folder belongs to; None where there is none.
+    """Return the commit of the checkout that a folder belongs to; None outside a checkout.
 
     Args:
         folder: anywhere in the checkout.

@@ -11,11 +11,8 @@ import numpy as np
 from uav_bt.app.options import FlightOptions
 from uav_bt.errors import InputError
 from uav_bt.protocols import Drone
-from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
+from uav_bt.testing.faults import FAULTS, RANDOM, Fault, FaultKind, FaultyDrone
 from uav_bt.types import MissionPhase
-
-RANDOM: Final = "random"
-"""In place of a fault: room, movers and faults are drawn from the seed."""
 
 # Faults after which no command can land the drone, or after which nothing is flown.
 _HOPELESS: Final = frozenset(

@@ -2,8 +2,8 @@
 
 The mission flies a pretended drone: it takes off, moves and lands in numbers only, at once and
 without error, so that tree and perception run as they would. The gimbal is pointed for real, since
-what is seen depends on it. A person who holds the drone at flight height sees what the mission
-would do.
+the view depends on it. A person holds the drone at flight height and watches the decisions of the
+mission.
 """
 
 from __future__ import annotations

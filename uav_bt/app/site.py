@@ -35,13 +35,13 @@ class Site:
     """A place to fly in; `load_site` reads one from a file, `site_of_lab` makes that of a lab.
 
     Attributes:
-        flight_height_m: above the ground; None: as the tree says.
+        flight_height_m: above the ground; None: as in the tree.
         take_off_surface_m: height of the surface that the drone takes off from, above the ground.
         take_off_pose: take-off pose in the lab's drawing, yaw counter-clockwise; None if unknown.
         camera: a camera file; None: the drone's own intrinsics.
-        model: the segmentation network's name or file; None: as the tree says.
+        model: the segmentation network's name or file; None: as in the tree.
         classes: Class-mapping file of that network.
-        depth: the depth network's name or file; None: as the tree says.
+        depth: the depth network's name or file; None: as in the tree.
         ground: names of the classes that the drone may fly over and scale depth by.
         limits: Limits of all commands.
         area: corners of the polygon that every mission stays in; None: no bound.

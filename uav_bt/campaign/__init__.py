@@ -1,4 +1,4 @@
-"""Many flights: planned, flown in processes of their own, kept line by line, resumed, reported.
+"""Many flights: planned, flown in separate processes, kept line by line, resumed, reported.
 
 Example:
     >>> from pathlib import Path

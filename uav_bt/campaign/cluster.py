@@ -51,7 +51,7 @@ def _version() -> str:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep Dask from writing tracebacks of its own: our errors say what went wrong."""
+    """Keep Dask from writing tracebacks: our errors have the cause."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     before = {name: logging.getLogger(name).level for name in names}
     for name in names:
@@ -87,7 +87,7 @@ class DaskBackend:
         return "dask"
 
     def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
-        """Fly tasks, as `Backend` says.
+        """Fly tasks; see `Backend`.
 
         Raises:
             InputError: the scheduler does not answer, has no workers, or they have another uav-bt.

@@ -1,4 +1,4 @@
-"""One flight, one line of JSON: what a campaign keeps and a report reads."""
+"""Flights as lines of JSON, which a campaign writes and a report reads."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 
 FlightKey = tuple[str, str | None, int]
-"""Tree, scene, seed: what tells the flights of a campaign apart."""
+"""Tree, scene and seed, which identify a flight of a campaign."""
 
 
 _DIGITS: Final = {"s": 1, "m": 3, "%": 1, "": 2}  # decimal places by unit
@@ -78,14 +78,14 @@ _TEXT_FIELDS: Final = ("reason", "lab", "drone", "record", "folder", "details", 
 
 @dataclass(frozen=True, kw_only=True)
 class FlightLines:
-    """What a file of flights holds."""
+    """Contents of a file of flights."""
 
     flights: tuple[dict[str, Any], ...]  # in the order in which they ended
     damaged: tuple[str, ...]  # `file:line: what is wrong`, of lines that were left out
 
 
 def key_of(flight: Mapping[str, Any]) -> FlightKey:
-    """Return what tells a flight apart from the others of its campaign."""
+    """Return the key that identifies a flight in its campaign."""
     return flight["tree"], flight["scene"], flight["seed"]
 
 

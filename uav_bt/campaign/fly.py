@@ -29,9 +29,9 @@ def silent_progress(_flight: Mapping[str, Any], _now: bool) -> None:  # noqa: FB
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignResult:
-    """What a campaign has when it ends."""
+    """Result of a campaign."""
 
-    flights: tuple[dict[str, Any], ...]  # all that the plan asks for, in its order
+    flights: tuple[dict[str, Any], ...]  # those of the plan, in its order
     flown_now: int  # the others were there before
 
 
@@ -44,7 +44,7 @@ def run(
     on_note: Callable[[str], None] = lambda _: None,
     fly: str = FLY_FUNCTION,
 ) -> CampaignResult:
-    """Fly what a plan asks for and what its folder does not hold yet.
+    """Fly those flights of a plan that its folder does not hold yet.
 
     Each flight is kept when it ends. A campaign that was stopped, or killed, goes on when it is
     called again.
@@ -54,7 +54,7 @@ def run(
         folder: where the plan and the flights are kept.
         backend: where flights are flown; the cores of this machine by default.
         on_flight: called with every flight, those that were there before first.
-        on_note: called at once with what a person should know of the folder.
+        on_note: called at once with remarks about the folder.
         fly: MODULE:FUNCTION that takes a task and returns the flight's line.
 
     Returns:

@@ -1,4 +1,4 @@
-"""What a campaign is going to fly: plain values that are written down and compared on resuming."""
+"""Plan of a campaign: plain values that are stored and compared on resuming."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class FlightTask:
         seed: Seed of everything random.
         record: File that the flight's record is written to. None: no record.
         folder: Output folder of the flight. None: it has none.
-        options: What the campaign's flights have in common, the fields in `SHARED`.
+        options: Options of all flights of the campaign, the fields in `SHARED`.
     """
 
     tree: str
@@ -100,7 +100,7 @@ class FlightTask:
 
     @property
     def key(self) -> FlightKey:
-        """What tells it apart from the others."""
+        """Key that identifies it."""
         return self.tree, self.scene, self.seed
 
     def flight_options(self) -> FlightOptions:

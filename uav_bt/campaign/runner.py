@@ -72,7 +72,7 @@ class LocalBackend:
         return f"local, {self.workers} worker{'s' if self.workers > 1 else ''}"
 
     def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
-        """Fly tasks, as `Backend` says."""
+        """Fly tasks; see `Backend`."""
         pool = WorkerPool(function, self.workers)
         ended: SimpleQueue[tuple[FlightTask, Future[Answer]]] = SimpleQueue()
 

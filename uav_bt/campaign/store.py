@@ -26,10 +26,10 @@ _FORMAT: Final = 1  # of campaign.json
 
 
 def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
-    """Return the plan of a campaign's folder, and the runs it was flown in so far.
+    """Return the plan of a campaign's folder, and its runs.
 
     Raises:
-        FileError: there is none, or it is damaged or of a newer format.
+        FileError: the plan is absent, damaged or of a newer format.
     """
     path = folder / PLAN_FILE
     with reading(path):
@@ -111,7 +111,7 @@ class CampaignStore:
         size = os.fstat(self._out.fileno()).st_size
         try:
             written = self._out.write(line)
-            if written != len(line):  # what a disk does that is just full
+            if written != len(line):  # a full disk writes a part
                 raise OSError(28, "no space left on device")  # noqa: TRY301 - one way out
             os.fsync(self._out.fileno())
         except OSError as error:

@@ -13,4 +13,4 @@ def main() -> None:
     try:
         uav_bt()
     finally:
-        end_at_once()  # what is left is the interpreter's own end
+        end_at_once()  # only the interpreter's exit is left

@@ -73,7 +73,7 @@ def check(
       ok        true or false
       findings  objects with path, line, column, node, message, severity
                 (error or warning) and rule, a name that stays; path is
-                another one than the file's in what it includes, line and
+                that of an included file if the mistake is there, line and
                 column count from 1 and are null for the file as a whole
 
     sarif is one log of SARIF 2.1.0 with a run for all files; their paths are relative to the folder

@@ -85,9 +85,9 @@ def collect(
     """Fly a mission many times and record the rule's advice on every view.
 
     TREE has an <Advise/> leaf: explore_and_land_advised, where the rule flies, or
-    explore_and_land_student_advised, where the student does and the rule notes what it would have
-    done. `uav-bt net train student DIR...` learns from the records. The same command continues a
-    collection that was stopped. A flight takes about 45 s of a core.
+    explore_and_land_student_advised, where the student flies and the rule's answers are
+    recorded. `uav-bt net train student DIR...` learns from the records. The same command continues
+    a collection that was stopped. A flight takes about 45 s of a core.
     """
     need("record", "mcap", "foxglove")
     if student is not None:

@@ -21,12 +21,13 @@ _INSTEAD: Final = {
     "view --video": "'uav-bt fly --video FILE' makes the film in flight, and in Python "
     "RecordedFlight(RECORD).film(FILE) makes it from a record",
     "view --speed": "RecordedFlight(RECORD).film(FILE, speed=2.0) makes a fast film of a record",
+    "serve-anafi --media-name": "leave it out: the stream is called as on the real device",
     "check --engine": "leave it out: files are read as engine 4.10 reads them",
 }
 
 
 class DeletedError(click.ClickException):
-    """A deleted command or option was called. The message says what to use instead."""
+    """A deleted command or option was called. The message names the replacement."""
 
     exit_code = InputError.exit_code
 

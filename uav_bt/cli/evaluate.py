@@ -58,7 +58,7 @@ def depth(
     """Measure metric depth against the twin's exact depth; on the testing scenes by default.
 
     Prints the paper's tables, its figures beside ours: lengths of obstacles' edges, distances from
-    the camera, what wrong telemetry and masks cost, and what the safety corridor sees.
+    the camera, errors by wrong telemetry and masks, and errors of the safety corridor.
     """
     network = None if model == "contact" else load_depth_estimator(model, threads=2)
     plan = ImagePlan(views=drawn.of(DepthViewPlan(scenes=TESTING_SCENES)), masks=masks)

@@ -52,7 +52,7 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
 
 @dataclass(frozen=True, kw_only=True)
 class Outputs:
-    """What a flight is written to, besides its record; None: nothing.
+    """Output files of a flight besides its record; None: not written.
 
     Attributes:
         out: Folder of the report, the objects and the files of leaves.

@@ -1,4 +1,4 @@
-"""Options that say which nodes tree files may use, for commands that do not fly."""
+"""Options for the nodes that tree files may use, for commands that do not fly."""
 
 from __future__ import annotations
 

@@ -20,7 +20,11 @@ from uav_bt.errors import MissionError
 @click.argument(
     "sources", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )
-@output_option("--out", "The HTML page; figures and tables go beside it. Default: DIR/report.html")
+@output_option(
+    "--out",
+    "The HTML page; figures and tables go beside it. Default: DIR/report.html",
+    suffix=".html",
+)
 @click.option(
     "--figures",
     type=click.Choice([*get_args(Form), "none"]),

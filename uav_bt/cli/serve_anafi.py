@@ -14,7 +14,6 @@ from sim_bridge.loopback.firmware.telemetry_events import BatteryOptions
 from sim_bridge.loopback.handshake import Identity, Ports
 from sim_bridge.loopback.media import Card
 from sim_bridge.loopback.server import ServerOptions
-from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM, REMOTE_MEDIUM
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.cli.command import Command
@@ -72,11 +71,6 @@ def _port(name: str, what: str) -> Decorator:
         "--skycontroller",
         is_flag=True,
         help="Serve a SkyController 3 with the drone behind it: olympe.SkyController3(ADDRESS).",
-    ),
-    media_name=click.option(
-        "--media-name",
-        help=f"What its video stream is called. Without it: '{DIRECT_MEDIUM}', and with "
-        f"--skycontroller '{REMOTE_MEDIUM}'.",
     ),
 )
 @click.option(

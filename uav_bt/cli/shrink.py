@@ -16,7 +16,7 @@ from uav_bt.cli.command import Command
 from uav_bt.cli.options import FOLDER
 from uav_bt.cli.values import WholeNumber
 from uav_bt.errors import InputError, MissionError
-from uav_bt.files import write_whole, writing
+from uav_bt.files import check_empty_folder, write_whole, writing
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address
 from uav_bt.mission.judge import Outcome
@@ -31,7 +31,11 @@ FAULTS_FILE: Final = "faults.txt"
 @click.option("--scene", metavar="NAME", help="Of the flight; default: any.")
 @click.option("--seed", type=WholeNumber(min=0), help="Of the flight; default: any.")
 @click.option(
-    "--out", metavar="DIR", type=FOLDER, required=True, help="Where scene and faults are written."
+    "--out",
+    metavar="DIR",
+    type=FOLDER,
+    required=True,
+    help="A new or empty folder for scene and faults.",
 )
 @click.option(
     "--twin", is_flag=True, help="Fly the result in the twin, too; exit with 1 if it does not fail."
@@ -51,7 +55,7 @@ def shrink_command(
 
     DIR is the folder of a `uav-bt campaign`, or a file with one flight per line. The first flight
     that failed is taken, unless --tree, --scene and --seed name another. Boxes, movers and faults
-    are left out as long as the flight ends with the same outcome. What is left is written as a
+    are left out as long as the flight ends with the same outcome. The rest is written as a
     scene file and a fault file, with the command that flies them in the twin with images.
 
     \b
@@ -59,6 +63,7 @@ def shrink_command(
       uav-bt campaign land_only --drone plain --faults random --out runs/soak
       uav-bt shrink runs/soak --out runs/soak/smallest
     """  # noqa: D301  (click needs the backspace)
+    check_empty_folder(out, "shrink")
     flight = _failed(source, {"tree": tree_name, "scene": scene, "seed": seed})
     click.echo(
         f"{flight.outcome}: {flight.reason}; {len(flight.parts())} objects, movers and faults"
@@ -99,7 +104,7 @@ def _failed(source: Path, wanted: dict[str, object]) -> FailedFlight:
     """Return the first failed flight that has the wanted tree, scene and seed.
 
     Raises:
-        InputError: there is none.
+        InputError: no flight failed so.
     """
     named = {name: value for name, value in wanted.items() if value is not None}
     for one in read_sources([source]).sets:

@@ -69,7 +69,7 @@ def simulate(
     """Tick a tree file with leaves that answer by a script.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Nothing flies: this shows which
-    leaves run when, what is halted, and what the variables hold. Exits with 0 when the root
+    leaves run when, which are halted, and the values of the variables. Exits with 0 when the root
     succeeds, with 1 when it fails, is skipped or does not end.
 
     \b

@@ -106,7 +106,7 @@ def render(
     """Draw a tree file, with its subtrees in place.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Each node shows its name and
-    what the file gives it; svg also shows the board keys that it reads and writes.
+    the values of its ports; svg also shows the board keys that it reads and writes.
     """
     lookup = tree_folders.lookup()
     loaded = load_tree(

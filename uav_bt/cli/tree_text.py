@@ -43,10 +43,10 @@ def format_trees(ctx: click.Context, *, trees: tuple[str, ...], write: bool, che
 
 
 def _files(tree: str, *, write: bool) -> tuple[Path, ...]:
-    """Return the files that are meant; a shipped mission's is not to be written by its name.
+    """Return the named files; a shipped mission's file is not written by its name.
 
     Raises:
-        FileError: there are none.
+        FileError: no file was found.
     """
     if write and not Path(tree).exists():
         raise FileError(tree, "no such file or folder to write")

@@ -1,4 +1,4 @@
-"""Labs: what a place to fly in consists of, as values and files.
+"""Labs: places to fly in, as values and files.
 
 Modules are imported by name, because reading a file needs pydantic and classes do not.
 """

@@ -13,6 +13,26 @@ from uav_bt.types.pose import Pose2D
 _UNTURNED = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
 
 
+def check_area(text: str) -> None:
+    """Refuse an area that no take-off pose makes right.
+
+    Whether corners in the lab's drawing contain the take-off pose depends on the scene, and is
+    checked when the flight is put together; so are corners in both frames.
+
+    Args:
+        text: Corners of the area, as `area_corners` reads them.
+
+    Raises:
+        ValueRangeError: A corner cannot be read, sides cross or enclose no surface, or corners
+            in the frame start do not contain the take-off pose.
+    """
+    if len({corner.frame for corner in area_corners(text)}) > 1:
+        return
+    problem = area_problem(text, take_off=None, mark=None)
+    if problem is not None:
+        raise ValueRangeError(problem)
+
+
 def area_problem(text: str, *, take_off: Pose2D | None, mark: Pose2D | None) -> str | None:
     """Return the fault of the area of a lab; None without one.
 

@@ -32,7 +32,7 @@ from typing_extensions import TypedDict
 from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
 from uav_bt.files import did_you_mean_file
-from uav_bt.types.place import area_corners
+from uav_bt.lab.drawn_area import check_area
 from uav_bt.types.pose import Pose2D
 
 
@@ -56,7 +56,7 @@ def _onnx(value: Path, info: ValidationInfo) -> Path:
 
 def _area(value: str) -> str:
     try:
-        area_corners(value)
+        check_area(value)
     except ValueRangeError as error:
         raise ValueError(str(error)) from error
     return value

@@ -55,7 +55,7 @@ class Lab:
         teacher: Network that labels the images for training; None: a teacher learns from picks.
         mark: Landing mark of the place; None without one.
         mark_pose: Pose of the mark in the drawing, yaw counter-clockwise; None if not stated.
-        room: What the twin builds of the place; None: as the paper's.
+        room: Room that the twin builds; None: the paper's.
     """
 
     name: str

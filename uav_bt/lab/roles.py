@@ -21,7 +21,6 @@ obstacle  Everything that the drone must not touch.
 
 The roles are the four categories of Mocanu et al. (arXiv 2510.16624).
 """
-ROLE_COUNT: Final = len(ROLE_NAMES)
 
 NO_ROLE: Final = 255
 """Value of a sample outside the image: neither a class nor a role."""

@@ -1,4 +1,4 @@
-"""The section `room` of a lab file: what the twin builds of the place.
+"""The section `room` of a lab file, from which the twin builds the place.
 
 A real flight does not need it. Lengths are metres; the origin is the middle of the ground, z is up.
 """
@@ -93,7 +93,7 @@ class GroundSection:
         surface: Its look; by default the paper's carpet.
 
     Raises:
-        ValueRangeError: The size is missing or out of range, or the polygon is none.
+        ValueRangeError: The size is missing or out of range, or the polygon is invalid.
     """
 
     size_m: Vector2 | None = None

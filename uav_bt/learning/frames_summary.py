@@ -21,7 +21,7 @@ class SourceSummary:
         surplus: Those beyond the number that was asked for.
         kept: Those that were kept.
         for_check: Those of the kept ones that only score the network.
-        notes: What was noticed.
+        notes: Remarks.
         earlier: Whether the images were taken in an earlier run.
     """
 

@@ -263,7 +263,7 @@ def _clear(candidates: Sequence[Candidate], path: Path) -> list[Candidate]:
     """Return the candidates that are neither blank nor blurred.
 
     Raises:
-        FileError: There is none.
+        FileError: All candidates are blank or blurred.
     """
     looks = [one.look for one in candidates]
     clear = [one for one, good in zip(candidates, clear_ones(looks), strict=True) if good]

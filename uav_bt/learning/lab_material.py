@@ -113,7 +113,7 @@ class LabMaterial:
         return {name: listed[name] for name in names}
 
     def read_frames(self) -> list[LabFrame]:
-        """Return the entries of the list; without a list there are none.
+        """Return the entries of the list; empty without a list.
 
         Raises:
             FileError: The list is malformed; the message names the line.

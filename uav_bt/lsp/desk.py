@@ -1,4 +1,4 @@
-"""Nodes, board keys and other files that the server knows beside the open documents."""
+"""Nodes, board keys and files of the server beside the open documents."""
 
 from __future__ import annotations
 

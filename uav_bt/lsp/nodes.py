@@ -1,4 +1,4 @@
-"""The nodes that the server knows: those that are installed, and those of a palette."""
+"""Nodes of the server: those that are installed, and those of a palette."""
 
 from __future__ import annotations
 

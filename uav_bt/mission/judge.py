@@ -45,8 +45,8 @@ class JudgeConfig:
             timeout. None: that of the mission's rules, or 300 s.
         patience_s: longest time without a take-off command, seconds; then the mission ends as a
             timeout. Chosen: networks load within seconds.
-        landing_surfaces: names in contacts of what the drone may touch while it takes off or
-            lands, or kinds of objects: `table` stands for `table-1`, but not for `tablet-1`.
+        landing_surfaces: names in contacts of the surfaces that the drone may touch while it takes
+            off or lands, or kinds of objects: `table` stands for `table-1`, but not for `tablet-1`.
         land_on: where the flight must end. None: as the mission's rules say, or on the landing
             mark.
 
@@ -76,7 +76,7 @@ class JudgeConfig:
         )
 
     def under(self, rules: MissionRules) -> JudgeConfig:
-        """Return the rules of a flight with those of its mission where they say nothing."""
+        """Return the rules of a flight with those of its mission where they are empty."""
         time_limit_s = rules.time_limit_s if self.time_limit_s is None else self.time_limit_s
         return replace(self, time_limit_s=time_limit_s, land_on=self.land_on or rules.land_on)
 
@@ -94,7 +94,7 @@ _MAY_TOUCH_GROUND = frozenset(
 
 @dataclass(frozen=True, kw_only=True)
 class Belief:
-    """What the drone believes about its place.
+    """The drone's estimate of its place.
 
     Attributes:
         mark_m: horizontal distance of the landing mark's centre; None where the mark is unknown.
@@ -168,7 +168,7 @@ class Judge:
             tree_status: of the mission's tree.
             abort_reason: why the mission is being aborted; None if it is not.
             landing: whether the mission lands, by velocities or by the drone's own landing.
-            belief: what the drone believes about its place.
+            belief: the drone's estimate of its place.
         """
         belief = belief or Belief()
         self._lands = landing or state.flying in _MAY_TOUCH_GROUND

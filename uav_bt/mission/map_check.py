@@ -23,7 +23,7 @@ class MapCheck:
 
     Args:
         ground: of the scene, with the objects on it.
-        read: returns the mission's present map; None if there is none.
+        read: returns the mission's present map; None without a map.
     """
 
     def __init__(self, ground: Ground, read: Callable[[], SiteMap | None]) -> None:

@@ -32,7 +32,7 @@ class MissionNumbers:
         board: The mission's board.
         notes: Photographs of the flight.
         whereabouts: Of the drone, updated in every tick.
-        judge: Knows the time limit.
+        judge: Has the time limit.
     """
 
     def __init__(

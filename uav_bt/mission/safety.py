@@ -63,7 +63,7 @@ class Circumstances:
         state_age_s: age of the newest telemetry, seconds.
         manual: a person at this machine took over.
         abort: the mission is being aborted.
-        cut: a person wants the motors off, wherever the drone falls.
+        cut: a person orders the motors off, wherever the drone falls.
         place: pose relative to the take-off pose; None where it is unknown.
     """
 

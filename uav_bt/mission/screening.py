@@ -128,7 +128,7 @@ class Screening:
         return None
 
     def _impossible(self, report: DroneState | Frame) -> str | None:
-        """Return the first value out of its bounds, None if there is none."""
+        """Return the first value out of its bounds; None if all are within."""
         config = self._config
         bounds: list[tuple[str, Any, float]] = [
             ("roll", report.attitude.roll_rad, config.tilt_rad),

@@ -41,7 +41,7 @@ class RecordWorker(Generic[T]):
 
     Args:
         sink: receives the messages; only the thread uses it until `close` returns.
-        encode: makes an item's messages; its second argument tells whether to include images.
+        encode: makes an item's messages; its second argument is whether to include images.
         config: limits of the queue.
     """
 

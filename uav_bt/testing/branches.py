@@ -44,7 +44,7 @@ _K: Final = frozenset({Outcome.SKIPPED})
 _H: Final = frozenset({Outcome.HALTED})
 _NONE: Final[frozenset[Outcome]] = frozenset()
 
-# What a leaf's answers lead to: one that runs can be halted.
+# Outcomes of a leaf's answers: one that runs can be halted.
 _OUTCOMES: Final = {
     Status.SUCCESS: Outcome.SUCCESS,
     Status.FAILURE: Outcome.FAILURE,

@@ -53,7 +53,7 @@ class NodeInfo:
 
 
 ABILITIES: Final = {"moves": "moves", "points": "points the camera", "lands": "lands"}
-"""Class attributes of leaves that say how a leaf acts on the drone, each with its words."""
+"""Class attributes of leaves for their effect on the drone, each with its description."""
 
 
 def summary(node: type[Node]) -> str:

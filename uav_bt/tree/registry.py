@@ -51,8 +51,8 @@ class NodeRegistry:
         """Return a registry with the nodes and policies of all installed packages.
 
         An entry point of the group `uav_bt.behaviours` names an iterable of node classes, or of
-        py_trees behaviours. What cannot be used is left out: `faults` says what and why, a warning
-        is logged, and a tree file that asks for such a node is refused with it.
+        py_trees behaviours. Unusable entries are left out: `faults` has them with the reasons, a
+        warning is logged, and a tree file with such a node is refused with the reason.
 
         Raises:
             InputError: two packages use one name for different nodes.

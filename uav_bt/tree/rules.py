@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uav_bt.lab.drawn_area import check_area
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import SUCCESS, Status
@@ -10,9 +11,9 @@ from uav_bt.types.place import area_corners
 
 
 def _check_area(text: str) -> None:
-    """Refuse a text that is neither empty nor a list of corners."""
+    """Refuse a text that is neither empty nor an area."""
     if text:
-        area_corners(text)
+        check_area(text)
 
 
 class Rules(Leaf):

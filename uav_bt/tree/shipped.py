@@ -92,10 +92,10 @@ _COMMENT: Final = """\
 
       Sequence               runs its children one after another, until one fails
       Fallback               tries its children one after another, until one succeeds
-      ReactiveSequence       begins anew at its first child in every tick; a child that has
-                             done its part says so again, and the next one goes on
+      ReactiveSequence       begins anew at its first child in every tick; a child that is done
+                             succeeds again, and the next one goes on
       Repeat, Retry...,      have one child: run it again, try it again, stop it after
-      Timeout, Force...      some time, make a success or a failure of whatever it says
+      Timeout, Force...      some time, change its answer to success or failure
       SubTree ID="X"         runs the tree X of this file, or of the trees that ship
       attribute="{{name}}"     a variable of this tree
       attribute="{{@name}}"    a key of the mission board, where perception writes what it sees

@@ -158,11 +158,13 @@ def area_corners(text: str) -> tuple[Place, ...]:
         text: At least three places with `;` between them.
 
     Raises:
-        ValueRangeError: A place cannot be read, has another frame, or there are too few.
+        ValueRangeError: A place cannot be read, has another frame, a height or a heading, or there
+            are too few.
     """
     corners = parse_places(text)
     for corner in corners:
-        if corner.frame not in {PlaceFrame.START, PlaceFrame.LAB}:
+        flat = corner.height_m is None and corner.heading_rad is None
+        if not flat or corner.frame not in {PlaceFrame.START, PlaceFrame.LAB}:
             raise ValueRangeError(
                 f"expected the corners of an area as start:x,y or lab:x,y, got '{corner}'"
             )

@@ -149,13 +149,6 @@ def start_place(
     return Place(frame=PlaceFrame.START, x_m=forward_m, y_m=right_m, heading_rad=heading_rad)
 
 
-def pose_from_start(site_map: SiteMap) -> Pose2D:
-    """Return the drone's pose relative to the take-off pose: ahead, to the right, clockwise."""
-    forward_m, right_m = site_map.start.to_body(site_map.pose.x_m, site_map.pose.y_m)
-    yaw_rad = wrap_angle(site_map.pose.yaw_rad - site_map.start.yaw_rad)
-    return Pose2D(x_m=forward_m, y_m=right_m, yaw_rad=yaw_rad)
-
-
 def lab_to_start(place: Pose2D, take_off: Pose2D) -> Pose2D:
     """Return a pose of the lab's drawing relative to the take-off pose.
 

@@ -162,17 +162,6 @@ class ClipSource:
         )
         return self._clip(number, (target, first, second), motions, rng)
 
-    def draw_pair(self, rng: np.random.Generator) -> tuple[int, int]:
-        """Return the places of a target and a reference in the footage of the only flight.
-
-        Raises:
-            ValueRangeError: the camera does not move in the flight, or there are several flights.
-        """
-        if len(self._flights) != 1:
-            raise ValueRangeError(f"pairs are drawn from one flight, got {len(self._flights)}")
-        _, target, (first, _) = self._draw_places(rng)
-        return target, first
-
     def _draw_places(self, rng: np.random.Generator) -> tuple[int, int, tuple[int, int]]:
         """Return a flight's number and the indices of a target and two references in it."""
         if not self._targets:

@@ -1,4 +1,4 @@
-"""The linear head: is a pixel ground? From the features of a frozen network and its own opinion."""
+"""The linear head: is a pixel ground? From the features and scores of a frozen network."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def fit_head(
     """Fit a head to the labels of some frames, unless it does no better on frames aside.
 
     Args:
-        views: what the network gives for the frames, in the order of the turn.
+        views: outputs of the network for the frames, in the order of the turn.
         labels: their labels, at the size of the scores.
         config: how it is fitted.
 

@@ -1,4 +1,4 @@
-"""From a flight's footage to a lab folder whose network knows the place."""
+"""From a flight's footage to a lab folder with a network for the place."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ classes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LearnedPlace:
-    """What a flight has learned about a place.
+    """Results of a flight that learned a place.
 
     Attributes:
         head: The adapted head.
@@ -130,7 +130,7 @@ def write_learned_lab(folder: Path, place: LearnedPlace, network: OnnxRoleNetwor
 
     Args:
         folder: the new folder; its name is the lab's.
-        place: what the flight has learned.
+        place: results of the flight.
         network: the frozen network.
 
     Raises:

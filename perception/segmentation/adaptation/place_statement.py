@@ -39,7 +39,7 @@ _Share = Annotated[float, Field(ge=0, le=1)]
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceStatement:
-    """What a network was adapted to.
+    """Place and camera that a network was adapted to.
 
     Attributes:
         version: Of the file's form.
@@ -120,7 +120,7 @@ class PlaceStatement:
 
         Args:
             height_m: of the lens above the ground.
-            views: what the network gives for some frames, best all around.
+            views: outputs of the network for some frames, best all around.
         """
         if not abs(height_m - self.height_m) <= _HIGHER_M:
             return f"it was learned {self.height_m:.1f} m above the ground, not {height_m:.1f} m"

@@ -36,7 +36,7 @@ ADAPTED_FROM: Final = "adapted_from"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoleView:
-    """What a network gives for one image.
+    """Outputs of a network for one image.
 
     Attributes:
         scores: (3, H, W) float32, logits of `ROLES`.

@@ -206,7 +206,7 @@ def _points(given: list[Any]) -> list[Point]:
     """Return the points of a request.
 
     Raises:
-        ValueRangeError: There is none, or one is not a pair of whole numbers.
+        ValueRangeError: It has no point, or one is not a pair of whole numbers.
     """
     if not given or any(
         not isinstance(point, list) or [type(each) for each in point] != [int, int]

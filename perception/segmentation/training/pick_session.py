@@ -112,7 +112,7 @@ class PickSession:
         """Take back the last stroke of this session.
 
         Returns:
-            The image of the stroke; None if there is none.
+            The image of the stroke; None without a stroke.
         """
         with self._lock:
             if not self._strokes:
@@ -177,6 +177,6 @@ class PickSession:
 
 
 def _content(path: Path) -> bytes:
-    """Return the content of a picks file; empty if there is none."""
+    """Return the content of a picks file; empty without a file."""
     with reading(path):
         return path.read_bytes() if path.exists() else b""

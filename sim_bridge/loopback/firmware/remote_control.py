@@ -41,12 +41,9 @@ class RemoteControl:
     ) -> None:
         self._anafi = anafi
         self._world = world
-        self._drone = drone
         self._publisher = Publisher(table)
-        self._sink: Sink | None = None
         self._attitude_s = -math.inf
         self._source = "SkyController"
-        self.linked = True  # whether the drone is connected
         self._handlers: dict[str, Handler] = {
             "skyctrl.Common.AllStates": self._all_states,
             "skyctrl.Common.CurrentDateTime": self._set_time,
@@ -62,21 +59,25 @@ class RemoteControl:
         publish("skyctrl.SkyControllerState.BatteryState", state="discharging")
         publish("skyctrl.SkyControllerState.GpsFixChanged", fixed=0)
         publish("mapper.grab_state", buttons=0, axes=0, buttons_state=0)
-        self._publish_link()
+        publish(
+            "drone_manager.connection_state",
+            state="connected",
+            serial=drone.serial,
+            model=drone.model,
+            name=drone.name,
+        )
         self.give_sticks("SkyController")
 
     def connected(self, sink: Sink) -> None:
         """Start sending events of the drone and of the remote control to a client."""
-        self._sink = self._publisher.sink = sink
-        if self.linked:
-            self._anafi.connected(sink)
+        self._publisher.sink = sink
+        self._anafi.connected(sink)
 
     def disconnected(self) -> None:
         """Give control to the pilot."""
-        self._sink = self._publisher.sink = None
+        self._publisher.sink = None
         self.give_sticks("SkyController")
-        if self.linked:
-            self._anafi.disconnected()
+        self._anafi.disconnected()
 
     def handle(self, command: Received) -> None:
         """Execute a command, or forward it to the drone."""
@@ -84,7 +85,7 @@ class RemoteControl:
         handler = self._handlers.get(name)
         if handler is not None:
             handler(command.values, self._world.state())
-        elif self.linked and (name != _STICKS or self._source == "Controller"):
+        elif name != _STICKS or self._source == "Controller":
             self._anafi.handle(command)
 
     def update(self) -> None:
@@ -99,26 +100,6 @@ class RemoteControl:
         """Give control to `SkyController` (the pilot) or `Controller` (the client)."""
         self._source = source
         self._publisher.refresh("skyctrl.CoPilotingState.pilotingSource", source=source)
-
-    def lose_drone(self) -> None:
-        """Lose the radio link to the drone; the client's link to the remote control remains."""
-        self.linked = False
-        self._anafi.disconnected()
-        self._publish_link()
-
-    def find_drone(self) -> None:
-        """Restore the radio link to the drone."""
-        self.linked = True
-        if self._sink is not None:
-            self._anafi.connected(self._sink)
-        self._publish_link()
-
-    def _publish_link(self) -> None:
-        named = {"serial": self._drone.serial, "model": self._drone.model, "name": self._drone.name}
-        if not self.linked:
-            named = {"serial": "", "model": 0, "name": ""}
-        state = "connected" if self.linked else "searching"
-        self._publisher.refresh("drone_manager.connection_state", state=state, **named)
 
     def _all_states(self, _values: Values, _state: WorldState) -> None:
         self._publisher.replay(settings=False)

@@ -11,7 +11,7 @@ import pytest
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from perception.camera.ground_plane import CameraView, ground_depth
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, HELIPAD_H, paper_map
-from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, RELATIVE_DEPTH
+from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError
 from uav_bt.lab.classes import LabClass, LabClasses
@@ -28,6 +28,7 @@ from uav_bt.types import (
     FlyingState,
     Frame,
 )
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 SIZE = (224, 112)
 CAMERA = pinhole(640, 360)
@@ -119,6 +120,18 @@ def test_relative_and_metric_depth_are_written_as_old_as_the_frame(estimating: L
     assert metric.captured_s == relative.captured_s == pytest.approx(0.1)
     view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=PITCH_RAD, height_m=1.5)
     assert metric.depth[80, 100] == pytest.approx(ground_depth(view)[80, 100], rel=1e-3)
+
+
+def test_ground_that_passes_too_fast_lowers_the_confidence(estimating: LeafBench) -> None:
+    fly(estimating)
+    before = estimating.board[METRIC_DEPTH].confidence
+    pose, still = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=0.1), BodyVelocity()
+    estimating.board[ODOMETRY] = MotionEstimate(
+        pose=pose, seen=pose, velocity=still, error=still, tracked_s=0.1, stretch=1.4
+    )
+    fly(estimating)
+    assert before > 0.5
+    assert estimating.board[METRIC_DEPTH].confidence < 0.3
 
 
 def test_each_frame_is_estimated_once(estimating: LeafBench) -> None:

@@ -165,7 +165,7 @@ def test_mapping_commands_nothing() -> None:
 # --- names of before ------------------------------------------------------------------------------
 
 
-def test_a_file_that_names_the_former_leaf_or_key_is_told_the_successors() -> None:
+def test_a_file_that_names_the_former_leaf_or_key_gets_the_successors() -> None:
     text = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
       <RememberObstacles/>
       <Script code="near := @obstacles"/>

@@ -75,7 +75,7 @@ def test_a_camera_of_another_tool_is_read(tmp_path: Path, text: str) -> None:
         (ROS.replace("{rows: 1, cols: 5, data: ", "").replace("-0.002, 0]}", "-0.002, 0]"), "rows"),
     ],
 )
-def test_what_is_not_read_is_said_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+def test_an_unreadable_file_is_reported_in_one_line(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(FileError, match=words) as refused:
         load(tmp_path, text)
     assert "\n" not in str(refused.value)

@@ -21,13 +21,13 @@ def test_the_usual_stand_is_nought() -> None:
     assert state_vector(usual, [NOW, NOW]) == pytest.approx([0.0] * 9, abs=1e-6)
 
 
-def test_a_stand_is_told_by_its_difference_from_the_usual() -> None:
+def test_the_state_vector_has_differences_from_the_usual() -> None:
     numbers = state_vector(EGO, [NOW])
     assert numbers == pytest.approx([0.2, math.radians(10), -1.0, 2 / 3], abs=1e-6)
     assert numbers.dtype == np.float32
 
 
-def test_an_earlier_view_is_told_from_the_body_now() -> None:
+def test_an_earlier_view_is_relative_to_the_body_now() -> None:
     """It came from 0.3 m behind and 0.1 m to the right, and has turned clockwise since."""
     then = OdometryPose(time_s=9.5, x_m=1.9, y_m=0.7, yaw_rad=math.pi / 2 - 0.2)
     told = state_vector(EGO, [NOW, then])[4:]

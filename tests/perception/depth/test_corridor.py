@@ -252,7 +252,7 @@ def test_a_few_stray_pixels_are_not_believed() -> None:
     assert believed.nearest_side == "front"
 
 
-def test_only_things_count_where_they_are_told() -> None:
+def test_only_obstacles_count_where_obstacles_are_given() -> None:
     depth = far()
     depth[:20] = 0.3
     depth[20:, 25:35] = 1.0
@@ -339,7 +339,7 @@ def test_impossible_corridors_are_refused(wrong: dict[str, float]) -> None:
         CorridorConfig(**wrong)
 
 
-def test_the_pixels_told_for_pictures_are_those_inside() -> None:
+def test_the_pixels_for_pictures_are_those_inside() -> None:
     depth, at_most = far(), np.full((41, 61), np.inf)
     depth[20, 30] = 1.0  # inside, known
     depth[20, 40], at_most[20, 40] = np.nan, 0.9  # inside at any rate

@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from perception.depth.confidence import Confidence
+from perception.depth.confidence import Confidence, Confidences
 from perception.depth.evidence import (
     COEFFICIENTS,
     COEFFICIENTS_IN_HEIGHTS,
     GroundMeasures,
     evidence,
+    flow_confidence,
     ground_confidence,
     scale_confidence,
 )
@@ -133,3 +134,40 @@ def test_no_measure_speaks_against_the_scale_when_it_is_good() -> None:
     assert list(evidence(GROUND, None)) == list(COEFFICIENTS)
     assert all(weight >= 0.0 for weight in COEFFICIENTS_IN_HEIGHTS.values())
     assert list(evidence(GROUND, None, 2.0)) == list(COEFFICIENTS_IN_HEIGHTS)
+
+
+def test_ground_that_passes_as_telemetry_reports_is_certain() -> None:
+    assert flow_confidence(1.0).value == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("stretch", [1.2, 1.0 / 1.2])
+def test_a_motion_that_is_a_fifth_off_is_a_half(stretch: float) -> None:
+    assert flow_confidence(stretch).value == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("stretch", [-0.5, 0.0, 0.3, 4.0])
+def test_a_motion_that_is_wrong_by_a_factor_is_no_evidence(stretch: float) -> None:
+    found = flow_confidence(stretch)
+    assert found.value is not None
+    assert found.value < 0.05
+    assert f"{stretch:.2f} times as fast" in found.reason
+
+
+def test_a_further_measure_limits_ground_and_depth_but_not_the_scale() -> None:
+    sure = Confidence(value=0.9, measures={"extent": Confidence(value=0.9)})
+    given = Confidences(ground=sure, scale=sure, depth=sure)
+    flow = Confidence(value=0.2, reason="the ground passes too fast")
+
+    found = given.limited("flow", flow)
+
+    assert (found.ground.value, found.scale.value, found.depth.value) == (0.2, 0.9, 0.2)
+    assert found.depth.reason == "the ground passes too fast"
+    assert set(found.ground.measures) == {"extent", "flow"}
+
+
+def test_a_further_measure_that_agrees_changes_no_value() -> None:
+    given = Confidences(depth=Confidence(value=0.3, reason="little ground"))
+    found = given.limited("flow", Confidence(value=0.8, reason="fast"))
+
+    assert (found.depth.value, found.depth.reason) == (0.3, "little ground")
+    assert found.ground.value is None

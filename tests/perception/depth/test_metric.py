@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perception.depth.metric import MetricDepthMaker, remembered_bases
+from perception.depth.metric import LEAST_CONFIDENCE, MetricDepthMaker, remembered_bases
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import BoxSpec, Helipad
@@ -85,6 +85,19 @@ def test_a_network_of_another_size_is_resized(drawn: View) -> None:
     assert made.depth.depth.shape == (112, 224)
     ground = drawn.ids == CARPET
     assert np.median(np.abs(made.depth.depth - drawn.depth)[ground]) < 0.02
+
+
+def test_a_scale_that_is_not_trusted_leaves_depth_by_contact(drawn: View) -> None:
+    """The network sees a wall at a constant depth."""
+    flat = DepthMap(depth=np.ones_like(drawn.depth), metric=False, captured_s=3.0)
+    made = maker("fused").make(frame(drawn), class_map(drawn), CAMERA, flat)
+
+    assert made.depth is not None
+    assert np.isnan(made.depth.depth[drawn.ids == BOXES[1]]).all()
+    assert made.scale is None
+    assert made.confidences.scale.value is not None
+    assert made.confidences.scale.value < LEAST_CONFIDENCE
+    assert made.refusal == f"no scale: {made.confidences.scale.reason}"
 
 
 def test_contact_needs_no_network_and_leaves_the_unknown_unknown(drawn: View) -> None:

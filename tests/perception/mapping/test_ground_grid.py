@@ -78,7 +78,7 @@ def test_only_ground_beyond_the_grid_makes_it_full() -> None:
 
 
 @pytest.mark.parametrize("epoch_s", [0.0, 1.76e9])
-def test_views_a_tenth_of_a_second_apart_are_told_apart_by_any_clock(epoch_s: float) -> None:
+def test_views_a_tenth_of_a_second_apart_are_distinguished_by_any_clock(epoch_s: float) -> None:
     """A drone's clock may count seconds from 1970."""
     grid, place_m = GroundGrid(SMALL), np.array([[0.9, 0.0]])
     see(grid, GROUND, ahead_m=0.9, captured_s=epoch_s)

@@ -416,7 +416,7 @@ def test_what_is_near_already_may_be_left_but_not_approached() -> None:
     assert not beside.allows(0.0, 0.3, margin_m=0.5)
 
 
-def test_assumed_points_count_unless_told_otherwise() -> None:
+def test_assumed_points_count_by_default() -> None:
     """They are assumptions: who is stuck may drop them."""
     assumed = NearObstacles(
         points_m=np.empty((0, 2)), assumed_m=np.array([[0.4, 0.0]]), captured_s=0.0
@@ -471,7 +471,7 @@ def test_the_twins_box_is_where_it_stands() -> None:
             assert shrunk.footprint.distance_m(x, y) > 0.0
 
 
-def test_an_edge_that_was_never_seen_is_told_by_its_bearings() -> None:
+def test_an_edge_that_was_never_seen_is_marked_by_its_bearings() -> None:
     """Its bearings turn with the drone, and an obstacle is not made of it."""
     flight = Flight()
     flight.predict(state(0.0))

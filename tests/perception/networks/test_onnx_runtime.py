@@ -91,7 +91,7 @@ def test_the_best_class_is_the_one_numpy_finds() -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_one_score_that_is_no_number_is_told(bad: float) -> None:
+def test_one_score_that_is_no_number_is_detected(bad: float) -> None:
     scores = np.random.default_rng(0).normal(size=(1, 17, 12, 20)).astype(np.float32)
     scores[0, 9, 3, 4] = bad
     assert not _numbers(scores)[1]

@@ -196,7 +196,7 @@ def test_a_client_that_listens_hears_of_a_new_photograph() -> None:
     [(None, MediaStore()), (taken(RuntimeError("no light")), MediaStore())],
     ids=["no camera", "the camera fails"],
 )
-def test_a_photograph_that_cannot_be_taken_is_said(
+def test_a_photograph_that_cannot_be_taken_is_reported(
     shoot: Shutter | None, media: MediaStore
 ) -> None:
     bench = Bench(shoot=shoot, media=media)

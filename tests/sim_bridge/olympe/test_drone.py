@@ -156,7 +156,7 @@ def test_a_drone_that_refuses_is_let_go() -> None:
 @pytest.mark.parametrize(
     "fault", [TimeoutError(), concurrent.futures.CancelledError(), asyncio.CancelledError()]
 )
-def test_no_video_is_said_at_once(version: tuple[int, ...], fault: BaseException) -> None:
+def test_no_video_is_reported_at_once(version: tuple[int, ...], fault: BaseException) -> None:
     world = FakeWorld(version)
     world.video = False
     world.video_fault = fault

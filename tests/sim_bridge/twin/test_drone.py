@@ -141,7 +141,7 @@ def test_a_new_movement_interrupts_the_one_in_progress(make_twin: MakeTwin) -> N
     assert (state.movement.id, state.movement.state) == (2, MovementState.RUNNING)
 
 
-def test_a_movement_that_was_told_is_not_begun_again(make_twin: MakeTwin) -> None:
+def test_a_repeated_movement_is_not_begun_again(make_twin: MakeTwin) -> None:
     """The same id, sent at each tick and after its end, is flown once."""
     drone = make_twin(airborne=True)
     before = truth(drone).pose

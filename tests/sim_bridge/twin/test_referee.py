@@ -108,7 +108,7 @@ def test_the_ground_of_a_larger_place_ends_later(make_twin: MakeTwin, tmp_path: 
     assert referee.ground().size_m == (8.0, 4.0)
 
 
-def test_boxes_of_one_pattern_are_told_apart(make_twin: MakeTwin, tmp_path: Path) -> None:
+def test_boxes_of_one_pattern_are_distinguished(make_twin: MakeTwin, tmp_path: Path) -> None:
     """The second box of a pattern has a different name, and counts for the clearance."""
     path = tmp_path / "twice.yaml"
     second = "  - {pattern: 1, position_m: [2.0, 1.5], size_m: [0.4, 0.4, 1]}\n"

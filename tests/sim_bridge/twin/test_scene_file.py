@@ -151,7 +151,7 @@ def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_mistake_is_told_with_its_line(
+def test_a_mistake_is_reported_with_its_line(
     tmp_path: Path, old: str, new: str, line: int, message: str
 ) -> None:
     """One message with file, line and mistake."""

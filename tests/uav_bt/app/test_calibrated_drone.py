@@ -31,7 +31,7 @@ def twin() -> Drone:
     return TwinConfig(profile="ideal", image_size_px=(160, 90)).create()
 
 
-def test_the_files_camera_is_told_at_the_frames_size(tmp_path: Path) -> None:
+def test_the_files_camera_is_scaled_to_the_frames(tmp_path: Path) -> None:
     """It has no distortion, since the frames are rectified; the lens position is the drone's."""
     inner = twin()
     drone = CalibratedDrone(inner, camera_file(tmp_path))

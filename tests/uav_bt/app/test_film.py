@@ -164,7 +164,7 @@ def test_a_flight_that_never_begins_leaves_no_video(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_flight_is_filmed_and_told_at_once(tmp_path: Path) -> None:
+def test_a_flight_is_filmed_and_reported_at_once(tmp_path: Path) -> None:
     drone, out = SceneDrone(), io.StringIO()
     console = Console(file=out, force_terminal=False, width=120)
     with (

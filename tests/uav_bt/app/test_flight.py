@@ -300,7 +300,7 @@ def test_exact_masks_are_refused_where_there_is_no_referee(hangar: Hangar, tmp_p
 # --- flights without a world ----------------------------------------------------------------------
 
 
-def test_a_flight_is_told_in_its_report(hangar: Hangar, tmp_path: Path) -> None:
+def test_a_flight_is_described_in_its_report(hangar: Hangar, tmp_path: Path) -> None:
     path = tmp_path / "report.json"
     report = app.fly(tree_file(tmp_path, HOP), SCRIPTED, report=path)
     assert report.outcome == "success"

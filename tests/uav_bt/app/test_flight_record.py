@@ -54,7 +54,7 @@ def noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Notes]
     return record, notes
 
 
-def test_every_tick_is_in_the_record_as_the_runner_told_it(noted: tuple[Path, Notes]) -> None:
+def test_every_tick_is_in_the_record_as_the_runner_passed_it(noted: tuple[Path, Notes]) -> None:
     record, notes = noted
     moments = list(RecordReader(record).moments())
     assert len(moments) == len(notes.ticks) > 10
@@ -79,7 +79,7 @@ def test_every_tick_is_in_the_record_as_the_runner_told_it(noted: tuple[Path, No
         )
 
 
-def test_the_trees_nodes_and_their_statuses_are_told(noted: tuple[Path, Notes]) -> None:
+def test_the_trees_nodes_and_their_statuses_are_recorded(noted: tuple[Path, Notes]) -> None:
     reader = RecordReader(noted[0])
     names = [node.name for node in reader.tree.nodes]
     assert names == ["Sequence", "TakeOff", "away", "HoverFor", "back", "Land"]
@@ -176,7 +176,7 @@ def test_what_the_flight_logs_is_in_the_record(
     assert any(b"phase: take-off" in line for line in lines)
 
 
-def test_a_disk_that_fills_up_lands_no_drone_and_the_loss_is_told(
+def test_a_disk_that_fills_up_lands_no_drone_and_the_loss_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     written = record_file.RecordFile.write
@@ -197,7 +197,7 @@ def test_a_disk_that_fills_up_lands_no_drone_and_the_loss_is_told(
     assert 0 < len(list(reader.moments())) <= 8
 
 
-def test_a_disk_that_is_full_from_the_start_is_told_before_anything_flies(
+def test_a_disk_that_is_full_from_the_start_is_reported_before_the_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def flush(_self: object) -> None:
@@ -210,7 +210,7 @@ def test_a_disk_that_is_full_from_the_start_is_told_before_anything_flies(
     assert drone.commands == []
 
 
-def test_a_folder_that_is_not_there_is_told_before_anything_flies(
+def test_a_folder_that_is_not_there_is_reported_before_the_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drone = ScriptedDrone()

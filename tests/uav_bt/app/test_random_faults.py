@@ -8,7 +8,7 @@ import pytest
 
 from uav_bt import app
 from uav_bt.app.random_faults import drawn, with_faults
-from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.testing import Fault, ScriptedDrone
 
 
@@ -43,8 +43,25 @@ def test_given_faults_are_flown_and_reported() -> None:
 
 def test_a_file_holds_one_fault_per_line(tmp_path: Path) -> None:
     file = tmp_path / "faults.txt"
-    file.write_text("wind=0.1@explore\n\nframes@start\n")
-    assert app.FlightOptions(faults=[f"@{file}"]).faults == ("wind=0.1@explore", "frames@start")
+    file.write_text("wind=0.1@explore\n\nblack@start\n")
+    assert app.FlightOptions(faults=[f"@{file}"]).faults == ("wind=0.1@explore", "black@start")
+
+
+def test_a_mistake_in_a_file_of_faults_is_named_with_its_line(tmp_path: Path) -> None:
+    file = tmp_path / "faults.txt"
+    file.write_text("random\n\nwind=0.1@explore\nblakc@explore\n")
+    with pytest.raises(FileError, match=r"faults\.txt:4: unknown fault 'blakc'; did you mean"):
+        app.FlightOptions(faults=[f"@{file}"])
+
+
+def test_a_fault_that_the_flight_did_not_have_is_among_its_warnings() -> None:
+    faults = ["black@centre", "black@land+500", "late=0.1@take-off~0.2"]
+    report = app.fly("land_only", drone="plain", scene="val-a", faults=faults)
+    assert report.outcome == "success"
+    assert report.warnings[-2:] == [
+        "the fault black@centre had no effect: the flight did not enter the phase 'centre'",
+        "the fault black@land+500 had no effect: the flight ended before 500 s of 'land'",
+    ]
 
 
 def test_mistakes_are_refused_before_anything_flies() -> None:

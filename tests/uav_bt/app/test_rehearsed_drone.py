@@ -82,7 +82,7 @@ def test_it_is_checked_like_the_drone_that_is_held() -> None:
     assert Stage().drone.live
 
 
-def test_the_drone_is_told_nothing_but_where_to_look() -> None:
+def test_the_drone_gets_only_camera_directions() -> None:
     stage = Stage()
     stage.fly()
     for movement in (MoveBy(id=1, forward_m=1.0), Velocity(forward_mps=1.0), Land(), CutMotors()):

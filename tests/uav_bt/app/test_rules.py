@@ -12,7 +12,7 @@ import pytest
 from uav_bt import app
 from uav_bt.app.assembly import Flight, assemble
 from uav_bt.app.reload import TreeReload
-from uav_bt.errors import InputError
+from uav_bt.errors import InputError, TreeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.record.reader import RecordReader
@@ -101,6 +101,21 @@ def test_an_area_of_the_drawing_is_turned_to_the_take_off(no_pad: Path) -> None:
 )
 def test_an_area_that_cannot_be_kept_is_refused(area: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
+        put_together("", site=app.Site(area=area_corners(area)))
+
+
+@pytest.mark.parametrize(
+    ("area", "words"),
+    [
+        ("start:1,1;start:2,1;start:2,2", "the take-off pose lies outside the area start:1,1;"),
+        ("start:-1,-1;start:0,0;start:1,1", "must not lie on one line"),
+        ("lab:-1,-1;lab:1,1;lab:1,-1;lab:-1,1", "must not cross"),
+        ("start:-1,-1,2;start:1,-1;start:0,2", "as start:x,y or lab:x,y, got 'start:-1,-1,2'"),
+        ("start:-1,-1@9;start:1,-1;start:0,2", "as start:x,y or lab:x,y, got 'start:-1,-1@9'"),
+    ],
+)
+def test_an_area_that_no_scene_can_mend_is_refused_with_the_tree(area: str, words: str) -> None:
+    with pytest.raises(TreeError, match=rf":\d+:\d+: Rules: attribute 'area': .*{words}"):
         put_together(f'<Rules area="{area}"/>')
 
 

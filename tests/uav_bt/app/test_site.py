@@ -49,7 +49,7 @@ def test_an_empty_file_is_a_site_like_any(tmp_path: Path) -> None:
     assert load_site(site_file(tmp_path, "# nothing to say\n")) == Site()
 
 
-def test_everything_that_can_be_said(tmp_path: Path) -> None:
+def test_all_keys_of_a_site_file(tmp_path: Path) -> None:
     for name in ("camera.yaml", "hall.onnx", "classes.yaml"):
         (tmp_path / name).touch()
     assert load_site(site_file(tmp_path, FULL)) == Site(
@@ -99,6 +99,10 @@ def test_a_shipped_network_is_called_by_its_name(tmp_path: Path) -> None:
         ("camera: 3", "camera: expected a text, got '3'"),
         ("network: {model: gone.onnx}", r"model: there is no file .*gone\.onnx"),
         ("network: {model: 3}", "network.model: expected a text, got '3'"),
+        (
+            'flight_height_m: 1\narea: "lab:-1,-1; lab:1,1; lab:1,-1; lab:-1,1"',
+            "site.yaml:2: area: the sides of an area must not cross",
+        ),
         ("ground: carpet", "ground: expected a list, got 'carpet'"),
         (
             "ports: {http: 99999}",
@@ -114,7 +118,7 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None
         load_site(site_file(tmp_path, text))
 
 
-def test_a_missing_file_is_said(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="there is no such site file"):
         load_site(tmp_path / "site.yaml")
 

@@ -53,7 +53,7 @@ class Pair:
         ("\ud800", "?"),
     ],
 )
-def test_a_value_is_told_plainly(value: object, told: object) -> None:
+def test_a_value_becomes_plain(value: object, told: object) -> None:
     assert plain(value) == told
     assert type(plain(value)) is type(told)
 
@@ -70,7 +70,7 @@ def test_what_contains_itself_ends() -> None:
     assert plain(loop) == [[[[[[["..."]]]]]]]
 
 
-def test_what_flies_on_the_board_is_told_without_its_pictures() -> None:
+def test_board_values_become_plain_without_their_images() -> None:
     image = np.zeros((36, 64, 3), np.uint8)
     frame = Frame(image=image, index=1, captured_s=0.5, gimbal_pitch_rad=0.0)
     state = DroneState(captured_s=0.5, flying=FlyingState.HOVERING)

@@ -66,7 +66,7 @@ def test_what_changes_flights_makes_it_another_campaign(change: dict[str, Any], 
     assert told in "\n".join(now.differences(before))
 
 
-def test_changed_weights_and_versions_are_told_with_both() -> None:
+def test_changed_weights_and_versions_are_reported_with_both() -> None:
     before = plan(weights={"w": "a" * 64}, versions={"numpy": "1.0"})
     now = replace(before, weights={"w": "b" * 64}, versions={"numpy": "2.0"})
     assert now.differences(before) == [

@@ -77,7 +77,9 @@ def test_more_flights_are_added(tmp_path: Path) -> None:
     assert (result.flown_now, len(result.flights)) == (2, 3)
 
 
-def test_a_half_written_flight_is_flown_again_and_damaged_lines_are_told(tmp_path: Path) -> None:
+def test_a_half_written_flight_is_flown_again_and_damaged_lines_are_reported(
+    tmp_path: Path,
+) -> None:
     flown(plan(flights=2), tmp_path, workers=1)
     path = tmp_path / "flights.jsonl"
     path.write_bytes(b"rubbish\n" + path.read_bytes()[:-5])

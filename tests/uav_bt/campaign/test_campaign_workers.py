@@ -52,7 +52,7 @@ def test_what_libraries_print_does_not_land_among_the_answers(worker: WorkerPool
     assert flown(worker, "is chatty")[FLOWN]["outcome"] == "success"
 
 
-def test_a_fault_is_told_with_where_it_came_from(worker: WorkerPool) -> None:
+def test_a_fault_is_reported_with_its_traceback(worker: WorkerPool) -> None:
     answer = flown(worker, "raises")
     assert answer[FAILED] == "RuntimeError: out of luck"
     assert "campaign_world.py" in answer["details"]
@@ -62,13 +62,13 @@ def test_refused_input_is_no_failed_flight(worker: WorkerPool) -> None:
     assert flown(worker, "is refused") == {REFUSED: "no such weights"}
 
 
-def test_a_crash_is_told_by_its_signal_and_its_last_words(worker: WorkerPool) -> None:
+def test_a_crash_is_reported_with_signal_and_last_output(worker: WorkerPool) -> None:
     answer = flown(worker, "crashes")
     assert answer[FAILED] == "its process was ended by SIGABRT"
     assert "a library's last words" in answer["details"]
 
 
-def test_a_process_that_leaves_is_told_by_its_exit_code(worker: WorkerPool) -> None:
+def test_a_process_that_exits_is_reported_with_its_exit_code(worker: WorkerPool) -> None:
     assert flown(worker, "exits")[FAILED] == ("its process ended by itself, with exit code 3")
 
 
@@ -137,7 +137,7 @@ def test_workers_whose_campaign_was_killed_end_and_tidy_up(tmp_path: Path) -> No
     assert list(tmp_path.glob("uav-bt-workers-*")) == []
 
 
-def test_a_script_without_a_main_guard_is_told_what_it_needs(tmp_path: Path) -> None:
+def test_a_script_without_a_main_guard_gets_the_remedy(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
         "from tests.uav_bt.campaign.campaign_world import FLY, plan\n"

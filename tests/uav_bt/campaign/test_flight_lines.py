@@ -30,7 +30,7 @@ def test_a_flight_of_an_earlier_version_has_its_time_to_the_mark() -> None:
     assert "time_to_find_helipad_s" not in flight
 
 
-def test_a_flight_is_told_by_tree_scene_and_seed() -> None:
+def test_a_flight_is_identified_by_tree_scene_and_seed() -> None:
     assert key_of(line(7, scene=None)) == ("one.xml", None, 7)
 
 

@@ -108,7 +108,7 @@ def test_a_file_of_flights_is_reported_beside_it(folder: Path) -> None:
     assert done.stdout.splitlines()[0] == str(folder / "mine.html")
 
 
-def test_a_scene_that_is_gone_is_told_and_left_out(folder: Path) -> None:
+def test_a_scene_that_is_gone_is_reported_and_left_out(folder: Path) -> None:
     lines = (folder / "flights.jsonl").read_text().replace("val-a", "gone")
     (folder / "flights.jsonl").write_text(lines)
     done = run("report", folder)

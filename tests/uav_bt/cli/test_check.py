@@ -26,7 +26,7 @@ def test_shipped_missions_are_good_by_file_and_by_name(path: Path) -> None:
     assert by_file.stdout == f"{path}: good\n"
 
 
-def test_all_findings_of_all_files_are_told_with_their_lines(tmp_path: Path) -> None:
+def test_all_findings_of_all_files_are_reported_with_their_lines(tmp_path: Path) -> None:
     good = tree_file(tmp_path, HOP, "good.xml")
     bad = tree_file(tmp_path, '<Sequence>\n<TakOff/>\n<Land hight="1"/>\n</Sequence>', "bad.xml")
     worse = tree_file(tmp_path, "<Sequence>", "worse.xml")
@@ -64,7 +64,7 @@ def test_a_policy_that_a_variable_names_is_left_to_the_flight(tmp_path: Path) ->
     assert run("check", tree_file(tmp_path, '<Explore policy="{way}"/>')).exit_code == 0
 
 
-def test_an_absent_file_is_told_and_the_others_are_checked(tmp_path: Path) -> None:
+def test_an_absent_file_is_reported_and_the_others_are_checked(tmp_path: Path) -> None:
     good = tree_file(tmp_path, HOP)
     result = run("check", tmp_path / "absent.xml", good)
     assert result.exit_code == 2

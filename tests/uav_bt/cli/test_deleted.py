@@ -17,6 +17,7 @@ from tests.uav_bt.cli.cli_world import run
         ("tree diff a.xml b.xml", "tree diff", "compare them with 'git diff'"),
         ("tree migrate old.xml --out new.xml", "tree migrate", "use convert_v3_to_v4.py, which"),
         ("net pick photos", "net pick", "'uav-bt lab pick LAB' picks on the images"),
+        ("serve-anafi --media-name x", "serve-anafi --media-name", "called as on the real device"),
         ("check land_only --engine 4.8", "check --engine", "leave it out: files are read as"),
         ("check --engine=4.10 land_only", "check --engine", "as engine 4.10 reads them"),
     ],

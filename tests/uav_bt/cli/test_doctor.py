@@ -87,7 +87,7 @@ def test_the_doctor_sends_nothing_anywhere(monkeypatch: pytest.MonkeyPatch) -> N
     assert run("doctor").exit_code == 0
 
 
-def test_what_cannot_draw_is_told_and_counts() -> None:
+def test_a_failed_drawing_is_reported_and_counts() -> None:
     def draws() -> str:
         raise MissingDependencyError("no OpenGL: install uav-bt[osmesa]")
 

@@ -61,7 +61,7 @@ def test_only_the_tables_asked_for_are_made() -> None:
         (["--out", "nowhere/depth.json"], ["nowhere", "create it first"]),
     ],
 )
-def test_a_mistake_is_told(arguments: list[str], words: list[str]) -> None:
+def test_a_mistake_is_reported(arguments: list[str], words: list[str]) -> None:
     assert_refused(run("net", "evaluate", "depth", *arguments), *words)
 
 

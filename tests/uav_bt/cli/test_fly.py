@@ -78,7 +78,7 @@ def test_a_mission_that_fails_exits_with_1_and_still_reports(tmp_path: Path) -> 
     assert told["scene"] == "train-a"  # the twin's default
 
 
-def test_a_fault_in_a_leaf_is_told_in_a_line_and_reported(
+def test_a_fault_in_a_leaf_is_printed_in_a_line_and_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def break_down(_: object) -> None:
@@ -182,7 +182,7 @@ EXPLORE = "<Sequence><Segment/><Explore/></Sequence>"
         (["land_only", "--hover"], ["--hover"]),
     ],
 )
-def test_a_mistake_is_told_and_nothing_is_flown(
+def test_a_mistake_is_reported_and_nothing_is_flown(
     arguments: list[str], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -226,7 +226,7 @@ def test_a_place_that_cannot_be_is_refused_with_its_line(
         ),
     ],
 )
-def test_a_bad_scene_file_is_told_with_its_line(
+def test_a_bad_scene_file_is_reported_with_its_line(
     text: str, words: list[str], tmp_path: Path
 ) -> None:
     scene = tmp_path / "bad.yaml"
@@ -238,7 +238,7 @@ def test_a_bad_scene_file_is_told_with_its_line(
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no network at all"])
-def test_absent_or_damaged_weights_are_told_and_nothing_is_flown(
+def test_absent_or_damaged_weights_are_reported_and_nothing_is_flown(
     content: bytes | None, tmp_path: Path
 ) -> None:
     weights = tmp_path / "net.onnx"

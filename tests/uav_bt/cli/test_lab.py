@@ -85,7 +85,7 @@ def test_photographs_of_a_phone_are_taken_as_stored(pictures: Path, tmp_path: Pa
     assert "magick mogrify -format png" in result.stdout
 
 
-def test_doubts_are_told_and_the_camera_is_written(pictures: Path, tmp_path: Path) -> None:
+def test_doubts_are_reported_and_the_camera_is_written(pictures: Path, tmp_path: Path) -> None:
     result = run("lab", "calibrate", pictures, "--out", tmp_path / "camera.yaml")
     assert result.exit_code == 0, result.output
     assert "warning: corners were seen in" in result.stderr
@@ -113,7 +113,7 @@ def test_an_unreadable_picture_is_skipped_by_name(pictures: Path, tmp_path: Path
         (["text.png"], "none of 1 photographs"),
     ],
 )
-def test_a_mistake_is_told_and_nothing_is_written(
+def test_a_mistake_is_reported_and_nothing_is_written(
     arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if arguments != ["."]:

@@ -191,6 +191,7 @@ MISTAKES = [
     ("view record.mcap --save view.mp4", "must end in .rrd"),
     ("lab scenes --show train-a --out map.jpg", "must end in .png"),
     ("lab schema --out schema.yaml", "must end in .json"),
+    ("report flights.jsonl --out flights.jsonl", "must end in .html"),
     # --- combinations
     ("lab scenes --out map.png", "--out needs --show SCENE"),
     ("campaign mission.xml --backend dask --out out", "--backend dask and --address"),

@@ -39,11 +39,12 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "labs" / "hall").mkdir(parents=True)
     (tmp_path / "labs" / "hall" / "lab.yaml").write_text(LAB)
     (tmp_path / "photos").mkdir()
+    (tmp_path / "campaign").mkdir()
     for name in (
         "labs/hall/camera.yaml",
         *("camera.yaml", "script.yaml", "palette.xml", "net.onnx", "pilot.onnx", "old.mcap"),
         *("classes.yaml", "flight.mp4", "w.safetensors", "flights.jsonl", "photos/board.png"),
-        *("picks.csv", "telemetry.mcap"),
+        *("photos/board.webp", "campaign/campaign.json", "picks.csv", "telemetry.mcap"),
     ):
         (tmp_path / name).write_text(f"this is {name}")
     return tmp_path
@@ -75,7 +76,6 @@ def contents(folder: Path) -> dict[str, bytes]:
         "tree render including.xml --out sub/parts.xml",
         "tree render mission.xml --palette palette.xml --out palette.xml",
         "tree schema --palette palette.xml --out palette.xml",
-        "report flights.jsonl --out flights.jsonl",
         "net perceive flight.mp4 --out flight.mp4",
         "net perceive flight.mp4 --json flight.mp4",
         "net perceive flight.mp4 --camera camera.yaml --json camera.yaml",
@@ -83,6 +83,8 @@ def contents(folder: Path) -> dict[str, bytes]:
         "net perceive flight.mp4 --classes classes.yaml --json classes.yaml",
         "net perceive flight.mp4 --segmentation net.onnx --json net.onnx",
         "net perceive photos --json photos/board.png",
+        "net perceive photos --json photos/board.webp",
+        "net perceive campaign --json campaign/campaign.json",
         "net train depth old.mcap --start w.safetensors --out w.safetensors",
         "net train student old.mcap --start w.safetensors --out w.safetensors",
         "lab check labs/hall --model net.onnx --out net.onnx",
@@ -211,3 +213,9 @@ def test_every_command_looks_at_its_outputs_and_each_is_in_the_table_above() -> 
     untried = {("campaign", "--resume"), ("net evaluate student", "--views-kept")}
     runs = {(words, option) for words, option in seen if option == "--run"}
     assert seen - tried == untried | (runs - tried)
+
+
+def test_shrink_writes_over_no_scene_that_was_flown(world: Path) -> None:
+    before = contents(world)
+    assert_refused(run("shrink", "flights.jsonl", "--out", "."), "empty or a new folder")
+    assert contents(world) == before

@@ -91,7 +91,7 @@ def test_a_schema_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
 # --- render ---------------------------------------------------------------------------------------
 
 
-def test_a_tree_is_drawn_in_ascii_unless_told_otherwise() -> None:
+def test_a_tree_is_drawn_in_ascii_by_default() -> None:
     result = run("tree", "render", "land_only")
     assert result.exit_code == 0
     assert result.stdout.startswith("Mission\n`-- ReactiveSequence 'mission'\n    |-- Segment")

@@ -42,7 +42,7 @@ def test_the_deleted_option_video_names_what_makes_the_film(record: Path, tmp_pa
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_record_that_was_cut_short_is_kept_and_told_about(record: Path, tmp_path: Path) -> None:
+def test_a_record_that_was_cut_short_is_kept_and_reported(record: Path, tmp_path: Path) -> None:
     content = record.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(content[: len(content) // 2])
@@ -51,7 +51,7 @@ def test_a_record_that_was_cut_short_is_kept_and_told_about(record: Path, tmp_pa
     assert "never finished" in result.stderr
 
 
-def test_without_a_display_other_ways_are_told(record: Path) -> None:
+def test_without_a_display_other_ways_are_named(record: Path) -> None:
     assert_refused(run("view", record), "no display", "--web", "--save")
 
 

@@ -72,7 +72,7 @@ def test_a_larger_mark_is_landed_on_further_from_its_middle() -> None:
         ),
     ],
 )
-def test_a_movement_is_said_as_a_person_would(movement: Movement, words: str) -> None:
+def test_a_movement_in_words(movement: Movement, words: str) -> None:
     assert describe_movement(movement) == words
 
 

@@ -139,7 +139,7 @@ def test_a_log_needs_a_name_that_groot2_opens(tmp_path: Path) -> None:
         BtlogWriter(tmp_path / "flight.log")
 
 
-def test_a_log_that_cannot_be_written_is_told_when_it_begins(tmp_path: Path) -> None:
+def test_a_log_that_cannot_be_written_raises_when_it_begins(tmp_path: Path) -> None:
     log = BtlogWriter(tmp_path / "absent" / "flight.btlog")
     with pytest.raises(FileError, match="cannot be written: No such file"):
         log.begin(XML, 0)
@@ -180,7 +180,7 @@ def test_a_tree_too_large_for_a_log_is_refused(tmp_path: Path) -> None:
         log.begin("x" * (MAX_XML_BYTES + 1), 0)
 
 
-def test_a_log_that_grows_too_large_ends_and_is_told_at_the_end(tmp_path: Path) -> None:
+def test_a_log_that_grows_too_large_ends_and_is_reported_at_the_end(tmp_path: Path) -> None:
     path = tmp_path / "flight.btlog"
     log = BtlogWriter(path, max_bytes=len(HEAD) + 8 + 9 + 8)
     log.begin(XML, 0)

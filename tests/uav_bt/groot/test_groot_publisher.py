@@ -70,7 +70,7 @@ def header(type_: bytes, protocol: int = 2) -> bytes:
 # --- supported requests ---------------------------------------------------------------------------
 
 
-def test_the_tree_is_told_with_numbers_and_paths(mission: Mission, client: GrootClient) -> None:
+def test_the_tree_is_sent_with_numbers_and_paths(mission: Mission, client: GrootClient) -> None:
     root = client.tree()
     assert root.get("BTCPP_format") == "4"
     trees = {tree.get("ID"): tree for tree in root.iter("BehaviorTree")}
@@ -186,7 +186,7 @@ def test_nobody_can_change_the_tree(mission: Mission, client: GrootClient, type_
         ([header(b"r"), b"faster"], "'start' or 'stop', got 'faster'"),
     ],
 )
-def test_a_bad_request_is_told_why_and_survived(
+def test_a_bad_request_is_answered_with_the_reason(
     mission: Mission, client: GrootClient, frames: list[bytes], words: str
 ) -> None:
     assert words in client.refusal(*frames)
@@ -250,7 +250,7 @@ def test_before_the_mission_there_is_no_tree(client: GrootClient) -> None:
     assert client.refusal(header(b"T")) == "no tree yet: the mission has not begun"
 
 
-def test_a_value_that_breaks_when_looked_at_is_told_not_fatal(
+def test_a_value_whose_conversion_raises_is_reported_not_fatal(
     mission: Mission, client: GrootClient, caplog: pytest.LogCaptureFixture
 ) -> None:
     class Broken(dict[str, int]):
@@ -279,7 +279,7 @@ def test_two_publishers_serve_two_trees_at_once(publisher: GrootPublisher) -> No
 
 
 @pytest.mark.parametrize("below", [0, 1])
-def test_a_port_that_is_taken_is_told_with_both_ports(
+def test_a_port_that_is_taken_is_reported_with_both_ports(
     publisher: GrootPublisher, below: int
 ) -> None:
     """Also if only the port of the notifications is taken."""

@@ -62,7 +62,7 @@ def test_instances_are_named_by_the_instances_around_them() -> None:
     assert inside == set(paths[1:])
 
 
-def test_attributes_are_told_as_a_tree_file_has_them() -> None:
+def test_attributes_are_written_as_in_a_tree_file() -> None:
     """Defaults are added; references, conditions and entries of a subtree are kept."""
     body = (
         '<Repeat num_cycles="{n}" _skipIf="a &lt; 1" _onSuccess="b:=&apos;x&apos;">'
@@ -114,7 +114,7 @@ def test_a_tree_with_too_many_nodes_is_refused(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize(
     "name", sorted(file.stem for file in (Path(app.__file__).parents[2] / "trees").glob("*.xml"))
 )
-def test_every_shipped_mission_can_be_told_and_read_back(name: str) -> None:
+def test_every_shipped_mission_can_be_written_and_read_back(name: str) -> None:
     tree = app.check(name)
     root = ET.fromstring(tree_xml(TreeNumbering(tree)))  # noqa: S314  # our own
     names = {int(node.attrib["_uid"]): node.attrib["name"] for node in root.iterfind(".//*[@_uid]")}

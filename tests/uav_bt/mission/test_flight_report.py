@@ -179,7 +179,7 @@ def test_a_whole_flight_is_measured_from_mark_to_mark() -> None:
     assert report.ticks == 19
 
 
-def test_what_it_was_told_is_what_it_says() -> None:
+def test_the_report_has_the_values_given() -> None:
     report = whole_flight().report(Verdict(outcome=Outcome.LEFT_AREA, reason="over the edge"))
     assert (report.outcome, report.reason) == ("left_area", "over the edge")
     assert (report.scene, report.seed, report.tree) == ("test-a", 7, "mission.xml")

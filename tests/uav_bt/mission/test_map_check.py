@@ -221,7 +221,7 @@ def test_a_map_that_is_not_new_is_not_compared_with_where_the_drone_is_by_now() 
 
 
 @pytest.mark.parametrize("referee", [True, False])
-def test_without_a_map_or_a_referee_nothing_is_said(*, referee: bool) -> None:
+def test_without_a_map_or_a_referee_there_is_no_result(*, referee: bool) -> None:
     flight = Flight(box(BOX_1, 1.0, 1.0))
     if not referee:
         flight.map = site_map()

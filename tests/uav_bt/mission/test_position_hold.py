@@ -131,7 +131,7 @@ def test_a_drift_is_held(proposed: Movement, drift: tuple[float, float]) -> None
 
 @ON_THE_SPOT
 @pytest.mark.parametrize("bias_mps", [0.2, -0.2])
-def test_a_velocity_that_is_told_wrong_moves_nothing_for_long(
+def test_a_wrong_reported_velocity_moves_nothing_for_long(
     proposed: Movement, bias_mps: float
 ) -> None:
     """The drone's own position is correct, so the hold must not act against it."""

@@ -67,7 +67,7 @@ def faults(drone: Parked, config: PreflightConfig | None = None) -> dict[str, Ch
     return {check.what: check for check in check_drone(drone, config) if not check.good}
 
 
-def test_a_good_drone_is_ready_and_was_told_nothing() -> None:
+def test_a_good_drone_is_ready_and_gets_no_command() -> None:
     drone = Parked()
     checks = check_drone(drone)
     refuse_faults(checks)
@@ -104,7 +104,7 @@ def test_each_fault_is_named_with_its_cure(drone: Parked, what: str, found: str)
         refuse_faults(list(bad.values()))
 
 
-def test_a_link_that_is_not_rated_is_said_and_no_fault() -> None:
+def test_a_link_that_is_not_rated_is_named_and_no_fault() -> None:
     drone = Parked(link=None)
     assert not faults(drone)
     assert "link: ok, its quality is not reported" in [str(each) for each in check_drone(drone)]

@@ -368,7 +368,7 @@ def test_a_moving_leaf_that_writes_no_phase_is_the_phase_itself() -> None:
     assert phases == ["Up", "drift", "to the door", "Down"]
 
 
-def test_all_listeners_are_told_in_their_order() -> None:
+def test_all_listeners_are_called_in_their_order() -> None:
     told: list[str] = []
     first, second = At(2, lambda: told.append("first")), At(2, lambda: told.append("second"))
     Flight("<Sequence><Up/><Down/></Sequence>", listeners=(first, second)).runner.run()
@@ -556,7 +556,7 @@ def test_an_interrupt_that_gets_through_lands_the_drone() -> None:
     assert flight.landed
 
 
-def test_when_landing_fails_too_the_first_fault_is_the_one_told() -> None:
+def test_when_landing_fails_too_the_first_fault_is_reported() -> None:
     class Lost(ScriptedDrone):
         def send(self, command: Command) -> Command:
             if isinstance(command.movement, Land):

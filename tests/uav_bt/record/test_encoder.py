@@ -152,7 +152,7 @@ def test_names_of_an_older_record_are_read() -> None:
     assert present_topic(MARK.topic) == MARK.topic
 
 
-def test_what_is_not_new_is_not_told_again() -> None:
+def test_unchanged_values_are_not_written_again() -> None:
     made = encoder()
     read(made, raw_moment())
     again = read(made, raw_moment())

@@ -126,7 +126,7 @@ def test_a_flipped_bit_gives_a_clear_error_or_less_and_never_something_else(
         assert moment.state == originals[moment.tick.index].state
 
 
-def test_a_damaged_chunk_is_passed_over_and_told(whole: Path, tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_skipped_and_reported(whole: Path, tmp_path: Path) -> None:
     from mcap.reader import make_reader  # noqa: PLC0415
 
     with whole.open("rb") as stream:

@@ -72,7 +72,7 @@ def test_a_finished_leaf_that_nobody_reset_does_not_start_again() -> None:
     bench.log.assert_ran("Look", times=3)
 
 
-def test_halting_the_tree_is_told_once() -> None:
+def test_halting_the_tree_is_logged_once() -> None:
     """Running nodes have one event, idle ones none; a second halt adds none."""
     bench = bench_of("<Sequence><Look/><Fly/></Sequence>", Look="S", Fly="R")
     bench.tick()

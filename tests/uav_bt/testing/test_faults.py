@@ -101,11 +101,11 @@ def test_a_fault_is_written_as_it_was_read(text: str) -> None:
     ("text", "error", "said"),
     [
         ("blakc", UnknownNameError, "did you mean 'black'"),
-        ("late=old", ValueRangeError, "fault 'late=old': could not convert"),
+        ("late=old", ValueRangeError, "fault 'late=old': expected a number as level, got 'old'"),
         ("late@", ValueRangeError, r"is written KIND\[=LEVEL\]"),
-        ("late~-1", ValueRangeError, "must not be negative"),
-        ("late@explore+nan", ValueRangeError, "must not be negative"),
-        ("late~nan", ValueRangeError, "must not be negative"),
+        ("late~-1", ValueRangeError, "must be 0 s or more"),
+        ("late@explore+nan", ValueRangeError, "must be 0 s or more"),
+        ("late~nan", ValueRangeError, "must be 0 s or more"),
         ("black=3", ValueRangeError, "takes no level, got 3"),
     ],
 )

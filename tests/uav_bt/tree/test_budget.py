@@ -87,7 +87,7 @@ def test_whichever_method_blocks_the_leaf_is_named(
     )
 
 
-def test_within_the_budget_nothing_is_said(world: World, wall: ManualClock) -> None:
+def test_within_the_budget_no_warning_is_given(world: World, wall: ManualClock) -> None:
     """The class sets the budget; a time equal to the budget is allowed."""
     for leaf in (MayTakeLonger(blocks="update"), Blocks(blocks="update", for_s=0.5)):
         tree, watch = watched(world, wall, leaf)

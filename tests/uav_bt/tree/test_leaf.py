@@ -83,7 +83,7 @@ def test_methods_run_when_py_trees_says(world: World) -> None:
     assert probe.life == [*first, "initialise", "update", "terminate SUCCESS"]
 
 
-def test_a_halted_leaf_is_told_once(world: World) -> None:
+def test_a_halted_leaf_is_terminated_once(world: World) -> None:
     """Two halts call `terminate` of a running leaf once, and of an idle one never."""
     probe = Probe("p")
     tree = ready(world, probe)
@@ -95,7 +95,7 @@ def test_a_halted_leaf_is_told_once(world: World) -> None:
     assert probe.node_status is Status.IDLE
 
 
-def test_a_finished_leaf_is_not_told_again(world: World) -> None:
+def test_a_finished_leaf_is_not_terminated_again(world: World) -> None:
     """`terminate` is not called again when the parent of a finished leaf is halted."""
     done, going = Probe("done", answers="S"), Probe("going")
     tree = ready(world, Sequence("s", [done, going]))

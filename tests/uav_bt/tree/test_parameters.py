@@ -182,7 +182,7 @@ def test_what_counts_before_a_file_has_no_place_in_it(tmp_path: Path) -> None:
         ("last.seconds", "HoverFor.seconds", 2, "'HoverFor.seconds' fits 2 nodes"),
     ],
 )
-def test_a_fault_is_told_with_its_line_in_the_parameter_file(
+def test_a_mistake_is_reported_with_its_line_in_the_parameter_file(
     tmp_path: Path, old: str, new: str, line: int, message: str
 ) -> None:
     path = written(tmp_path, FILE.replace(old, new))

@@ -71,7 +71,7 @@ def test_a_file_that_exists_is_never_touched(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8") == "mine"
 
 
-def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_raises(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot be written: No such file"):
         write_starter(tmp_path / "absent" / "mine.xml")
     with pytest.raises(FileError, match=r"ends in \.xml"):

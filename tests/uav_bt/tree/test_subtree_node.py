@@ -214,7 +214,7 @@ def test_a_tree_in_the_expansion_of_itself_is_refused() -> None:
         ('<SubTree ID="GoBack" _autoremap="true"/>', "leave _autoremap out"),
     ],
 )
-def test_what_is_wrong_is_said_at_the_node(body: str, expected: str) -> None:
+def test_a_mistake_is_reported_at_the_node(body: str, expected: str) -> None:
     found = messages(text_of(body))
     assert any(expected in message for message in found), found
 

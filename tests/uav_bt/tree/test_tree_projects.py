@@ -59,7 +59,7 @@ def registry(palette: Path) -> NodeRegistry:
 
 
 @pytest.mark.parametrize(("project", "path"), FILES)
-def test_what_is_said_of_a_file(project: str, path: Path) -> None:
+def test_findings_of_a_file(project: str, path: Path) -> None:
     known = registry(PROJECTS / project / ASKED[project]["palette"])
     found = check_file(path, known, lookup=workspace(project))
     words = ASKED[project]["warned"].get(str(path.relative_to(PROJECTS / project)), [])

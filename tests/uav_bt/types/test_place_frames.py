@@ -16,7 +16,6 @@ from uav_bt.types.place_frames import (
     Goal,
     Unresolved,
     lab_to_start,
-    pose_from_start,
     resolve,
     start_place,
     start_to_lab,
@@ -137,5 +136,3 @@ def test_a_place_of_the_map_is_found_again_by_its_text(start: Pose2D, pose: Pose
     place = start_place(site_map, pose.x_m, pose.y_m)
     goal = goal_of(str(place), site_map)
     assert (goal.x_m, goal.y_m) == pytest.approx((pose.x_m, pose.y_m), abs=0.01)
-    here = pose_from_start(site_map)
-    assert (here.x_m, here.y_m) == pytest.approx((place.x_m, place.y_m))

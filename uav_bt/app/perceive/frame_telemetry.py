@@ -23,7 +23,7 @@ _SLACK_S: Final = 0.25  # a frame this long before the first or after the last e
 
 
 class Telemetry(Protocol):
-    """Knows where frames were taken from; times are of the video, which begins at 0."""
+    """Finds the poses of frames; times are of the video, which begins at 0."""
 
     def frame(self, image: NDArray[np.uint8], index: int, time_s: float) -> Frame:
         """Return an image, (H, W, 3) RGB, as a frame; unknown heights are NaN."""

@@ -1,7 +1,7 @@
-"""The whole of perception without a tree: a frame in; masks, metres, corridor and mark out.
+"""All perception of a frame without a tree: class map, depth, corridor and mark.
 
-For videos, benchmarks and evaluations. In a mission the perception leaves do the same work, one
-each, so that a tree file shows what it flies with.
+For videos, benchmarks and evaluations. In a mission each perception leaf does one of these steps,
+so that a tree file shows them.
 """
 
 from __future__ import annotations

@@ -193,7 +193,7 @@ class RecordedSegmenter:
         """Return the class map that was recorded with a frame.
 
         Raises:
-            InputError: there is none.
+            InputError: no class map was recorded with it.
         """
         found = self._drone.moment.class_map
         if found is None or found.captured_s != frame.captured_s:

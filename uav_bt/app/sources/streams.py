@@ -70,7 +70,7 @@ class CameraSource:
 
     Args:
         number: of the device.
-        clock: tells when an image came.
+        clock: gives the time at which an image came.
         capture: opens a device.
     """
 

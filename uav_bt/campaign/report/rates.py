@@ -26,7 +26,7 @@ _EVENTS: Final[Mapping[str, Callable[[Mapping[str, Any]], bool]]] = {
     "exits": lambda flight: flight["outcome"] == Outcome.LEFT_AREA.value,
     "landings elsewhere": _landed_elsewhere,
 }
-"""What is counted; the first violation ends a flight, so each flight counts once at most."""
+"""Events that are counted; the first violation ends a flight, so it counts once at most."""
 
 
 def rate_interval(count: int, hours: float) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from behaviours.perceive.depth import NETWORK_AHEAD_M
 from perception.camera.ground_plane import CameraView, ground_depth, view_of
-from perception.depth.metric import MetricDepthConfig, MetricDepthMaker
+from perception.depth.metric import LEAST_CONFIDENCE, MetricDepthConfig, MetricDepthMaker
 from perception.depth.scale import GroundSample, Scale
 from uav_bt.errors import ShapeError
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
@@ -120,6 +120,7 @@ class Method:
     # The network is used for images with an unmeasured obstacle that may be nearer than this, m.
     ahead_m: float = MetricDepthConfig.network_ahead_m
     flat: bool = False  # True: a constant depth of one instead of the network
+    least_confidence: float = 0.0  # of a scale that is used; the paper's methods use all
 
     @property
     def needs_network(self) -> bool:
@@ -131,8 +132,13 @@ METHODS: Final = (
     Method(name="constant", source="network", collects="constant"),
     Method(name="least_squares", source="network", collects="least_squares"),
     Method(name="adaptive", source="network"),
-    Method(name="fused", source="fused"),
-    Method(name="flown", source="fused", ahead_m=NETWORK_AHEAD_M),
+    Method(name="fused", source="fused", least_confidence=LEAST_CONFIDENCE),
+    Method(
+        name="flown",
+        source="fused",
+        ahead_m=NETWORK_AHEAD_M,
+        least_confidence=LEAST_CONFIDENCE,
+    ),
     Method(name="contact", source="contact"),
     Method(name="lowest_pixel", source=None),
     # Baseline: edges have about the right length at any depth near the right distance.
@@ -190,7 +196,9 @@ def metric_maps(
         source=method.source,
         scale=None if method.collects is None else CollectedScale(method.collects),
         generator=np.random.default_rng(seed),
-        config=MetricDepthConfig(network_ahead_m=method.ahead_m),
+        config=MetricDepthConfig(
+            network_ahead_m=method.ahead_m, least_confidence=method.least_confidence
+        ),
     )
 
     def all_maps() -> list[DepthMap]:

@@ -101,6 +101,15 @@ class FaultyDrone(DroneWrapper):
         )
 
     @property
+    def missed(self) -> str | None:
+        """The reason why the fault has had no effect; None once it has had one."""
+        if self.began_s is not None:
+            return None
+        if self._phase_s is None:
+            return f"the flight did not enter the phase '{self.fault.phase}'"
+        return f"the flight ended before {self.fault.delay_s:g} s of '{self.fault.phase}'"
+
+    @property
     def inner(self) -> Drone:
         """The drone that the fault is added to."""
         return self._drone

@@ -12,6 +12,8 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.testing.faults.kind import FaultKind
 from uav_bt.testing.faults.table import FAULTS
 
+RANDOM: Final = "random"
+"""In place of a fault: room, movers and faults are drawn from the seed."""
 START: Final = "start"  # in place of a phase: from the connection on
 _TEXT: Final = re.compile(
     r"(?P<kind>[\w-]+)(=(?P<level>[^@~]+))?"
@@ -35,9 +37,9 @@ class Fault:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0 and self.duration_s >= 0.0):
-            raise ValueRangeError(f"a fault's delay and duration must not be negative: '{self}'")
+            raise ValueRangeError("delay and duration must be 0 s or more")
         if self.level is not None and self.kind.level is None:
-            raise ValueRangeError(f"fault '{self.kind.name}' takes no level, got {self.level:g}")
+            raise ValueRangeError(f"{self.kind.name} takes no level, got {self.level:g}")
 
     @classmethod
     def parse(cls, text: str, kinds: Mapping[str, FaultKind] = FAULTS) -> Self:
@@ -61,10 +63,10 @@ class Fault:
         try:
             return cls(
                 kind=kinds[found["kind"]],
-                level=None if found["level"] is None else float(found["level"]),
+                level=None if found["level"] is None else _number("level", found["level"]),
                 phase=found["phase"] or START,
-                delay_s=float(found["delay"] or 0.0),
-                duration_s=float(found["duration"] or math.inf),
+                delay_s=_number("delay", found["delay"] or "0"),
+                duration_s=_number("duration", found["duration"] or "inf"),
             )
         except ValueError as error:
             raise ValueRangeError(f"fault '{text}': {error}") from error
@@ -74,3 +76,10 @@ class Fault:
         delay = f"+{self.delay_s:g}" if self.delay_s else ""
         duration = f"~{self.duration_s:g}" if math.isfinite(self.duration_s) else ""
         return f"{self.kind.name}{level}@{self.phase}{delay}{duration}"
+
+
+def _number(what: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise ValueRangeError(f"expected a number as {what}, got '{text}'") from error

@@ -94,7 +94,7 @@ def doors(tree: Element, registry: NodeRegistry) -> list[tuple[Element, str]]:
 def node_attributes(element: Element) -> dict[str, str]:
     """Return the attributes that are ports (or a subtree's entries) or conditions.
 
-    Of others that begin with `_` the engine knows nothing, and passes them over.
+    The engine ignores others that begin with `_`.
     """
     return {
         name: text

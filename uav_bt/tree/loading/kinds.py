@@ -50,7 +50,7 @@ class _Value:
 
     @property
     def unknown(self) -> _Value:
-        """Another value of the type, which only the flight knows."""
+        """Another value of the type, unknown before the flight."""
         return replace(self, value=None)
 
     def __str__(self) -> str:
@@ -251,7 +251,7 @@ def _asked_by(node: Node) -> Iterator[Variable]:
 
 
 def _elements(node: Node) -> list[str | None]:
-    """Return what a node writes: elements of a loop over texts; None: only the flight knows it."""
+    """Return the values that a node writes: elements of a loop over texts; None: unknown."""
     if not isinstance(node, LoopString):
         return [None]
     at = node.reference(node.QUEUE)

@@ -13,7 +13,7 @@ def finding_at(tree: MissionTree, node: Node, message: str, rule: Rule) -> Findi
     Args:
         tree: loaded from a file.
         node: one of its nodes.
-        message: what is wrong, and what to do.
+        message: the mistake and the remedy.
         rule: the broken rule.
     """
     place = tree.places.get(node.path)

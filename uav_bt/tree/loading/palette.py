@@ -41,11 +41,11 @@ _STATUS_NAMES: Final = ("SUCCESS", "FAILURE", "RUNNING", "SKIPPED", "IDLE")
 
 @dataclass(frozen=True)
 class PalettePort(Port[Any]):
-    """A port of a palette, which does not say whether a tree file must give it."""
+    """A port of a palette, in which a required port is not marked."""
 
     @property
     def required(self) -> bool:
-        """Never: a palette does not know."""
+        """Never: a palette does not mark required ports."""
         return False
 
 

@@ -104,7 +104,7 @@ class PlaceLists:
 
         Args:
             text: The value.
-            port: What the caller calls the port.
+            port: Name of the port in messages.
             home: The mission's tree file.
             place: Of the value.
         """
@@ -200,7 +200,7 @@ def _target(named: Inclusion) -> Path:
     """Return the file that a tree file names.
 
     Raises:
-        InputError: There is none, or it lies neither in the folder of the tree file nor below.
+        InputError: The file is absent, or lies neither in the folder of the tree file nor below.
     """
     home, name = named.path, named.name
     folder = home.parent

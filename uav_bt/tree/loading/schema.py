@@ -2,7 +2,7 @@
 
 It allows everything that the loader accepts without a warning. It refuses most errors and warnings
 of the loader: unknown nodes and attributes, missing ones, literals of another type, wrong counts of
-children. What no XSD can say is left to `uav-bt check`: scripts, subtrees that do not exist, what a
+children. `uav-bt check` also checks the rest: scripts, subtrees that do not exist, what a
 variable holds, the attributes of a SubTree and of the explicit form `<Action ID="..."/>`.
 
 An editor finds the schema by its settings or by a line at the head of the tree file, which the

@@ -19,7 +19,7 @@ def unit_doubt(port: Port[Any], value: object) -> str | None:
     """Return why a literal was probably written in another unit; None without a doubt.
 
     Args:
-        port: the port; its name tells the unit.
+        port: the port; its name has the unit.
         value: the literal as `Port.bind` converts it, in the unit of the port.
     """
     if isinstance(value, bool) or not isinstance(value, int | float):

@@ -16,7 +16,7 @@ _REAL: Final = re.compile(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
 class IfThenElse(ControlNode):
-    """Asks its first child once, then ticks the second (yes) or the third (no) to its end."""
+    """Ticks its first child once, then the second on success or the third on failure to its end."""
 
     min_children = 2
     max_children = 3
@@ -48,7 +48,7 @@ class IfThenElse(ControlNode):
 
 
 class WhileDoElse(ControlNode):
-    """Asks its first child at every tick, and ticks the second (yes) or the third (no)."""
+    """Ticks its first child in every tick, and the second on success or the third on failure."""
 
     min_children = 2
     max_children = 3

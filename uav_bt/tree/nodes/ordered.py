@@ -14,7 +14,7 @@ class _Ordered(ControlNode):
     _decides: ClassVar[Status]  # the answer of a child that is the answer of all
     _otherwise: ClassVar[Status]  # the answer when no child has decided
     _yields: ClassVar[bool] = False  # a tick ends after each child that answered at once
-    _restarts: ClassVar[bool] = True  # a decision or a halt forgets how far it was
+    _restarts: ClassVar[bool] = True  # a decision or a halt resets the position
 
     _index = 0
     _skipped = 0
@@ -124,14 +124,14 @@ class _Reactive(ControlNode):
 
 
 class ReactiveSequence(_Reactive):
-    """Asks all children again at every tick; a running child halts the others."""
+    """Begins at its first child in every tick; a running child halts the others."""
 
     _decides = FAILURE
     _otherwise = SUCCESS
 
 
 class ReactiveFallback(_Reactive):
-    """Asks all children again at every tick; the first that runs or succeeds halts the others."""
+    """Begins at its first child in every tick; the first that runs or succeeds halts the others."""
 
     _decides = SUCCESS
     _otherwise = FAILURE

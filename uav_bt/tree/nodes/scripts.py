@@ -91,7 +91,7 @@ class ScriptCondition(Leaf):
 
 
 class Precondition(DecoratorNode):
-    """Asks a script before it starts its child, and answers something else when that is false.
+    """Evaluates a script before it starts its child, and answers `else` when that is false.
 
     Args:
         name: the instance's name; default: the node's id.

@@ -163,7 +163,7 @@ class Environment:
         """Return a value as a real; a text may be the name of an enumeration's member.
 
         Raises:
-            ScriptError: it is none.
+            ScriptError: it is neither a real nor a member's name.
         """
         members = self.members
         return float(members[value]) if value in members else number(value)

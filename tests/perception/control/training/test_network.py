@@ -220,7 +220,7 @@ def test_views_of_another_number_or_size_are_refused(weights: Path) -> None:
 # --- meaning of the outputs -----------------------------------------------------------------------
 
 
-def test_a_choice_is_told_by_shares_and_metres() -> None:
+def test_a_choice_is_described_by_shares_and_metres() -> None:
     said = decode(np.array([0.0, 2.0, 0.7, -3.0, 0.9]))
     assert (said.advance, said.step_m, said.free_m) == (0.5, 0.7, 0.9)
     assert said.clockwise == pytest.approx(0.881, abs=1e-3)
@@ -237,7 +237,7 @@ def test_the_shipped_onnx_file_was_made_from_the_shipped_weights() -> None:
     assert properties["weights_sha256"] == hashlib.sha256(weights.read_bytes()).hexdigest()
 
 
-def test_the_shipped_student_says_in_flight_what_it_said_in_training(tmp_path: Path) -> None:
+def test_the_shipped_student_returns_the_same_in_flight_and_in_training(tmp_path: Path) -> None:
     weights = SHIPPED_WEIGHTS / "student.safetensors"
     net, notes = STUDENT_FILES.load(weights)
     config = net.config

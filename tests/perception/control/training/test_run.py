@@ -117,7 +117,7 @@ def rows(*numbers: list[float]) -> Tensor:
     return torch.tensor(numbers, dtype=torch.float32)
 
 
-def test_an_untold_free_way_is_not_learnt_from() -> None:
+def test_an_unknown_free_way_is_not_learnt_from() -> None:
     said = rows([5.0, 0.0, 0.8, -5.0, 0.1])
     near, far = rows([0.8, 0.0, 0.0, NAN]), rows([0.8, 0.0, 0.0, 1.0])
     untold, told = (float(choice_loss(said, label, torch.zeros(1))) for label in (near, far))

@@ -67,7 +67,7 @@ def test_answers_that_the_student_cannot_give_are_refused(answer: Answer) -> Non
         flight_of(answer)
 
 
-def test_an_untold_free_way_is_no_number() -> None:
+def test_an_unknown_free_way_is_no_number() -> None:
     assert np.isnan(flight_of(replace(FREE, free_m=None)).window([0]).labels[0, 3])
 
 

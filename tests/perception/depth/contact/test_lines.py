@@ -32,7 +32,7 @@ def test_one_face_is_recovered_at_any_azimuth(middle: float) -> None:
     assert line.slope(beyond) == pytest.approx(slope_of(beyond, (middle + 0.3, 2.0)))
 
 
-def test_two_faces_are_told_apart_where_they_meet() -> None:
+def test_two_faces_are_separated_where_they_meet() -> None:
     azimuth = np.linspace(0.1, 0.5, 60)
     faces = (0.3 - 0.6, 1.7), (0.3 + 0.9, 1.2)
     true = slope_of(azimuth, *faces)

@@ -64,7 +64,7 @@ def test_the_shipped_shape_is_small() -> None:
 
 
 @pytest.mark.parametrize("depth", [0.2, 2.0, 10.0])
-def test_an_untrained_network_says_about_what_it_is_told_to(depth: float) -> None:
+def test_an_untrained_network_returns_about_the_initial_depth(depth: float) -> None:
     torch.manual_seed(0)
     net = network.DepthNet(replace(NET, initial_depth=depth)).eval()
     with torch.inference_mode():
@@ -171,7 +171,7 @@ def test_the_shipped_onnx_file_was_made_from_the_shipped_weights() -> None:
     assert weights.stat().st_size < 6e6
 
 
-def test_the_shipped_network_says_in_flight_what_it_said_in_training(tmp_path: Path) -> None:
+def test_the_shipped_network_returns_the_same_in_flight_and_in_training(tmp_path: Path) -> None:
     weights = SHIPPED_WEIGHTS / "depth.safetensors"
     net, _ = DEPTH_FILES.load(weights)
     picture = np.random.default_rng(0).integers(0, 255, (256, 320, 3), dtype=np.uint8)

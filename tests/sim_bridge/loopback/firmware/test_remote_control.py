@@ -84,20 +84,6 @@ def test_a_client_that_leaves_gives_the_sticks_back(desk: Desk) -> None:
     assert desk.values(SOURCE) == [{"source": "SkyController"}]
 
 
-def test_it_goes_on_talking_when_its_drone_is_gone(desk: Desk) -> None:
-    desk.fly()
-    desk.remote.lose_drone()
-    desk.events.clear()
-    desk.send("ardrone3.Piloting.Landing")
-    desk.run(2.0)
-    assert set(desk.names()) == {"skyctrl.SkyControllerState.AttitudeChanged"}
-    assert len(desk.names()) in range(30, 42)
-    desk.remote.find_drone()
-    desk.run(1.0)
-    assert desk.values(LINK)[-1]["state"] == "connected"
-    assert "ardrone3.PilotingState.AttitudeChanged" in desk.names()
-
-
 def test_grabbed_buttons_are_confirmed(desk: Desk) -> None:
     desk.events.clear()
     desk.send("mapper.grab", buttons=3, axes=1)

@@ -160,7 +160,7 @@ def test_any_requests_in_any_order_are_answered(asked: list[tuple[str, str, str,
         assert client.ask(method, url, **given_headers).status in {200, *range(400, 552)}
 
 
-def test_unknown_parameters_are_said_to_be_unknown(client: Client) -> None:
+def test_unknown_parameters_are_answered_as_unknown(client: Client) -> None:
     assert client.ask("GET_PARAMETER", body=b"rate").status == 451
 
 

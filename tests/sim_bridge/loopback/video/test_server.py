@@ -362,7 +362,7 @@ def test_closing_says_goodbye_and_frees_the_port() -> None:
     run(work())
 
 
-def test_a_port_that_is_taken_is_said_to_be() -> None:
+def test_a_port_that_is_taken_raises() -> None:
     async def work() -> None:
         async with serving() as server:
             port = server.address[1]
@@ -372,7 +372,7 @@ def test_a_port_that_is_taken_is_said_to_be() -> None:
     run(work())
 
 
-def test_an_address_that_is_not_ours_is_said_to_be() -> None:
+def test_an_address_of_another_machine_raises() -> None:
     with pytest.raises(PortTakenError, match=r"has no address 192\.0\.2\.1"):
         run(serve_video(Pictures(), host="192.0.2.1", port=0))
 

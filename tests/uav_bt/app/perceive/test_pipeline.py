@@ -252,7 +252,7 @@ def test_a_mark_is_placed_where_it_is() -> None:
     assert (seen.mark.forward_m, seen.mark.right_m) == pytest.approx((2.0, 0.5), abs=0.05)
 
 
-def test_without_telemetry_a_mark_is_told_only_while_it_is_seen() -> None:
+def test_without_telemetry_a_mark_is_reported_only_while_it_is_seen() -> None:
     segmenter = Painted(pad_at(2.0, 0.5))
     blind = Pipeline(segmenter, None, CAMERA, generator=np.random.default_rng(0))
     assert blind.perceive(frame(0)).mark is not None

@@ -153,7 +153,7 @@ def test_a_tree_that_ends_early_ends_nothing_else(noisy: Path, tmp_path: Path) -
     assert not report.same
 
 
-def test_a_leaf_that_fails_in_the_replay_is_told(
+def test_a_leaf_that_fails_in_the_replay_is_reported(
     noisy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def update(_self: Land) -> None:

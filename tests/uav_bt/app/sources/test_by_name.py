@@ -183,7 +183,7 @@ def test_what_is_no_video_is_refused(tmp_path: Path, content: bytes) -> None:
         open_source(str(path))
 
 
-def test_a_damaged_stretch_is_told_and_the_rest_is_read(tmp_path: Path) -> None:
+def test_a_damaged_part_is_reported_and_the_rest_is_read(tmp_path: Path) -> None:
     path = tmp_path / "flight.mp4"
     video(path, count=40)
     content = bytearray(path.read_bytes())

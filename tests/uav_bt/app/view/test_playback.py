@@ -76,7 +76,7 @@ def test_the_site_map_is_at_most_half_a_second_old(
     assert compared > 20
 
 
-def test_a_part_begins_and_ends_where_it_is_told_to(playback: Playback) -> None:
+def test_a_part_begins_and_ends_at_the_given_times(playback: Playback) -> None:
     start_s = playback.start_s
     times = np.array([tick.time_s for tick in playback.ticks(from_s=2.0, to_s=3.0)])
     assert len(times) == 10

@@ -138,7 +138,7 @@ def test_a_flight_is_drawn_while_it_is_flown(
     [lambda _: live_view(), lambda flight: flight.shown(web=False)],
     ids=["live", "recorded"],
 )
-def test_without_a_display_the_way_out_is_told(
+def test_without_a_display_the_remedy_is_named(
     opened: Callable[[RecordedFlight], object],
     flown: tuple[Path, Seen],
     monkeypatch: pytest.MonkeyPatch,

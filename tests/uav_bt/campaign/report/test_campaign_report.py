@@ -504,7 +504,7 @@ def test_nothing_is_drawn_through_what_is_written_of_a_few_flights(
         assert not any(word.overlaps(other) for other in words[:index])
 
 
-def test_timings_are_told_by_stage(tmp_path: Path) -> None:
+def test_timings_are_listed_by_stage(tmp_path: Path) -> None:
     written = write(tmp_path / "r.html", campaign(tmp_path / "c", flight(0), flight(1)))
     told = {row["stage"]: row for row in rows(written, "timings")}
     assert set(told) == {"whole tick", "segmentation", "flight"}
@@ -519,7 +519,7 @@ def test_flights_that_ended_before_anything_make_a_report_too(tmp_path: Path) ->
     assert "Times and distances" not in written.page.read_text()
 
 
-def test_damaged_lines_and_missing_flights_are_told_first(tmp_path: Path) -> None:
+def test_damaged_lines_and_missing_flights_are_listed_first(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", flight(0), planned=5)
     with (folder / "flights.jsonl").open("a") as kept:
         kept.write("rubbish\n")
@@ -537,7 +537,7 @@ def test_a_folder_without_flights_is_refused(tmp_path: Path, content: str | None
         read_sources([tmp_path])
 
 
-def test_a_page_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_page_that_cannot_be_written_raises(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", flight(0))
     (tmp_path / "r.html").mkdir()
     with pytest.raises(FileError, match=re.escape(f"{tmp_path / 'r.html'}: cannot be written")):

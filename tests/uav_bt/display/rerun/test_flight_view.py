@@ -35,13 +35,13 @@ def test_time_begins_with_the_first_tick() -> None:
     assert stream.names == ["tour"]
 
 
-def test_time_begins_where_it_is_told_to() -> None:
+def test_time_begins_at_the_given_time() -> None:
     stream, world = NotedStream(), World(start_s=40.0)
     flight_view(stream, world, start_s=30.0).on_tick(world.tick())
     assert stream.of("plots/tick_time/compute")[-1].time_s == pytest.approx(10.0)
 
 
-def test_words_are_said_when_they_change_and_overrides_warn() -> None:
+def test_texts_are_logged_when_they_change_and_overrides_warn() -> None:
     stream, world = NotedStream(), World()
     view = flight_view(stream, world)
     view.on_tick(world.tick())
@@ -145,7 +145,7 @@ def test_a_late_follower_sees_the_board_as_it_was() -> None:
     ]
 
 
-def test_what_there_is_no_time_for_is_left_out_and_told(
+def test_ticks_that_take_too_long_are_omitted_and_reported(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     bench = Bench(waiting_ticks=2)

@@ -207,7 +207,7 @@ def filled_disk(video: FlightVideo) -> FlightVideo:
     return video
 
 
-def test_a_full_disk_does_not_stop_the_flight_but_is_told_at_the_end(tmp_path: Path) -> None:
+def test_a_full_disk_does_not_stop_the_flight_but_is_reported_at_the_end(tmp_path: Path) -> None:
     world = World()
     video = FlightVideo(tmp_path / "flight.mp4", panes_of(world))
     fly(video, world, 1)

@@ -79,7 +79,7 @@ def test_a_tree_that_does_not_end_is_ticked_as_often_as_asked(tmp_path: Path) ->
     assert [step.status for step in done] == [R] * 5
 
 
-def test_what_is_halted_is_told(tmp_path: Path) -> None:
+def test_halted_nodes_are_reported(tmp_path: Path) -> None:
     body = "<ReactiveSequence><Sees/><Fly/></ReactiveSequence>"
     *_, last = ticks(tmp_path, body, "leaves: {Sees: SSF, Fly: R}")
     assert (last.tick, last.status, last.halted) == (3, F, ("Fly",))
@@ -113,7 +113,7 @@ def test_the_default_is_for_leaves_without_answers_only(tmp_path: Path) -> None:
     assert [one.status for one in step.answers] == [S, F]
 
 
-def test_the_formats_own_leaves_run_and_their_changes_are_told(tmp_path: Path) -> None:
+def test_built_in_leaves_run_and_their_changes_are_reported(tmp_path: Path) -> None:
     body = (
         '<Sequence><Script code="a := 1; b := 2"/><Fly/>'
         '<Script code="a := 1; b := 3"/><UnsetBlackboard key="a"/></Sequence>'
@@ -152,14 +152,14 @@ def test_the_board_tells_the_time_and_does_not_grow_old(tmp_path: Path) -> None:
     assert len(list(run.run(20))) == 7
 
 
-def test_variables_of_subtrees_are_told_under_their_names(tmp_path: Path) -> None:
+def test_variables_of_subtrees_are_reported_under_their_names(tmp_path: Path) -> None:
     inner = '<BehaviorTree ID="Inner"><Script code="x := 1"/></BehaviorTree>'
     run = simulation(tmp_path, '<SubTree ID="Inner" name="in"/>', "default: S", more=inner)
     (step,) = run.run(1)
     assert step.changed == {"in.x": 1}
 
 
-def test_leaves_of_one_name_are_told_by_their_paths(tmp_path: Path) -> None:
+def test_leaves_of_one_name_are_identified_by_their_paths(tmp_path: Path) -> None:
     (step,) = ticks(tmp_path, "<Sequence><Fly/><Fly/></Sequence>", "default: S")
     assert [one.leaf for one in step.answers] == ["Main/Sequence/Fly", "Main/Sequence/Fly#2"]
 
