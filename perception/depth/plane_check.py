@@ -9,6 +9,7 @@ wrong height does not show here: it changes the plane alone, and so the unit of 
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import cv2
@@ -23,8 +24,10 @@ from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 MEASURES: Final = ("slope", "height")
 """Measures of `evidence` that show it."""
 
-# Least extent of the ground in view. A camera that looks straight down sees one range only.
-_EXTENT: Final = 0.9
+_EXTENT: Final = 0.9  # least extent of the ground in view
+# Steeper views are not judged. Their ranges differ little, so a small error of the depth passes for
+# a slope, and few of them were trained.
+_STEEPEST_RAD: Final = math.radians(-60.0)
 
 
 def agreement_with_plane(
@@ -44,9 +47,11 @@ def agreement_with_plane(
         generator: Samples the pixels of the ground.
 
     Returns:
-        The weakest measure with its reason; None where too little ground or one range is in view,
-        and for depth of another unit or of another frame.
+        The weakest measure with its reason; None where too little ground is in view, for a camera
+        that looks down steeply, and for depth of another unit or of another frame.
     """
+    if frame.gimbal_pitch_rad < _STEEPEST_RAD:
+        return None
     of_frame = relative.captured_s == class_map.captured_s == frame.captured_s
     if not (relative.in_heights and of_frame and frame.height_above_ground_m > 0.0):
         return None

@@ -87,5 +87,6 @@ def test_depth_in_another_unit_and_views_without_ground_say_nothing() -> None:
     assert agreement(ground=False) is None
 
 
-def test_a_view_straight_down_says_nothing() -> None:
-    assert agreement(focal=2.0, pitch_rad=math.radians(-90.0)) is None
+@pytest.mark.parametrize("pitch_deg", [-90.0, -65.0])
+def test_a_steep_view_is_not_judged(pitch_deg: float) -> None:
+    assert agreement(focal=0.5, pitch_rad=math.radians(pitch_deg)) is None
