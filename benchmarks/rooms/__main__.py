@@ -20,6 +20,7 @@ import numpy as np
 
 from benchmarks.rooms.assets import USES, load_assets, make_assets
 from benchmarks.rooms.furnish import FLOWN, Assets, RoomPlan, write_room
+from benchmarks.rooms.room_views import ViewKind
 from benchmarks.rooms.score import score_rooms
 from benchmarks.rooms.training import SCENES, RoomTraining, export_any, train_any
 from perception.networks.named import SHIPPED_UNET, segmentation_file
@@ -46,9 +47,10 @@ def score(rooms: Path, models: list[str], views: int) -> None:
         path = segmentation_file(model)
         if path is None:
             raise SystemExit(f"{model} is no network")
-        print(f"{model}, {len(scenes)} rooms:")
         segmenter = load_segmenter(path, load_lab().classes)
-        print("\n".join(score_rooms(segmenter, scenes, views).lines()), flush=True)
+        for kind in (ViewKind.LEVEL, ViewKind.DOWN):
+            print(f"{model}, {len(scenes)} rooms, {kind.value} views:")
+            print("\n".join(score_rooms(segmenter, scenes, views, kind).lines()), flush=True)
 
 
 def main() -> None:

@@ -4,7 +4,7 @@
 
 Each room is a lab folder with a scene without a mark (`NAME-bare.yaml`). The drone takes off there
 and turns once around; the labels come from the motion between its frames. The images are those of
-`draw_views(level=True)`, with exact roles.
+`ViewKind.LEVEL`, with exact roles.
 """
 
 from __future__ import annotations

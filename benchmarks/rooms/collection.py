@@ -30,14 +30,12 @@ class RoomJob:
         views: Number of images.
         seed: Seed of poses, light and noise.
         labelled: Whether the roles are labels; otherwise only the depth is.
-        level: Whether all poses are those of a flight.
     """
 
     scene: str
     views: int
     seed: int
     labelled: bool = True
-    level: bool = False
 
 
 def render_rooms(
@@ -68,7 +66,7 @@ def _render(job: RoomJob) -> RoomImages:
     rgb, roles = np.empty((*shape, 3), np.uint8), np.full(shape, IGNORED, np.uint8)
     depth = np.empty(shape, np.float16)
     scene = load_scene(job.scene)
-    for index, view in enumerate(draw_views(scene, job.views, job.seed, level=job.level)):
+    for index, view in enumerate(draw_views(scene, job.views, job.seed)):
         rgb[index] = shrunk(view.rgb, TRUTH_PX)
         if job.labelled:
             roles[index] = view.roles

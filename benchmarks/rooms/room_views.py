@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Final
 
 import numpy as np
@@ -24,10 +25,32 @@ IMAGE_PX: Final = (448, 252)
 TRUTH_PX: Final = (224, 112)
 HEIGHTS_M: Final = (0.5, 2.3)
 PITCHES_DEG: Final = (-60.0, 5.0)
+FLIGHT_HEIGHTS_M: Final = (1.0, 1.7)
+FLIGHT_PITCHES_DEG: Final = (-35.0, -20.0)
+DOWN_HEIGHTS_M: Final = (0.3, 2.3)  # a landing is looked for from above, and flown down to 0.2 m
+DOWN_PITCHES_DEG: Final = (-90.0, -60.0)
+STRAIGHT_DOWN_DEG: Final = (-90.0, -85.0)  # of the views that `LandHere` uses
+ABOVE_M: Final = (0.3, 1.0)  # above the top of furniture that fills the view
+ABOVE_PITCHES_DEG: Final = (-90.0, -50.0)
+FURNITURE_M: Final = (0.3, 1.3)  # height of such furniture
 CLEAR_M: Final = 0.25  # between the camera and any surface
 TRIES: Final = 20_000
 # Ids of the network's roles: outside, ground, obstacle. A mark has no label.
 ROLE_IDS: Final = {OUTSIDE: 0, GROUND: 1, OBSTACLE: 2, MARK: IGNORED}
+
+
+class ViewKind(Enum):
+    """Where the camera is and where it points.
+
+    Attributes:
+        MIXED: Half as in a flight, the others wide, steep, and close above furniture.
+        LEVEL: As in a flight.
+        DOWN: Within 5 degrees of straight down, as before a landing.
+    """
+
+    MIXED = "mixed"
+    LEVEL = "level"
+    DOWN = "down"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,39 +70,96 @@ class RoomView:
     pose: CameraPose
 
 
-def draw_poses(scene: Scene, rng: np.random.Generator, count: int) -> list[CameraPose]:
+def draw_poses(
+    scene: Scene, rng: np.random.Generator, count: int, kind: ViewKind = ViewKind.MIXED
+) -> list[CameraPose]:
     """Return camera poses that keep clear of walls and objects.
-
-    Half of them are those of a flight: 1.0 to 1.7 m high, 20 to 35 degrees down.
 
     Args:
         scene: The room.
         rng: Source of the random numbers.
         count: Number of poses.
+        kind: Heights and pitches.
 
     Raises:
         ValueRangeError: The objects leave no room.
     """
-    half = [side / 2 - CLEAR_M for side in scene.ground.size_m]
     poses: list[CameraPose] = []
     for _ in range(TRIES):
         if len(poses) == count:
             return poses
-        usual = rng.random() < 0.5
-        x, y = rng.uniform(-np.array(half), half)
-        z = rng.uniform(1.0, 1.7) if usual else rng.uniform(*HEIGHTS_M)
-        pitch = rng.uniform(-35.0, -20.0) if usual else rng.uniform(*PITCHES_DEG)
-        if _is_free(scene, float(x), float(y), float(z)):
+        x_m, y_m, z_m, pitch_deg = _PLACES[kind](scene, rng)
+        if _is_free(scene, x_m, y_m, z_m):
             poses.append(
                 CameraPose(
-                    x_m=float(x),
-                    y_m=float(y),
-                    z_m=float(z),
+                    x_m=x_m,
+                    y_m=y_m,
+                    z_m=z_m,
                     yaw_rad=float(rng.uniform(-math.pi, math.pi)),
-                    pitch_rad=math.radians(float(pitch)),
+                    pitch_rad=math.radians(pitch_deg),
                 )
             )
     raise ValueRangeError(f"scene '{scene.name}': the objects leave no room for a camera")
+
+
+_Place = tuple[float, float, float, float]  # x, y and z in metres, pitch in degrees
+
+
+def _somewhere(
+    scene: Scene,
+    rng: np.random.Generator,
+    heights_m: tuple[float, float],
+    pitches_deg: tuple[float, float],
+) -> _Place:
+    half = np.array(scene.ground.size_m) / 2 - CLEAR_M
+    x_m, y_m = rng.uniform(-half, half).tolist()
+    return x_m, y_m, float(rng.uniform(*heights_m)), float(rng.uniform(*pitches_deg))
+
+
+def _level(scene: Scene, rng: np.random.Generator) -> _Place:
+    flown = rng.random() < 0.5
+    heights_m, pitches_deg = (
+        (FLIGHT_HEIGHTS_M, FLIGHT_PITCHES_DEG) if flown else (HEIGHTS_M, PITCHES_DEG)
+    )
+    return _somewhere(scene, rng, heights_m, pitches_deg)
+
+
+def _down(scene: Scene, rng: np.random.Generator) -> _Place:
+    return _somewhere(scene, rng, DOWN_HEIGHTS_M, STRAIGHT_DOWN_DEG)
+
+
+def _above_furniture(scene: Scene, rng: np.random.Generator) -> _Place:
+    low, high = FURNITURE_M
+    tops = [each for each in scene.ground_plan.standing if low <= each.height_m <= high]
+    if not tops:
+        return _somewhere(scene, rng, DOWN_HEIGHTS_M, DOWN_PITCHES_DEG)
+    chosen = tops[int(rng.integers(len(tops)))]
+    outline = chosen.footprint
+    ahead, side = rng.uniform(-0.9, 0.9, 2)
+    x_m, y_m = outline.to_world(float(ahead) * outline.half_x_m, float(side) * outline.half_y_m)
+    z_m = chosen.height_m + float(rng.uniform(*ABOVE_M))
+    return x_m, y_m, z_m, float(rng.uniform(*ABOVE_PITCHES_DEG))
+
+
+def _mixed(scene: Scene, rng: np.random.Generator) -> _Place:
+    share = rng.random()
+    if share < 0.5:
+        return _somewhere(scene, rng, FLIGHT_HEIGHTS_M, FLIGHT_PITCHES_DEG)
+    if share < 0.72:
+        return _somewhere(scene, rng, HEIGHTS_M, PITCHES_DEG)
+    if share < 0.9:
+        # Half of the steep views are those of a landing.
+        straight = rng.random() < 0.5
+        pitches_deg = STRAIGHT_DOWN_DEG if straight else DOWN_PITCHES_DEG
+        return _somewhere(scene, rng, DOWN_HEIGHTS_M, pitches_deg)
+    return _above_furniture(scene, rng)
+
+
+_PLACES: Final[Mapping[ViewKind, Callable[[Scene, np.random.Generator], _Place]]] = {
+    ViewKind.MIXED: _mixed,
+    ViewKind.LEVEL: _level,
+    ViewKind.DOWN: _down,
+}
 
 
 def _is_free(scene: Scene, x_m: float, y_m: float, z_m: float) -> bool:
@@ -87,13 +167,18 @@ def _is_free(scene: Scene, x_m: float, y_m: float, z_m: float) -> bool:
         z_m > block.top_m + CLEAR_M
         or z_m < block.base_m - CLEAR_M
         or block.footprint.distance_m(x_m, y_m) > CLEAR_M
-        for item in scene.placed
-        for block in item.standing.blocks
+        for standing in scene.ground_plan.standing
+        for block in standing.blocks
     )
 
 
 def draw_views(
-    scene: Scene, count: int, seed: int, *, profile: str = "lab", level: bool = False
+    scene: Scene,
+    count: int,
+    seed: int,
+    *,
+    profile: str = "lab",
+    kind: ViewKind = ViewKind.MIXED,
 ) -> Iterator[RoomView]:
     """Render a room from random poses; the same arguments give the same views.
 
@@ -102,11 +187,11 @@ def draw_views(
         count: Number of views.
         seed: Seed of poses, light and noise.
         profile: Source of blur, noise and exposure error.
-        level: Whether all poses are those of a flight.
+        kind: Heights and pitches of the camera.
     """
     rng = np.random.default_rng(seed)
-    poses = draw_poses(scene, rng, count)
-    if level:
+    poses = draw_poses(scene, rng, count, kind)
+    if kind is ViewKind.LEVEL:
         poses = [
             replace(
                 pose,

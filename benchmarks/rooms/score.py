@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.rooms.room_views import ROLE_IDS, RoomView, draw_views
+from benchmarks.rooms.room_views import ROLE_IDS, RoomView, ViewKind, draw_views
 from perception.networks.named import ROLES
 from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.scene_file import load_scene
@@ -53,19 +53,25 @@ class RoomScore:
         return [*rows, f"{self.milliseconds:.1f} ms an image"]
 
 
-def score_rooms(segmenter: Segmenter, scenes: Sequence[str], views: int) -> RoomScore:
-    """Score a network on views of a flight in rooms.
+def score_rooms(
+    segmenter: Segmenter,
+    scenes: Sequence[str],
+    views: int,
+    kind: ViewKind = ViewKind.LEVEL,
+) -> RoomScore:
+    """Score a network on views in rooms.
 
     Args:
         segmenter: Gives class maps, and relative depth if it has a second head.
         scenes: Names or files of the scenes.
         views: Images of each scene.
+        kind: Heights and pitches of the camera.
     """
     confusion = np.zeros((3, 3), np.int64)
     scales: list[float] = []
     spent_s: list[float] = []
     for number, name in enumerate(scenes):
-        for view in draw_views(load_scene(name), views, number, level=True):
+        for view in draw_views(load_scene(name), views, number, kind=kind):
             began_s = time.perf_counter()
             roles = segmenter.segment(_frame(view)).roles
             spent_s.append(time.perf_counter() - began_s)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.rooms.collection import RoomJob, render_rooms
-from benchmarks.rooms.room_views import draw_views
+from benchmarks.rooms.room_views import ViewKind, draw_views
 from perception.networks.training.room_net import ROOM_FILES, RoomNet
 from perception.networks.training.room_run import Progress, RoomTrainingConfig, train_room_net
 from sim_bridge.twin.scene_file import load_scene
@@ -21,7 +21,7 @@ SCENES: Final = "*/scenes/*[0-9].yaml"
 """Scenes of rooms with a landing mark, in a folder of rooms."""
 
 REPORTED: Final = 200  # steps
-KEPT: Final = 2000  # steps
+KEPT: Final = 500  # steps
 NEVER: Final = 10**9
 
 
@@ -111,7 +111,8 @@ def export_any(weights: Path, rooms: Path, out: Path) -> None:
     images = [
         view.rgb
         for number, scene in enumerate(sorted(rooms.glob(SCENES))[:24])
-        for view in draw_views(load_scene(str(scene)), 6, number, level=True)
+        for kind, count in ((ViewKind.LEVEL, 4), (ViewKind.DOWN, 2))
+        for view in draw_views(load_scene(str(scene)), count, number, kind=kind)
     ]
     images += [rgb for _, rgb, _ in twin_views(replace(CALIBRATION_VIEWS, views=12))]
     ROOM_FILES.export(weights, out, calibration=images)

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.rooms.furnish import FLOWN, Assets, Furniture, write_room
 from benchmarks.rooms.pictures import SIDE_PX, draw_surface
-from benchmarks.rooms.room_views import draw_views
+from benchmarks.rooms.room_views import ViewKind, draw_poses, draw_views
 from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.lab.shipped import load_lab
@@ -55,7 +55,7 @@ def test_the_same_seed_gives_the_same_room(tmp_path: Path, assets: Assets) -> No
 
 def test_views_have_roles_and_depth_from_above_the_floor(tmp_path: Path, assets: Assets) -> None:
     scene = load_scene(str(furnished(tmp_path / "room", assets)))
-    views = list(draw_views(scene, 12, seed=1, level=True))
+    views = list(draw_views(scene, 12, seed=1, kind=ViewKind.LEVEL))
     shares = np.zeros(256)
     for view in views:
         assert set(np.unique(view.roles)) <= {0, 1, 2, IGNORED}
@@ -65,8 +65,36 @@ def test_views_have_roles_and_depth_from_above_the_floor(tmp_path: Path, assets:
             # A level camera sees the floor at its height or beyond; this one looks down.
             assert view.depth_m[ground].min() > 0.5 * view.pose.z_m
     assert (shares[:3] > 0.01 * shares.sum()).all(), "outside, ground and obstacle are in view"
-    again = next(draw_views(scene, 12, seed=1, level=True))
+    again = next(draw_views(scene, 12, seed=1, kind=ViewKind.LEVEL))
     np.testing.assert_array_equal(again.rgb, views[0].rgb)
+
+
+def test_half_of_the_poses_are_flown_and_a_fifth_are_steep_or_close_above_furniture(
+    tmp_path: Path, assets: Assets
+) -> None:
+    scene = load_scene(str(furnished(tmp_path / "room", assets)))
+    poses = draw_poses(scene, np.random.default_rng(2), 400)
+    heights_m = np.array([pose.z_m for pose in poses])
+    pitches_deg = np.degrees([pose.pitch_rad for pose in poses])
+    flown = (pitches_deg > -36) & (pitches_deg < -19) & (heights_m > 0.99) & (heights_m < 1.71)
+    assert 0.42 < flown.mean() < 0.7
+    assert 0.15 < (pitches_deg < -60).mean() < 0.35
+    assert heights_m.min() < 0.5
+    over = [
+        pose
+        for pose in poses
+        if any(item.footprint.contains(pose.x_m, pose.y_m) for item in scene.placed)
+    ]
+    assert len(over) > 0.05 * len(poses)
+    down = draw_poses(scene, np.random.default_rng(2), 50, ViewKind.DOWN)
+    assert max(pose.pitch_rad for pose in down) < np.radians(-84.9)
+
+
+def test_no_pose_is_in_a_box_of_the_papers_lab() -> None:
+    scene = load_scene("train-a")
+    assert scene.boxes
+    for pose in draw_poses(scene, np.random.default_rng(0), 200):
+        assert pose.z_m > scene.surface_m(pose.x_m, pose.y_m) + 0.2
 
 
 def test_surfaces_repeat_without_a_seam(assets: Assets) -> None:
