@@ -100,7 +100,7 @@ def test_a_phase_that_does_not_come_is_no_success(tmp_path: Path, run: Callable[
     ("arguments", "message"),
     [
         (["--kind", "blakc"], "unknown fault 'blakc'; did you mean 'black'?"),
-        (["--kind", "late=soon"], "could not convert string to float: 'soon'"),
+        (["--kind", "late=soon"], "expected a number as level, got 'soon'"),
         (["--scene", "moon"], "moon"),
         (["--tree", "land_only"], 'and no duration_ms="...", which --explore-s would set'),
         (["--workers", "two"], "invalid int value"),
