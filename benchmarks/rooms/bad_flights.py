@@ -21,9 +21,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.types import MissionPhase
 from uav_bt.types.arrays import Floats32
-from uav_bt.types.flight_results import EventKind, FlightEvent
 
 TRUSTED: Final = 0.5  # least confidence of a trusted depth
 WRONG: Final = math.log(1.2)
@@ -165,17 +163,6 @@ def followed_share(frames: Sequence[Mapping[str, float]]) -> float | None:
     return sum(known) / len(known) if known else None
 
 
-def _cause(events: Sequence[FlightEvent]) -> str:
-    """Return the failure that led to an emergency landing; empty without one."""
-    cause = ""
-    for event in events:
-        if event.kind is EventKind.PHASE and event.text == MissionPhase.EMERGENCY_LANDING.value:
-            return cause
-        if event.kind is EventKind.FAILED:
-            cause = event.text
-    return ""
-
-
 def _off(depth: Floats32, true: Floats32) -> float:
     """Return the logarithm of the median ratio of depth to the exact one; 0 without any."""
     near = np.isfinite(depth) & (depth > 0.0) & (true > 0.0) & (true < _NEAR_M)
@@ -212,7 +199,7 @@ def fly(flight: BadFlight, size_px: tuple[int, int], frames: Path) -> dict[str, 
         "seed": flight.seed,
         "tree": flight.tree,
         "outcome": report.outcome,
-        "reason": _cause(report.events) or report.reason,
+        "reason": report.reason,
         "contacts": {key: round(value, 1) for key, value in watch.contacts.items()},
         "duration_s": report.duration_s,
         "covered": report.coverage_passed,

@@ -22,6 +22,7 @@ class EventWatch:
         self._phase = ""
         self._override: Override | None = None
         self._flew = False
+        self.failure = ""  # the last branch that failed, or the tree's own reason
 
     def update(
         self,
@@ -43,7 +44,8 @@ class EventWatch:
         """
         add = self._context.add_event
         for node in ends.failed:
-            add(EventKind.FAILED, _words(node), node.path)
+            self.failure = _words(node)
+            add(EventKind.FAILED, self.failure, node.path)
         if phase != self._phase:
             self._phase = phase
             add(EventKind.PHASE, phase, self._context.proposals.movement_owner or "")
@@ -54,6 +56,8 @@ class EventWatch:
         self._flew = not landed
         if ends.ended is not None:
             how = "succeeded" if ends.succeeded else "failed"
+            if ends.ended.feedback_message and not ends.succeeded:
+                self.failure = _words(ends.ended)
             add(EventKind.ENDED, f"the tree {how} at {_words(ends.ended)}", ends.ended.path)
 
     def _note_override(self, override: Override | None, reasons: tuple[str, ...]) -> None:

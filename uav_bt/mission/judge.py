@@ -158,6 +158,7 @@ class Judge:
         abort_reason: str | None,
         landing: bool = False,
         belief: Belief | None = None,
+        failure: str = "",
     ) -> Verdict | None:
         """Return the verdict on the flight, None while it goes on.
 
@@ -169,6 +170,7 @@ class Judge:
             abort_reason: why the mission is being aborted; None if it is not.
             landing: whether the mission lands, by velocities or by the drone's own landing.
             belief: the drone's estimate of its place.
+            failure: the last branch of the tree that failed, with its reason; empty: none.
         """
         belief = belief or Belief()
         self._lands = landing or state.flying in _MAY_TOUCH_GROUND
@@ -187,7 +189,7 @@ class Judge:
         if abort_reason is not None:
             return Verdict(outcome=Outcome.ABORTED, reason=abort_reason) if landed else None
         if tree_status in (Status.SUCCESS, Status.FAILURE):
-            return self._mission_ended(tree_status, truth, landed=landed)
+            return self._mission_ended(tree_status, truth, failure, landed=landed)
         return None
 
     def _violation(
@@ -230,24 +232,25 @@ class Judge:
         return None
 
     def _mission_ended(
-        self, status: Status, truth: Truth | None, *, landed: bool
+        self, status: Status, truth: Truth | None, failure: str, *, landed: bool
     ) -> Verdict | None:
         if not landed:
             return None  # the runner brings it down, which aborts the flight
-        objection = self._objection(status, truth)
+        objection = self._objection(status, truth, failure)
         if objection is not None:
             return Verdict(outcome=Outcome.ABORTED, reason=objection)
         reason = "the tree succeeded on the ground" if self.stays_grounded else "landed"
         return Verdict(outcome=Outcome.SUCCESS, reason=reason)
 
-    def _objection(self, status: Status, truth: Truth | None) -> str | None:
+    def _objection(self, status: Status, truth: Truth | None, failure: str) -> str | None:
         """Return why a flight that ended on the ground is no success; None if it is one."""
         if self.stays_grounded and self._flew:
             return "it took off, which the mission's rules forbid"
         if not (self.stays_grounded or self._flew):
             return 'the tree ended without a take-off; <Rules land_on="none"/> allows that'
         if status is Status.FAILURE:
-            return "the tree failed; landed" if self._flew else "the tree failed on the ground"
+            where = "the tree failed; landed" if self._flew else "the tree failed on the ground"
+            return f"{where}; last failure: {failure}" if failure else where
         if truth is not None and truth.motors_on:
             return "the drone says it has landed, its motors still run"
         return self._misplaced(truth)

@@ -282,6 +282,7 @@ class MissionRunner:
             abort_reason=self._abort.reason,
             landing=self._arbiter.landing,
             belief=self._whereabouts.belief(),
+            failure=self._events.failure,
         )
         given_up = self._abort.follow(record.time_s, lands=record.override is Override.ABORT)
         if status in _OVER and state.flying is not FlyingState.LANDED:

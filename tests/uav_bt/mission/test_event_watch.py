@@ -90,3 +90,16 @@ def test_failed_branches_and_the_end_have_path_and_reason() -> None:
         (EventKind.ENDED, "the tree failed at Turn: kept from turning"),
     ]
     assert [event.node for event in context.notes.events] == ["M/s/Turn", "M/Land", "M/s/Turn"]
+
+
+def test_the_last_failure_is_kept_unless_the_tree_fails_with_a_reason() -> None:
+    watch = EventWatch(MissionContext())
+    lost, landing = ScriptedLeaf("lost"), ScriptedLeaf("landing")
+    lost.feedback_message = "no way"
+    watch.update(**QUIET | {"ends": BranchEnds(failed=(lost,))})
+    watch.update(**QUIET | {"ends": BranchEnds(ended=landing)})
+    assert watch.failure == "lost: no way"
+
+    landing.feedback_message = "no ground"
+    watch.update(**QUIET | {"ends": BranchEnds(ended=landing)})
+    assert watch.failure == "landing: no ground"

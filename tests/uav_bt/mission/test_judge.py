@@ -103,6 +103,16 @@ def test_a_tree_that_fails_on_the_ground_is_aborted_even_on_the_pad() -> None:
     assert verdict == Verdict(outcome=Outcome.ABORTED, reason="the tree failed; landed")
 
 
+def test_a_failed_tree_states_its_last_failure() -> None:
+    landed = DroneState(captured_s=90.0, flying=FlyingState.LANDED)
+    failure = "senses_agree: the floor shows too little texture"
+    verdict = flown().verdict(
+        90.0, landed, ON_PAD, Status.FAILURE, abort_reason=None, failure=failure
+    )
+    assert verdict is not None
+    assert verdict.reason == f"the tree failed; landed; last failure: {failure}"
+
+
 def test_a_tree_that_never_flew_is_no_success() -> None:
     verdict = ask(Judge(), 0.0, FlyingState.LANDED, ON_PAD, Status.SUCCESS)
     assert verdict is not None
