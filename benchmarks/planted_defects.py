@@ -250,7 +250,7 @@ class Hunt:
         words.append(str(out / SCENE_FILE))
         if (out / FAULTS_FILE).read_text(encoding="utf-8"):
             words += ["--faults", f"@{out / FAULTS_FILE}"]
-        counts = re.findall(r"(\d+) (?:faults|movers|boxes)", left)
+        counts = re.findall(r"(?:faults|movers|boxes) (\d+)", left)
         return ", ".join(counts), self._is_found_in_twin(words)
 
     def _is_found_in_twin(self, words: list[str]) -> bool:

@@ -50,7 +50,7 @@ elif command == "shrink":
     out.mkdir()
     (out / "scene.yaml").write_text("name: small")
     (out / "faults.txt").write_text("late@explore\\n")
-    print(f"left: 1 faults, 0 movers, 2 boxes; {out}")
+    print(f"left: faults 1, movers 0, boxes 2; {out}")
 elif command == "fly":
     assert value("--faults").endswith("faults.txt")
     Path(value("--report")).write_text(json.dumps(line(int(value("--seed")))))

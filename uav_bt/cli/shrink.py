@@ -74,7 +74,7 @@ def shrink_command(
     write_whole(out / SCENE_FILE, scene_text(small.scene))
     write_whole(out / FAULTS_FILE, "".join(f"{fault}\n" for fault in small.faults))
     left = ", ".join(
-        f"{len(some)} {what}"
+        f"{what} {len(some)}"
         for what, some in (
             ("faults", small.faults),
             ("movers", small.scene.movers),

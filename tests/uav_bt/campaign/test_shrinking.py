@@ -51,7 +51,7 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
     plain = tmp_path / "small"
     done = CliRunner().invoke(shrink_command, [str(source), "--out", str(plain)])
     assert done.exit_code == 0, done.output
-    assert "left: 1 faults, 0 movers, 0 boxes" in done.output
+    assert "left: faults 1, movers 0, boxes 0" in done.output
     assert (plain / "faults.txt").read_text() == "battery-low=0.06@center+0.3\n"
     assert load_scene(plain / "scene.yaml").boxes == ()
     assert f"uav-bt fly land_only --scene {plain}/scene.yaml --seed 3" in done.output
