@@ -116,4 +116,5 @@ def check_mark(judge: JudgeConfig, drone: Drone, lab: Lab | None = None) -> None
         lacks = f"the lab '{lab.name}' states no landing mark, and the mission must land on one"
     else:
         return
-    raise InputError(f'{lacks}: state where it may land, such as <Rules land_on="any"/> in the tree')
+    advice = 'state where it may land, such as <Rules land_on="any"/> in the tree'
+    raise InputError(f"{lacks}: {advice}")
