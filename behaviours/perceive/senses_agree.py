@@ -147,7 +147,7 @@ class SensesAgree(Leaf):
             self._stretched_since_s = now_s
         if now_s - self._stretched_since_s < self.port_value("for_s") - _SAME_S:
             return ""
-        return f"the ground passes {factor:.2f} times as fast as telemetry says: {_ADVICE}"
+        return f"the ground passes {factor:.2f} times as fast as telemetry reports: {_ADVICE}"
 
     def _plain(self, now_s: float) -> str:
         """Return why the motion over the floor is not measured; empty if it is."""

@@ -115,7 +115,7 @@ def test_ground_that_passes_too_fast_for_telemetry_fails() -> None:
         answers = move(bench, 3.0, factor)
         assert answers[:20] == [Status.SUCCESS] * 20
         assert answers[21:] == [Status.FAILURE] * 9
-        assert "as fast as telemetry says" in bench.feedback
+        assert "as fast as telemetry reports" in bench.feedback
 
 
 def test_a_small_or_unknown_factor_is_none() -> None:
