@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import ground_depth, view_of
-from perception.depth.metric import MetricDepthMaker
+from perception.depth.metric import MetricDepthConfig, MetricDepthMaker
 from perception.depth.scale import ScaleConfig, sample_ground
 from perception.depth.stage import DepthStage
 from uav_bt.errors import FileError
@@ -140,7 +140,9 @@ class _Meter:
         frame = replace(frame, image=self._undistorter.undistort(frame.image))
         class_map = self._segmenter.segment(frame)
         # A new maker for each frame: the scale of an earlier frame would hide a lack of ground.
-        maker = MetricDepthMaker(source="network", generator=self._generator)
+        # The check looks for wrong scales, so all of them count.
+        config = MetricDepthConfig(least_confidence=0.0)
+        maker = MetricDepthMaker(source="network", generator=self._generator, config=config)
         metric = DepthStage(self._network, maker).perceive(frame, class_map, self._camera)
         found.frames += 1
         depth = None if metric.depth is None else metric.depth.depth

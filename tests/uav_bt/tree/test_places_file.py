@@ -146,13 +146,13 @@ def test_the_entry_of_a_subtree_its_default_and_a_variable_are_lists_too(
 
 
 def test_an_area_may_stand_in_a_file(tmp_path: Path) -> None:
-    (tmp_path / "area.csv").write_text("frame,x,y\nstart,-1,-1\nstart,3,-1\nstart,3,2\n")
+    (tmp_path / "area.csv").write_text("frame,x,y\nstart,-1,-1\nstart,3,-1\nstart,-1,3\n")
     tree = load_tree(tree_file(tmp_path, '<Rules area="file:area.csv"/>'))
     assert isinstance(tree.root, Rules)
     assert list(map(str, tree.root.stated().area or ())) == [
         "start:-1,-1",
         "start:3,-1",
-        "start:3,2",
+        "start:-1,3",
     ]
 
 

@@ -264,9 +264,10 @@ class ReplayJudge(Judge):
         abort_reason: str | None,
         landing: bool = False,
         belief: Belief | None = None,
+        failure: str = "",
     ) -> Verdict | None:
         """Return that the recording is over, None while it goes on."""
-        del now_s, state, truth, tree_status, abort_reason, landing, belief
+        del now_s, state, truth, tree_status, abort_reason, landing, belief, failure
         if self._drone.at_end:
             return Verdict(outcome=Outcome.SUCCESS, reason="the recording is over")
         return None

@@ -29,7 +29,7 @@ from uav_bt.types.place import FILE_PREFIX, FILE_SUFFIXES, SEPARATOR
 MAX_FILES: Final = 50  # of a mission, as of included files
 # Stands for the places of a file with faults, so that no port adds a second finding. An area has
 # three corners.
-_STAND_IN: Final = "start:0,0;start:1,0;start:0,1"
+_STAND_IN: Final = "start:-1,-1;start:2,-1;start:-1,2"
 _NAMED: Final = re.compile(
     rf"\s*{FILE_PREFIX}\s*(?P<name>[^;{{}}]*(?:{'|'.join(map(re.escape, FILE_SUFFIXES))}))\s*",
     re.IGNORECASE,
