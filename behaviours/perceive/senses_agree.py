@@ -35,7 +35,7 @@ class _Window:
         self._answers.append((now_s, value))
 
     def mean(self, now_s: float, for_s: float) -> float | None:
-        """Return the mean answer of the last `for_s`; None while it is not known for so long."""
+        """Return the mean answer of the last `for_s`; None before the window is full."""
         began_s, known = now_s - for_s + _SAME_S, self._answers
         if known and known[-1][0] <= began_s:
             known.clear()  # nothing was measured within the window
@@ -55,8 +55,8 @@ class SensesAgree(Leaf):
     `least` on average. The ground must pass below the drone as far as telemetry reports, within
     the factor `stretch`: otherwise height or focal length is wrong, or telemetry's velocity. Where
     ground fills a fifth of the image, its motion must be measured in the share `followed` of the
-    frames: a floor of one colour shows none, and the position is telemetry's alone. What is not
-    measured contradicts nothing.
+    frames: a floor of one colour shows none, and the position is telemetry's alone. A quantity
+    without a measurement contradicts nothing.
     """
 
     condition = True

@@ -157,7 +157,7 @@ def followed_share(frames: Sequence[Mapping[str, float]]) -> float | None:
     """Return the share of frames with ground whose motion was measured on it; None without any.
 
     Args:
-        frames: What was compared in each frame.
+        frames: Comparisons, one a frame.
     """
     known = [each["followed"] for each in frames if each.get("ground", 0.0) >= GROUND]
     return sum(known) / len(known) if known else None

@@ -25,8 +25,8 @@ MEASURES: Final = ("slope", "height")
 """Measures of `evidence` that show it."""
 
 _EXTENT: Final = 0.9  # least extent of the ground in view
-# Steeper views are not judged. Their ranges differ little, so a small error of the depth passes for
-# a slope, and few of them were trained.
+# Steeper views are not judged. Their ranges differ little, so a small error of the depth looks
+# like a slope, and few of them were trained.
 _STEEPEST_RAD: Final = math.radians(-60.0)
 
 

@@ -1,4 +1,4 @@
-"""SensesAgree: a contradiction must last, and what is not measured contradicts nothing."""
+"""SensesAgree: a contradiction must last, and a missing measurement contradicts nothing."""
 
 from __future__ import annotations
 

@@ -33,6 +33,7 @@ from perception.segmentation.room_runtime import RoomSegmenter
 from perception.segmentation.runtime import OnnxSegmenter, load_segmenter
 from perception.segmentation.training.unet import UNET_FILES
 from tests.paper_lab import CLASSES
+from tests.perception.segmentation.adaptation.learned_world import STATEMENT
 from uav_bt.errors import FileError, InputError, ShapeError
 from uav_bt.testing.drone import pinhole
 from uav_bt.types import Attitude, Frame
@@ -113,15 +114,9 @@ def _place(network: OnnxRoleNetwork, image: Image) -> LearnedPlace:
     features = network.infer(image).features
     spread = features.reshape(len(features), -1).std(axis=1)
     head = GroundHead(weights=generator.normal(0.0, 1.0, 24), margin_weight=0.3, bias=0.4)
-    statement = PlaceStatement(
+    statement = replace(
+        STATEMENT,
         base=network_hash(network.path),
-        width_px=448,
-        height_px=224,
-        focal_px=(326.0, 289.7),
-        height_m=1.5,
-        frames=3,
-        known_share=0.8,
-        agreement=0.9,
         feature_means=(tuple(features.reshape(len(features), -1).mean(axis=1).tolist()),),
         feature_spread=tuple(spread.tolist()),
     )
