@@ -26,7 +26,7 @@ MEASURES: Final = ("slope", "height")
 
 _EXTENT: Final = 0.9  # least extent of the ground in view
 # Steeper views are not judged. Their ranges differ little, so a small error of the depth looks
-# like a slope, and few of them were trained.
+# like a slope, and the shipped network was not trained on them.
 _STEEPEST_RAD: Final = math.radians(-60.0)
 
 

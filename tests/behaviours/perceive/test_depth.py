@@ -10,6 +10,7 @@ import pytest
 
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from perception.camera.ground_plane import CameraView, ground_depth
+from perception.depth.metric import LEAST_CONFIDENCE
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, HELIPAD_H, paper_map
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
@@ -120,6 +121,11 @@ def test_relative_and_metric_depth_are_written_as_old_as_the_frame(estimating: L
     assert metric.captured_s == relative.captured_s == pytest.approx(0.1)
     view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=PITCH_RAD, height_m=1.5)
     assert metric.depth[80, 100] == pytest.approx(ground_depth(view)[80, 100], rel=1e-3)
+
+
+def test_the_leaf_trusts_the_same_scales_as_the_evaluation() -> None:
+    (port,) = (port for port in EstimateDepth.ports if port.name == "least_confidence")
+    assert port.default == LEAST_CONFIDENCE
 
 
 def test_ground_that_passes_too_fast_lowers_the_confidence(estimating: LeafBench) -> None:
