@@ -31,7 +31,7 @@ from uav_bt.types import (
     rotate,
     rotate_points,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose
+from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose, flown_s
 from uav_bt.types.projection import ground_range_to_row
 
 _SPREAD_M: Final = 1.0  # of the points of a measurement that does not state it; usual in flight
@@ -175,7 +175,7 @@ class GroundOdometry:
         then, seen = self._seen
         way, passed_s = _between(then, raw), max(0.0, frame.captured_s - seen.time_s)
         self._error.predict(passed_s)
-        missed_m = self._error.mps(seen.yaw_rad) * passed_s  # in the odometry's frame
+        missed_m = self._error.mps(seen.yaw_rad) * flown_s(passed_s)  # in the odometry's frame
         x_m, y_m = np.array([way.x_m, way.y_m]) + rotate_points(missed_m, -seen.yaw_rad)
         expected = replace(way, x_m=float(x_m), y_m=float(y_m))
         shown = self._shown(before, expected, passed_s, camera.forward_offset_m)
@@ -291,7 +291,7 @@ class GroundOdometry:
         then, seen = self._seen
         turn_rad = self._heading.correction_rad
         x_m, y_m = rotate(raw.x_m - then.x_m, raw.y_m - then.y_m, turn_rad)
-        missed_m = self._error.mps(raw.yaw_rad + turn_rad) * (raw.time_s - seen.time_s)
+        missed_m = self._error.mps(raw.yaw_rad + turn_rad) * flown_s(raw.time_s - seen.time_s)
         return replace(
             raw,
             x_m=seen.x_m + x_m + float(missed_m[0]),

@@ -19,6 +19,11 @@ TURN_SPAN_S: Final = 0.15  # s between headings for a turning rate; chosen, nois
 _TIME_SLACK_S: Final = 1e-6  # s; accuracy of differences of times
 
 
+def flown_s(passed_s: float) -> float:
+    """Return the part of the time between two velocities in which the drone moved by them, s."""
+    return min(passed_s, 2.0 * CARRY_S)
+
+
 class PoseHistory(Generic[SomePose]):
     """The poses of the last seconds, which place a late frame where it was captured.
 
@@ -131,6 +136,8 @@ class Odometry:
     Velocity and heading each count at their capture time. They are interpolated between two
     measurements and extrapolated for `CARRY_S` after the newest, so a frame or a command between
     two reports has a pose. Later the velocity is unknown, and the newest pose stays unchanged.
+    In a gap of more than two `CARRY_S` each of the velocities at its ends counts for `CARRY_S`,
+    because a drone without telemetry hovers.
 
     Args:
         memory_s: how long poses are kept, s.
@@ -191,7 +198,7 @@ class Odometry:
                 forward_mps=(self._velocity.forward_mps + velocity.forward_mps) / 2.0,
                 right_mps=(self._velocity.right_mps + velocity.right_mps) / 2.0,
             )
-            x_m, y_m = self._flown(last, mean, time_s - last.time_s)
+            x_m, y_m = self._flown(last, mean, flown_s(time_s - last.time_s))
         self._velocity = velocity
         pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=self._headings.at(time_s))
         self._history.add(time_s, pose)
