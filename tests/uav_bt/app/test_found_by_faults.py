@@ -34,3 +34,11 @@ def test_a_frozen_image_does_not_displace_the_map() -> None:
     assert flown.outcome == "success"
     assert flown.map_drift_m is not None
     assert flown.map_drift_m < 0.15
+
+
+def test_an_outage_of_telemetry_does_not_displace_the_map() -> None:
+    """The last velocity was integrated over the 9 s in which the drone hovered: 1.6 m."""
+    flown = fly("survey_and_land", "val-b", 24003, "height-nan@explore+12~9")
+    assert flown.outcome == "success"
+    assert flown.map_drift_m is not None
+    assert flown.map_drift_m < 0.15

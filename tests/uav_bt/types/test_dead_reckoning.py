@@ -137,6 +137,14 @@ def test_a_dead_velocity_is_not_integrated_for_longer_than_half_a_second() -> No
     assert (odometry.now.time_s, odometry.now.x_m) == pytest.approx((0.5, 0.175))
 
 
+def test_a_gap_in_the_velocity_counts_for_half_a_second_at_either_end() -> None:
+    """0.4 m/s before and 0.2 m/s after 9 s without telemetry: 0.3 m, not 2.7 m."""
+    odometry = Odometry()
+    odometry.update(state(0.0, forward_mps=0.4), now_s=0.0)
+    pose = odometry.update(state(9.0, forward_mps=0.2), now_s=9.0)
+    assert (pose.time_s, pose.x_m) == pytest.approx((9.0, 0.3))
+
+
 def test_a_later_velocity_corrects_what_was_carried_on() -> None:
     """It decelerated evenly within 0.2 s: 0.04 m, not 0.08 m as with the old velocity."""
     odometry = Odometry()
