@@ -17,6 +17,7 @@ from uav_bt.board import (
     HELD_TURN,
     ODOMETRY,
     PHASE,
+    RAISED,
     SITE_MAP,
     STATE,
 )
@@ -54,11 +55,12 @@ class CourseLeaf(MovingLeaf):
     reads: ClassVar[tuple[Key[Any], ...]] = (
         STATE,
         FLIGHT_HEIGHT,
+        RAISED,
         CAMERA,
         ODOMETRY,
         SITE_MAP,
     )
-    writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, HELD_TURN)
+    writes: ClassVar[tuple[Key[Any], ...]] = (PHASE, HELD_TURN, RAISED)
     resumes = False  # after an interruption the leaf decides anew, on a new view
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -68,7 +70,6 @@ class CourseLeaf(MovingLeaf):
 
         super().on_setup(mission)
         self._course = Course()
-        self._raised_m = 0.0  # among movers; set where the leaf gives way
         giving_way = GivingWayConfig()
         margins = giving_way.margins.within(mission.clearances)
         self._giving_way = GivingWay(replace(giving_way, margins=margins))
@@ -125,7 +126,7 @@ class CourseLeaf(MovingLeaf):
     def give_way(self) -> bool:
         """Stop for a mover or get out of its way, and climb; False when none comes too near."""
         site_map = self.read(SITE_MAP).value
-        self._raised_m = self._giving_way.raised_m(site_map)
+        self.write(RAISED, self._giving_way.raised_m(site_map))
         velocity = self._giving_way.velocity(
             site_map,
             self.obstacles(),
@@ -173,8 +174,9 @@ class CourseLeaf(MovingLeaf):
 
         That is the flight height, and a higher one among movers. 0 if no flight height is set.
         """
-        raised_m = 0.0 if self.read(FLIGHT_HEIGHT).value is None else self._raised_m
-        return self.too_high_m(state) - raised_m
+        if self.read(FLIGHT_HEIGHT).value is None:
+            return 0.0
+        return self.too_high_m(state) - (self.read(RAISED).value or 0.0)
 
     def ground_pitch_rad(self, flight_rad: float) -> float:
         """Return the camera's pitch: the flight pitch, or lower to show ground, or a mover's base.

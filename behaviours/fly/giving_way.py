@@ -47,7 +47,6 @@ class GivingWayConfig:
         hidden_rad: Half angle ahead in which such obstacles count.
         above_m: Height above the flight height that the drone climbs to. People and carts may pass
             below; the limit of the ceiling holds.
-        stays_above_s: The drone stays there for this time after the last seen movement.
         climb_per_s: Climb rate per metre of error in that height.
         climb_mps: Highest climb rate.
     """
@@ -64,7 +63,6 @@ class GivingWayConfig:
     hidden_m: float = 0.9
     hidden_rad: float = math.radians(60)
     above_m: float = 0.5
-    stays_above_s: float = 20.0
     climb_per_s: float = 2.0
     climb_mps: float = 0.5
 
@@ -124,17 +122,14 @@ class GivingWay:
     def raised_m(self, site_map: SiteMap | None) -> float:
         """Return the height above the flight height that the drone keeps, metres.
 
-        It keeps it from the first sighting of a mover on, because one that is out of view may come
-        back from any side.
+        It keeps it from the first seen movement to the landing, because a mover that is out of view
+        may come back from any side.
 
         Args:
             site_map: The newest map; None without one.
         """
-        cfg = self.config
-        if site_map is None:
-            return 0.0
-        lately = site_map.captured_s - site_map.moved_s <= cfg.stays_above_s
-        return cfg.above_m if lately or site_map.movers else 0.0
+        moves = site_map is not None and (bool(site_map.movers) or math.isfinite(site_map.moved_s))
+        return self.config.above_m if moves else 0.0
 
     def _with_hidden(self, site_map: SiteMap, obstacles: NearObstacles | None) -> SiteMap:
         """Return the map with lost movers at an obstacle whose base is below the view.

@@ -115,6 +115,14 @@ FLIGHT_HEIGHT: Final = Key(
     unit="m",
     writer="the take-off",
 )
+RAISED: Final = Key(
+    "raised_m",
+    float,
+    "height above the flight height that the drone keeps among movers",
+    unit="m",
+    writer="leaves that give way",
+    max_age_s=_STATE_MAX_AGE_S,
+)
 FLIGHT_PITCH: Final = Key(
     "flight_pitch_rad",
     float,
@@ -160,6 +168,7 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     SITE_MAP,
     PHASE,
     FLIGHT_HEIGHT,
+    RAISED,
     FLIGHT_PITCH,
     HELD_TURN,
     RECENT_VIEWS,

@@ -26,7 +26,7 @@ from tests.behaviours.path.test_passages import MARK as MARK_M
 from tests.behaviours.path.test_passages import corner
 from tests.behaviours.path.test_survey import where
 from uav_bt.answers import Done, FollowLeg
-from uav_bt.board import MARK, ODOMETRY, PHASE, SITE_MAP, STATE
+from uav_bt.board import FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, show
@@ -248,6 +248,16 @@ def test_it_turns_to_a_mark_behind() -> None:
 
     assert velocity(bench).yaw_rate_radps > 0.5
     assert velocity(bench).forward_mps == 0.0
+
+
+@pytest.mark.parametrize("moved_s", [-math.inf, 0.0])
+def test_on_the_way_it_stays_above_movers(moved_s: float) -> None:
+    bench = searching(Says(TURN_LEFT))
+    bench.board[FLIGHT_HEIGHT] = 1.5
+    for _ in range(3):
+        fly(bench, site_map=replace(marked(1.6, 0.2), moved_s=moved_s))
+    assert velocity(bench).forward_mps > 0.2
+    assert (velocity(bench).down_mps < -0.2) == (moved_s == 0.0)
 
 
 def test_between_two_maps_the_course_is_held() -> None:
