@@ -7,9 +7,17 @@ from uav_bt import app
 SHORT = {"ExploreFor.duration_ms": "30000"}
 
 
-def fly(tree: str, scene: str, seed: int, *faults: str, vary_room: bool = True) -> app.FlownMission:
+def fly(
+    tree: str, scene: str, seed: int, *faults: str, vary_room: bool = True, movers: int = 0
+) -> app.FlownMission:
     options = app.FlightOptions(
-        scene=scene, seed=seed, drone="plain", vary_room=vary_room, faults=faults, ports=SHORT
+        scene=scene,
+        seed=seed,
+        drone="plain",
+        vary_room=vary_room,
+        movers=movers,
+        faults=faults,
+        ports=SHORT,
     )
     return app.fly(tree, options)
 
@@ -42,3 +50,9 @@ def test_an_outage_of_telemetry_does_not_displace_the_map() -> None:
     assert flown.outcome == "success"
     assert flown.map_drift_m is not None
     assert flown.map_drift_m < 0.15
+
+
+def test_on_the_way_home_it_stays_above_a_mover() -> None:
+    """Only leaves that give way flew higher; the others descended, and a person walked into it."""
+    flown = fly("survey_and_land", "train-b", 5005, vary_room=False, movers=1)
+    assert flown.outcome == "success"
