@@ -111,6 +111,8 @@ class MoverTracker:
                 track = MoverTrack(self._count, cluster.place_m, cluster.noise, time_s, cfg)
                 track.is_whole = cluster.whole
                 self._tracks.append(track)
+        for track in self._tracks:
+            track.leave(time_s)
         self._drop_found_again(time_s)
         return stands
 
