@@ -44,9 +44,10 @@ class MoverConfig:
     stays_s: float = 3.0  # time within `stays_m` after which a cluster stands
     # A cluster that has not moved is forgotten when it is unseen for this long.
     doubt_s: float = 0.6
-    # A fast cluster that is unseen for this long is a mover, although it has not moved by
-    # `moved_m`: near the drone its base is below the view.
+    # A fast cluster within `near_m` of the camera that is unseen for `lost_s` is a mover, although
+    # it has not moved by `moved_m`: its base is below the view.
     lost_s: float = 0.2
+    near_m: float = 1.2
     life_s: float = 6.0  # the same for a mover
     # A mover out of view keeps its velocity for this time. After it the mover may have turned: it
     # is anywhere within the way that it covers at `turned_ratio` of its speed.
@@ -189,15 +190,16 @@ class MoverTrack:
             oldest_s = self.time_s - cfg.trail_s
             self.trail = [past for past in self.trail if past[0] >= oldest_s]
 
-    def leave(self, time_s: float) -> None:
-        """Take a fast cluster for a mover when it has left the view.
+    def leave(self, from_m: Floats, time_s: float) -> None:
+        """Take a fast cluster for a mover when it has come below the view.
 
         Args:
+            from_m: (2,) position of the camera in the map's frame.
             time_s: capture time of the newest view.
         """
         cfg = self._config
         known, lost = self.sightings >= cfg.sightings, time_s - self.seen_s > cfg.lost_s
-        if known and lost and self.is_under_way:
+        if known and lost and self.is_under_way and math.dist(self.seen_m, from_m) < cfg.near_m:
             self.moves = self.has_moved = True
 
     def holds(self, points_m: Floats, margin_m: float) -> Flags:

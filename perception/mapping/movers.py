@@ -112,7 +112,7 @@ class MoverTracker:
                 track.is_whole = cluster.whole
                 self._tracks.append(track)
         for track in self._tracks:
-            track.leave(time_s)
+            track.leave(from_m, time_s)
         self._drop_found_again(time_s)
         return stands
 
