@@ -108,7 +108,7 @@ def way_out(
 ) -> WayOut:
     """Return the velocity that leaves the widest gap to movers; 0 to stay.
 
-    The way leads over free ground with clearance, and the drone can stop before that ground ends.
+    The way leads over ground that was seen, with clearance. The drone can stop before it ends.
 
     Args:
         clearance: The clearance map of the standing obstacles.
@@ -151,5 +151,8 @@ def _open_m(clearance: ClearanceMap, here_m: Floats, headings: Floats, furthest_
     cells = np.floor((places_m - found.corner_m) / found.cell_m + 0.5).astype(int)
     inside = np.asarray(((cells >= 0) & (cells < found.free.shape)).all(axis=-1))
     rows, columns = np.moveaxis(np.where(np.expand_dims(inside, -1), cells, 0), -1, 0)
-    is_open = np.logical_and(inside, np.asarray(clearance.open)[rows, columns])
+    # The map also counts the cells around the drone as free, and a drone that evades again and again
+    # carries them along, beyond an edge that it has not seen.
+    is_flyable = np.logical_and(clearance.open, found.ground)
+    is_open = np.logical_and(inside, is_flyable[rows, columns])
     return np.asarray(found.cell_m * np.logical_and.accumulate(is_open, axis=1).sum(axis=1))

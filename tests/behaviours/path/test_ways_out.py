@@ -157,6 +157,14 @@ def test_beyond_the_edge_and_over_unknown_ground_is_no_way_out() -> None:
     assert escape(unknown).y_mps <= 0.0
 
 
+def test_ground_that_was_never_seen_is_no_way_out() -> None:
+    """The map counts it as free, because the drone is near."""
+    shown = with_movers(mover(-1.2, 0.0, x_mps=0.6))
+    unseen = np.where(shown.places_m()[..., 0] >= -0.3, -np.inf, shown.seen_s)
+    assert escape(shown) != WayOut()
+    assert escape(replace(shown, seen_s=unseen)) == WayOut()
+
+
 def test_it_can_stop_before_what_stands() -> None:
     """The faster it gives way, the more clearance it needs before a wall."""
     wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.42 + 0.15)])
