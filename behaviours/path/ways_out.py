@@ -151,7 +151,7 @@ def _open_m(clearance: ClearanceMap, here_m: Floats, headings: Floats, furthest_
     cells = np.floor((places_m - found.corner_m) / found.cell_m + 0.5).astype(int)
     inside = np.asarray(((cells >= 0) & (cells < found.free.shape)).all(axis=-1))
     rows, columns = np.moveaxis(np.where(np.expand_dims(inside, -1), cells, 0), -1, 0)
-    # The map also counts the cells around the drone as free, and a drone that evades again and again
+    # The map also counts the cells around the drone as free. A drone that evades again and again
     # carries them along, beyond an edge that it has not seen.
     is_flyable = np.logical_and(clearance.open, found.ground)
     is_open = np.logical_and(inside, is_flyable[rows, columns])
