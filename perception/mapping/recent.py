@@ -122,15 +122,15 @@ class RecentLayer:
         self._drop_where_ground_shows(view)
         self._drop_assumed_before_ground(view)
         base_s, edge_s = view.captured_s + cfg.max_age_s, view.captured_s + cfg.edge_age_s
-        new = []
+        edges_m = found.edges_m[np.hypot(*found.edges_m.T) <= view.config.max_range_m]
+        # Not the bases without a neighbour: on the vertical edge of an obstacle whose base is
+        # hidden they would explain the obstacle, and give it a range that is too long.
         for seen_m, until_s, kind in (
-            (found.placed_m, base_s, _Kind.BASE),
-            (found.edges_m, edge_s, _Kind.EDGE),
+            (view.bases_m, base_s, _Kind.BASE),
+            (edges_m, edge_s, _Kind.EDGE),
         ):
-            near_m = seen_m[np.hypot(*seen_m.T) <= view.config.max_range_m]
-            xy_m = pose.points_to_world(view.body_m(near_m))
-            new.append(_Points.of(xy_m, until_s=until_s, seen_s=self._newest_s, kind=kind))
-        self._add(new[0].with_rows(new[1]))
+            xy_m = pose.points_to_world(view.body_m(seen_m))
+            self._add(_Points.of(xy_m, until_s=until_s, seen_s=self._newest_s, kind=kind))
         unplaced_rad = self._unexplained(view, found.hidden_m, _Kind.BASE, base_s)
         self._unplaced_rad = unplaced_rad + pose.yaw_rad
         ended_rad = self._unexplained(view, found.hidden_edges_m, _Kind.EDGE, edge_s)

@@ -380,6 +380,19 @@ def test_a_remembered_base_explains_the_near_box() -> None:
     assert found.points_age_s[np.hypot(*found.points_m.T).argmin()] == 0.0  # the box is in view
 
 
+def test_the_side_of_a_near_box_does_not_explain_it() -> None:
+    """In a turn its vertical edge meets ground further away than the box, on single bearings."""
+    flight = Flight()
+    for tick in range(200):
+        yaw_rad = math.radians(0.3 * tick - 30)
+        side_m = -0.5 * math.tan(yaw_rad)
+        flight.predict(state(0.05 * tick, yaw_rad=yaw_rad))
+        flight.look(draw_box(bare_ground(), 0.5, side_m, side_m + 0.5), 0.05 * tick)
+
+        assert len(flight.points().points_m) == 0
+    assert len(flight.points().unplaced_rad) > 20
+
+
 def test_the_pad_is_no_obstacle() -> None:
     """The drone flies above it."""
     flight = Flight()
