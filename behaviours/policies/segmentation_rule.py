@@ -6,14 +6,17 @@
     low short, high filled  turn round
 
 The paper gives thresholds (1600 and 900 pixels of a 224x112 map) but not the rectangles. Here they
-follow from the camera's geometry, so that each asks a question in metres:
+follow from the camera's geometry, so that each asks a question in metres. Pitch and height change
+the number of pixels that show the same ground, and the thresholds with them. A higher drone sees no
+ground as near; both ranges then count from the nearest ground in view.
 
 - The *high* rectangle asks whether a box stands in the way. Its upper edge is the row that sees the
   ground `obstacle_range_m` ahead: a box whose base is further away does not reach into it. Its
-  lower edge is the image's, where the nearest visible ground lies. A nearer box that reaches the
-  flight altitude fills it from top to bottom at any distance.
-- The *low* rectangle asks whether the ground goes on. It spans the ground from the nearest visible
-  row to `ground_range_m`. Boxes and the mark stand on the ground, so they count as ground.
+  lower edge is the image's. A nearer box that reaches the flight altitude fills it from top to
+  bottom at any distance.
+- The *low* rectangle asks whether the ground goes on. It spans the ground from the nearest place
+  that the view of the thresholds shows to `ground_range_m`. Boxes and the mark stand on the ground,
+  so they count as ground.
 
 Both rectangles are as wide as the image of the swept path with its margins at the distance in
 question.
@@ -25,7 +28,7 @@ obstacle, because a forward-looking camera does not see the obstacles beside the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +38,7 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
 from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel
-from uav_bt.types.projection import ground_range_to_row
+from uav_bt.types.projection import ground_points, ground_range_to_row
 
 _REFERENCE_PIXELS = 224 * 112  # the map size that the paper's pixel counts refer to
 
@@ -59,6 +62,11 @@ class Rectangle:
         rows = slice(self.top, self.bottom)
         return image[rows, self.left : middle], image[rows, middle : self.right]
 
+    @property
+    def size_px(self) -> int:
+        """Number of its pixels."""
+        return (self.bottom - self.top) * (self.right - self.left)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SegmentationRuleConfig:
@@ -68,6 +76,9 @@ class SegmentationRuleConfig:
     turn_rad: float = math.radians(30)  # one correction; a third of the view
     obstacle_threshold_px: float = 900.0  # of a 224x112 map, as in the paper
     ground_threshold_px: float = 1600.0  # of a 224x112 map, as in the paper
+    # The view in which the thresholds hold. Chosen: the flight height and pitch of the missions.
+    threshold_pitch_rad: float = math.radians(-30)
+    threshold_height_m: float = 1.5
     obstacle_range_m: float = 1.6  # from the camera: boxes based beyond this are not in the way
     # From the image's centre. The side of a box 0.4 m beside the path and 1.2 m ahead is seen at 14
     # degrees. The other 8 degrees are the 26 columns that it needs to reach the threshold.
@@ -100,6 +111,14 @@ def _count(region: NDArray[np.uint8], role: int) -> int:
     return int(np.count_nonzero(region == role))
 
 
+def _nearest_m(view: PolicyView) -> float:
+    """Return the distance ahead of the camera of the nearest ground in view; 0 without any."""
+    camera, height_m = view.camera, max(view.height_above_ground_m, MIN_VIEW_HEIGHT_M)
+    lowest = camera.cx_px, camera.height_px - 1
+    ahead_m = ground_points(lowest, camera, view.gimbal_pitch_rad, height_m)[0]
+    return max(0.0, float(np.nan_to_num(ahead_m)))
+
+
 class SegmentationRule:
     """The rule as a leaf policy."""
 
@@ -111,16 +130,18 @@ class SegmentationRule:
         cfg = self.config
         high = self._rectangle(view, cfg.obstacle_range_m, cfg.obstacle_half_angle_rad)
         low = self._rectangle(view, cfg.ground_range_m, cfg.ground_half_angle_rad)
-        return high, low
+        return replace(high, bottom=view.camera.height_px), low
 
     def decide(self, view: PolicyView) -> Advance | Blocked:
         """Return an advance or a turn. A turn keeps its direction until the path is free."""
         cfg = self.config
         roles = view.class_map.roles
         high, low = self.rectangles(view)
-        scale = roles.size / _REFERENCE_PIXELS
-        obstacles = _count(high.of(roles), OBSTACLE) / scale
-        ground = np.count_nonzero(low.of(roles) != OUTSIDE) / scale
+        per_px = _REFERENCE_PIXELS / roles.size
+        obstacles = _count(high.of(roles), OBSTACLE) * per_px
+        obstacles *= self._size_ratio(view, cfg.obstacle_range_m, cfg.obstacle_half_angle_rad)
+        ground = np.count_nonzero(low.of(roles) != OUTSIDE) * per_px
+        ground *= self._size_ratio(view, cfg.ground_range_m, cfg.ground_half_angle_rad)
 
         relief = min(view.full_turns, cfg.max_full_turns)
         obstacle_limit = cfg.obstacle_threshold_px * (1.0 + cfg.obstacle_relief * relief)
@@ -159,15 +180,34 @@ class SegmentationRule:
             return math.copysign(self.config.turn_rad, tie_break - 0.5)
         return self.config.turn_rad if for_right > for_left else -self.config.turn_rad
 
-    @staticmethod
-    def _rectangle(view: PolicyView, range_m: float, half_angle_rad: float) -> Rectangle:
+    def _size_ratio(self, view: PolicyView, range_m: float, half_angle_rad: float) -> float:
+        """Return the size of a rectangle in the view of the thresholds over that in a view."""
+        size_px = self._rectangle(view, range_m, half_angle_rad).size_px
+        return self._rectangle(self._of_thresholds(view), range_m, half_angle_rad).size_px / size_px
+
+    def _of_thresholds(self, view: PolicyView) -> PolicyView:
+        cfg = self.config
+        return replace(
+            view,
+            gimbal_pitch_rad=cfg.threshold_pitch_rad,
+            height_above_ground_m=cfg.threshold_height_m,
+        )
+
+    def _rectangle(self, view: PolicyView, range_m: float, half_angle_rad: float) -> Rectangle:
+        """Return the rectangle from the nearest ground to a range, ahead of the camera."""
         camera: CameraModel = view.camera
         height_m = max(view.height_above_ground_m, MIN_VIEW_HEIGHT_M)
-        top = ground_range_to_row(range_m, camera, view.gimbal_pitch_rad, height_m)
+        from_m = _nearest_m(self._of_thresholds(view))
+        nearest_m = max(from_m, _nearest_m(view))
+        top, bottom = (
+            ground_range_to_row(each_m, camera, view.gimbal_pitch_rad, height_m)
+            for each_m in (range_m + nearest_m - from_m, nearest_m)
+        )
         reach = camera.fx_px * math.tan(half_angle_rad)
+        first = int(np.clip(round(top), 0, camera.height_px - 1))
         return Rectangle(
-            top=int(np.clip(round(top), 0, camera.height_px - 1)),
-            bottom=camera.height_px,
+            top=first,
+            bottom=int(np.clip(round(bottom) + 1, first + 1, camera.height_px)),
             left=int(np.clip(round(camera.cx_px - reach), 0, camera.width_px - 2)),
             right=int(np.clip(round(camera.cx_px + reach) + 1, 2, camera.width_px)),
         )

@@ -16,7 +16,15 @@ from behaviours.policies.segmentation_rule import (
     SegmentationRuleConfig,
 )
 from tests.behaviours.leaf_world import map_with
-from tests.behaviours.policies.cast_world import CAMERA, FOR_EVER, Box, cast, view
+from tests.behaviours.policies.cast_world import (
+    CAMERA,
+    FOR_EVER,
+    HEIGHT_M,
+    PITCH_RAD,
+    Box,
+    cast,
+    view,
+)
 from tests.paper_lab import BACKGROUND, BOXES, HELIPAD_BOX
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import ValueRangeError
@@ -30,6 +38,8 @@ CONFIG = SegmentationRuleConfig(
     turn_rad=math.radians(30),
     obstacle_threshold_px=900.0,
     ground_threshold_px=1600.0,
+    threshold_pitch_rad=PITCH_RAD,
+    threshold_height_m=HEIGHT_M,
     obstacle_range_m=1.9,
     obstacle_half_angle_rad=math.radians(22),
     ground_range_m=1.75,
@@ -274,30 +284,62 @@ def test_an_obstacle_of_unknown_range_ahead_blocks() -> None:
 def test_the_rectangles_follow_pitch_and_height(
     pitch_deg: float, height_m: float, size_px: tuple[int, int]
 ) -> None:
-    """Their upper edges see the ground at the configured ranges, their sides the angles."""
+    """Their upper edges see the ground at the configured ranges, their sides the angles.
+
+    The ranges count from the nearest ground in view where that is further away than in the view of
+    the thresholds.
+    """
     camera = CAMERA.resized(*size_px)
     look = replace(
         view(cast(camera=camera), camera=camera),
         gimbal_pitch_rad=math.radians(pitch_deg),
         height_above_ground_m=height_m,
     )
-    cfg = CONFIG
+    cfg, lowest = CONFIG, (camera.cx_px, camera.height_px - 1)
+    nearest_m, from_m = (
+        ground_points(lowest, camera, pitch_rad, above_m)[0]
+        for pitch_rad, above_m in ((math.radians(pitch_deg), height_m), (PITCH_RAD, HEIGHT_M))
+    )
+    beyond_m = max(0.0, nearest_m - from_m)
     for rectangle, range_m, half_angle_rad in zip(
         RULE.rectangles(look),
         (cfg.obstacle_range_m, cfg.ground_range_m),
         (cfg.obstacle_half_angle_rad, cfg.ground_half_angle_rad),
         strict=True,
     ):
-        assert rectangle.bottom == camera.height_px
         rows = [rectangle.top - 0.5, rectangle.top + 0.5]
         edge = ground_points(
             [(camera.cx_px, row) for row in rows], camera, math.radians(pitch_deg), height_m
         )[:, 0]
         clipped = rectangle.top in {0, camera.height_px - 1}
-        assert clipped or edge[1] <= range_m <= edge[0]
+        assert clipped or edge[1] <= range_m + beyond_m <= edge[0]
         for column in (rectangle.left, rectangle.right - 1):
             angle = math.atan(abs(column - camera.cx_px) / camera.fx_px)
             assert angle == pytest.approx(half_angle_rad, abs=1.0 / camera.fx_px)
+
+
+@pytest.mark.parametrize(
+    ("pitch_deg", "height_m"), [(-28, 2.0), (-28, 1.0), (-45, 2.0), (-56, 1.5)]
+)
+@pytest.mark.parametrize(
+    ("boxes", "ground_m", "is_free"),
+    [
+        ([], FOR_EVER, True),
+        ([(3.0, -3.0, 3.0)], FOR_EVER, True),
+        ([(1.2, -3.0, 3.0)], FOR_EVER, False),
+        ([(1.2, -0.2, 0.6)], FOR_EVER, False),
+        ([], 1.1, False),
+    ],
+)
+def test_pitch_and_height_do_not_change_the_decision(
+    pitch_deg: float, height_m: float, boxes: Sequence[Box], ground_m: float, *, is_free: bool
+) -> None:
+    """The same scene is judged alike from a higher drone and by a camera that looks further down."""
+    pitch_rad = math.radians(pitch_deg)
+    ids = cast(boxes, ground_m=ground_m, pitch_rad=pitch_rad, height_m=height_m)
+    look = replace(view(ids), gimbal_pitch_rad=pitch_rad, height_above_ground_m=height_m)
+
+    assert isinstance(RULE.decide(look), Advance) is is_free
 
 
 @pytest.mark.parametrize("pitch_deg", [-90, -60, 0, 30])
