@@ -190,6 +190,11 @@ class MoverTrack:
             oldest_s = self.time_s - cfg.trail_s
             self.trail = [past for past in self.trail if past[0] >= oldest_s]
 
+    def assume(self, velocity_mps: Floats) -> None:
+        """Take the cluster for a mover with a velocity, (2,) in the map's frame, m/s."""
+        self.filter.x[[1, 3], 0] = velocity_mps
+        self.moves = self.has_moved = True
+
     def leave(self, from_m: Floats, time_s: float) -> None:
         """Take a fast cluster for a mover when it has come below the view.
 

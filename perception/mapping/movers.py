@@ -116,6 +116,21 @@ class MoverTracker:
         self._drop_found_again(time_s)
         return stands
 
+    def meet(self, place_m: Floats, velocity_mps: Floats, time_s: float) -> None:
+        """Add a mover that was not seen to move.
+
+        Args:
+            place_m: (2,) its assumed middle, in the map's frame.
+            velocity_mps: (2,) its assumed velocity.
+            time_s: capture time of the view that showed it.
+        """
+        noise = np.eye(2) * self._config.cut_std_m**2
+        self._count += 1
+        track = MoverTrack(self._count, place_m, noise, time_s, self._config)
+        track.assume(velocity_mps)
+        self._tracks.append(track)
+        self._moved_s = time_s
+
     def _drop_found_again(self, time_s: float) -> None:
         """Drop, for each new mover, the nearest one out of view that it may have been before."""
         for found in [each for each in self._tracks if each.moves and each.seen_s == time_s]:

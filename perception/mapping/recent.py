@@ -39,7 +39,7 @@ class RecentLayerConfig:
     # A known point explains an obstacle of unknown range up to this difference in bearing and up
     # to `explain_m` behind the ground that the obstacle hides. Chosen.
     explain_rad: float = 0.12
-    explain_m: float = 0.3
+    explain_m: float = 0.1
 
 
 class _Kind(enum.IntEnum):
@@ -85,6 +85,15 @@ class RecentLayer:
         self._points = _NONE
         self._newest_s = -math.inf
         self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)  # dead-reckoned frame
+        self._unplaced_m = np.empty((0, 2))
+
+    @property
+    def unplaced_m(self) -> Floats:
+        """Nearest ground in the newest view on the bearings of obstacles of unknown range, (N, 2).
+
+        Forward and right of the body's centre at capture.
+        """
+        return self._unplaced_m
 
     def expire(self, now_s: float) -> None:
         """Drop points that have expired at a time."""
@@ -93,7 +102,11 @@ class RecentLayer:
     def forget(self) -> None:
         """Drop everything."""
         self._points = _NONE
+        self._forget_unplaced()
+
+    def _forget_unplaced(self) -> None:
         self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
+        self._unplaced_m = np.empty((0, 2))
 
     def forget_trails(self, until_s: float, trails_m: Floats) -> None:
         """Limit the life of bases on the trails of movers.
@@ -113,7 +126,7 @@ class RecentLayer:
     def pass_over(self, captured_s: float) -> None:
         """Record a frame in which nothing can be placed."""
         self._newest_s = captured_s
-        self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
+        self._forget_unplaced()
 
     def add(self, view: View) -> None:
         """Add a view, whose pose is dead-reckoned."""
@@ -131,10 +144,11 @@ class RecentLayer:
         ):
             xy_m = pose.points_to_world(view.body_m(seen_m))
             self._add(_Points.of(xy_m, until_s=until_s, seen_s=self._newest_s, kind=kind))
-        unplaced_rad = self._unexplained(view, found.hidden_m, _Kind.BASE, base_s)
+        self._unplaced_m = self._unexplained(view, found.hidden_m, _Kind.BASE, base_s)
+        unplaced_rad = _bearings(self._unplaced_m)
         self._unplaced_rad = unplaced_rad + pose.yaw_rad
-        ended_rad = self._unexplained(view, found.hidden_edges_m, _Kind.EDGE, edge_s)
-        self._unplaced_edges_rad = ended_rad + pose.yaw_rad
+        ended_m = self._unexplained(view, found.hidden_edges_m, _Kind.EDGE, edge_s)
+        self._unplaced_edges_rad = _bearings(ended_m) + pose.yaw_rad
         rays = np.stack([np.cos(unplaced_rad), np.sin(unplaced_rad)], axis=-1)
         assumed_m = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
         assumed_s = view.captured_s + cfg.assumed_age_s
@@ -177,7 +191,7 @@ class RecentLayer:
         first = np.arange(len(scan.roles)), (scan.roles != NO_ROLE).argmax(axis=1)
         bearings = np.arctan2(scan.level_m[:, 0, 1], scan.level_m[:, 0, 0])
         local_m = view.pose.points_to_body(self._points.xy_m[assumed]) - view.body_m(np.zeros(2))
-        azimuths = np.arctan2(local_m[:, 1], local_m[:, 0])
+        azimuths = _bearings(local_m)
         nearest = np.abs(azimuths[:, None] - bearings).argmin(axis=1)
         hidden = np.hypot(*local_m.T) < np.hypot(*scan.level_m[first].T)[nearest]
         in_view = (azimuths >= bearings[0]) & (azimuths <= bearings[-1])
@@ -187,7 +201,7 @@ class RecentLayer:
         self._points = self._points.take(kept)
 
     def _unexplained(self, view: View, hidden_m: Floats, kind: _Kind, until_s: float) -> Floats:
-        """Return the bearings of obstacles of unknown range that no known point explains.
+        """Return the nearest ground on the bearings of obstacles that no known point explains.
 
         A point that explains an obstacle is kept until `until_s`.
 
@@ -198,16 +212,15 @@ class RecentLayer:
             until_s: new expiry time of explaining points.
 
         Returns:
-            (M,) radians from the heading.
+            (M, 2) forward and right of the body's centre.
         """
         if not len(hidden_m):
-            return np.empty(0)
+            return np.empty((0, 2))
         cfg, points, hidden_m = self._config, self._points, view.body_m(hidden_m)
-        bearings = np.arctan2(hidden_m[:, 1], hidden_m[:, 0])
         local_m = view.pose.points_to_body(points.xy_m)
         limits_m = np.hypot(*hidden_m.T) + cfg.explain_m
         explains: Flags = (
-            (np.abs(bearings[:, None] - np.arctan2(local_m[:, 1], local_m[:, 0])) < cfg.explain_rad)
+            (np.abs(_bearings(hidden_m)[:, None] - _bearings(local_m)) < cfg.explain_rad)
             & (np.hypot(*local_m.T) <= limits_m[:, None])
             & (points.kinds == kind)
         )
@@ -217,7 +230,7 @@ class RecentLayer:
             until_s=np.where(there, until_s, points.until_s),
             seen_s=np.where(there, self._newest_s, points.seen_s),
         )
-        return np.asarray(bearings[~explains.any(axis=1)])
+        return np.asarray(hidden_m[~explains.any(axis=1)])
 
     def _add(self, new: _Points) -> None:
         if len(new):
@@ -225,3 +238,8 @@ class RecentLayer:
             # Of one kind the newest point is kept.
             cell_m, keys = self._config.cell_m, (-points.until_s, points.kinds)
             self._points = points.take(first_in_cells(points.xy_m, cell_m, *keys))
+
+
+def _bearings(points_m: Floats) -> Floats:
+    """Return the bearings of points, (N,), radians from the heading."""
+    return np.asarray(np.arctan2(points_m[:, 1], points_m[:, 0]))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from perception.mapping.arrivals import ArrivalConfig, find_arrivals
 from perception.mapping.contradiction import Contradiction, ContradictionConfig
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
+from perception.mapping.hidden_arrival import HiddenArrivalConfig, hidden_arrival
 from perception.mapping.known_objects import KnownObjectConfig, KnownObjects
 from perception.mapping.landmarks import (
     LandmarkConfig,
@@ -58,6 +59,7 @@ class SiteMapperConfig:
     grid: GroundGridConfig = field(default_factory=GroundGridConfig)
     arrivals: ArrivalConfig = field(default_factory=ArrivalConfig)
     movers: MoverConfig = field(default_factory=MoverConfig)
+    hidden: HiddenArrivalConfig = field(default_factory=HiddenArrivalConfig)
     recent: RecentLayerConfig = field(default_factory=RecentLayerConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
@@ -157,6 +159,8 @@ class SiteMapper:
             self.restart()
             return
         self._add_points(placed, 0.0 if off_m is None else off_m)
+        if off_m is None or off_m <= cfg.lost_m:
+            self._meet_hidden(placed)
         self._grid.add(placed)
         self._grid.note_moving(self._movers.may_move_m(time_s), time_s)
         self._movers.forget_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
@@ -269,6 +273,22 @@ class SiteMapper:
         adds = off_m <= cfg.displaced_m
         self._bases = merge(self._bases, bases, cfg.landmarks, adds=adds)
         self._edges = merge(self._edges, edges, cfg.landmarks, adds=adds)
+
+    def _meet_hidden(self, view: View) -> None:
+        """Add a mover where an obstacle with a hidden base covers ground that was free.
+
+        Args:
+            view: placed in the map's frame.
+        """
+        cfg, time_s = self.config.hidden, view.captured_s
+        if view.height_m < self.config.low_m or self._movers.movers(time_s):
+            return
+        sides_m = [each.outline_m(cfg.step_m) for each in self._objects]
+        known_m = np.vstack([self._obstacles_m(), *sides_m])
+        ahead = hidden_arrival(self._recent.unplaced_m, view.pose, self._grid, known_m, cfg)
+        if ahead is not None:
+            here_m = np.array([view.pose.x_m, view.pose.y_m])
+            self._movers.meet(here_m + cfg.place_m * ahead, -cfg.speed_mps * ahead, time_s)
 
     def _standing_bases(self, view: View, bases: Landmarks) -> Landmarks:
         """Pass the bases that have arrived to the mover tracker; return those that stand."""

@@ -334,7 +334,7 @@ def test_the_rectangles_follow_pitch_and_height(
 def test_pitch_and_height_do_not_change_the_decision(
     pitch_deg: float, height_m: float, boxes: Sequence[Box], ground_m: float, *, is_free: bool
 ) -> None:
-    """The same scene is judged alike from a higher drone and by a camera that looks further down."""
+    """A scene is judged alike from a higher drone and by a camera that looks further down."""
     pitch_rad = math.radians(pitch_deg)
     ids = cast(boxes, ground_m=ground_m, pitch_rad=pitch_rad, height_m=height_m)
     look = replace(view(ids), gimbal_pitch_rad=pitch_rad, height_above_ground_m=height_m)
