@@ -19,6 +19,9 @@ from uav_bt.types import Land as LandCommand
 # Seconds without telemetry after which the drone lands where it is. Chosen: ten periods of
 # telemetry at 5 Hz; a shorter gap does not cancel the step to the spot.
 _UNHEARD_S: Final = 2.0
+# Seconds without a frame after which the step to the mark is left out. Chosen: without a frame the
+# drone hovers, and drifts by about a decimetre in this time.
+_UNSEEN_S: Final = 2.0
 # Distance from the point below the lens within which the mark corrects the step before a landing.
 # Chosen: three times the tolerance of `HelipadCenter`; a mark farther away is not landed on.
 _NEAR_M: Final = 0.12
@@ -72,13 +75,14 @@ class Land(LandingLeaf):
 
     The leaf expects the landing mark below the camera, as `HelipadCenter` leaves it, and does not
     check. It moves by the camera's offset, or, with a fix of the mark near there, by that fix,
-    which corrects the remaining offset ahead and to the side. After a pilot has taken over and
-    handed back, it flies no step: it lands where the pilot left the drone, whatever the
-    surface. A pilot who wants another place must not hand back.
+    which corrects the remaining offset ahead and to the side. Without a frame for 2 s it lands
+    where it is, because the drone drifts off the mark. After a pilot has taken over and handed
+    back, it flies no step: it lands where the pilot left the drone, whatever the surface. A
+    pilot who wants another place must not hand back.
     """
 
     answers = (Status.SUCCESS, Status.RUNNING)
-    reads = (STATE, CAMERA, MARK)
+    reads = (STATE, FRAME, CAMERA, MARK)
     writes = (PHASE,)
 
     def initialise(self) -> None:
@@ -98,7 +102,8 @@ class Land(LandingLeaf):
             forward_m, right_m = self._to_mark(camera.forward_offset_m)
             self.start_move(forward_m=forward_m, right_m=right_m)
             return Status.RUNNING
-        if self.moving(state):
+        unseen = _UNSEEN_S < self.read(FRAME).age_s < math.inf
+        if self.moving(state) and not unseen:
             return Status.RUNNING
         return self.descend()
 

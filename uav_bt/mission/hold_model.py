@@ -59,8 +59,10 @@ class HoldConfig:
         move_mps: mean speed of a `MoveBy`, m/s. Chosen: steps of 0.3 to 1 m in the twin.
         aim_mps: a `MoveBy` is not aimed against a smaller disturbance, m/s. Chosen: twice the
             noise of the twin's velocity.
-        blind_s: nothing is corrected after this time without ground in view, seconds. Chosen: half
-            a turn at 0.6 rad/s; 0 switches the hold off.
+        blind_s: no place is kept, and no `MoveBy` or landing corrected, after this time without
+            ground in view, seconds. Chosen: half a turn at 0.6 rad/s; 0 switches the hold off.
+        adrift_s: the disturbance that was learned last is compensated until this time without
+            ground in view, seconds. Chosen: longer than the safety layer waits for a usable frame.
         fresh_s: no disturbance is learned after this time without ground in view, seconds. Chosen:
             about `learn_s`.
         landing: speed and end of a held landing.
@@ -83,6 +85,7 @@ class HoldConfig:
     move_mps: float = 0.5
     aim_mps: float = 0.04
     blind_s: float = 5.0
+    adrift_s: float = 20.0
     fresh_s: float = 1.0
     landing: HeldLandingConfig = field(default_factory=HeldLandingConfig)
 

@@ -11,6 +11,9 @@ landing                   flown down by velocities that keep the place, to the h
                           drone's own landing takes over;
 `MoveBy`                  flown by the drone itself. It is aimed beforehand against the expected
                           drift, and its goal is the place to keep afterwards.
+
+Without ground in view the place is unknown after a while. Then only the disturbance that was
+learned last is compensated, in a hover, a turn and a velocity flight.
 """
 
 from __future__ import annotations
@@ -104,10 +107,12 @@ class PositionHold:
         self._last_s = now_s
         if isinstance(movement, Land) and self._mode is HoldMode.OWN_LANDING:
             return movement
-        if motion is None or motion.untracked_s > cfg.blind_s or not _flies(state):
+        if motion is None or not _flies(state):
             self.rest()
             return movement
         self._ordered.advance(now_s)
+        if motion.untracked_s > cfg.blind_s:
+            return self._without_place(movement, motion)
         leapt = self._follow_leap((motion.pose.x_m, motion.pose.y_m), passed_s)
         if isinstance(movement, MoveBy):
             return self._aim(movement, motion)
@@ -120,7 +125,23 @@ class PositionHold:
             self._learn(motion, passed_s)
         wanted = rotate(order.forward_mps, order.right_mps, motion.pose.yaw_rad)
         self._keep_place(wanted, motion, passed_s, goal, now_s)
-        extra = self._correction(motion)
+        return self._corrected(movement, order, motion)
+
+    def _without_place(self, movement: Movement, motion: MotionEstimate) -> Movement:
+        """Return a movement against the disturbance that was learned last."""
+        cfg, holds = self._config, self._holds
+        self.rest()
+        if not isinstance(movement, Hover | Velocity):
+            return movement
+        if motion.untracked_s > cfg.adrift_s or not cfg.blind_s:
+            return movement
+        self._mode, self._holds = HoldMode.HOVER, holds
+        order = movement if isinstance(movement, Velocity) else Velocity()
+        return self._corrected(movement, order, motion)
+
+    def _corrected(self, movement: Movement, order: Velocity, motion: MotionEstimate) -> Movement:
+        """Return an order with the correction; a hover that needs none is left to the drone."""
+        cfg, extra = self._config, self._correction(motion)
         if isinstance(movement, Hover):
             min_mps = cfg.end_mps if self._holds else cfg.begin_mps
             self._holds = math.hypot(*extra) > min_mps

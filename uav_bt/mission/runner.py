@@ -230,7 +230,7 @@ class MissionRunner:
         motion = self._context.board.read(ODOMETRY).value
         correct = partial(self._hold.correct, state=state, motion=motion, now_s=now_s)
         command = self._arbiter.decide(self._context.proposals, now, correct)
-        self._hold.sent(command.movement, motion, now_s, rests=self._arbiter.override is not None)
+        self._hold.sent(command.movement, motion, now_s, rests=not self._arbiter.is_held)
         return command
 
     def _record(

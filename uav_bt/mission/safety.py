@@ -91,6 +91,7 @@ class SafetyRule:
         movement: the movement that is sent.
         gimbal_too: the leaves still point the camera.
         spares_landing: a landing is flown instead of the movement.
+        held: the position hold corrects the movement as it corrects that of a leaf.
         why: reason, for people and for the docs.
     """
 
@@ -99,6 +100,7 @@ class SafetyRule:
     movement: Movement
     gimbal_too: bool = False
     spares_landing: bool = False
+    held: bool = False
     why: str
 
 
@@ -139,6 +141,7 @@ SAFETY: Final = (
         ),
         movement=Hover(),
         spares_landing=True,
+        held=True,
         why="commands may still arrive: hover, or go on landing, until telemetry returns",
     ),
     SafetyRule(
@@ -147,6 +150,7 @@ SAFETY: Final = (
         movement=Hover(),
         gimbal_too=True,
         spares_landing=True,
+        held=True,
         why="without a new image the way is unknown; a landing needs none",
     ),
 )
@@ -181,6 +185,7 @@ class Arbiter:
         self._grounded = grounded
         self.override: Override | None = None  # the one in force since the last decision
         self.landing = False  # whether the last decision was to land
+        self.is_held = True  # whether the position hold corrected the last decision
 
     def decide(
         self,
@@ -193,15 +198,18 @@ class Arbiter:
         Args:
             proposals: of the leaves in this tick.
             now: the input of the safety rules.
-            correct: returns a proposed movement as it should be flown, before it is limited.
+            correct: returns a movement as it should be flown, before it is limited.
         """
         rule = rule_in_force(now, self._limits)
         self.override = None if rule is None else rule.override
+        self.is_held = rule is None or rule.held
         if rule is None:
             return self._proposed(proposals, now, correct)
         lands = self.landing or isinstance(proposals.movement, Land)
         movement = Land() if rule.spares_landing and lands else rule.movement
         self.landing = isinstance(movement, Land)
+        if rule.held and correct is not None and not self.landing:
+            movement = correct(movement)
         gimbal = proposals.gimbal if rule.gimbal_too else None
         return Command(movement=movement, gimbal=gimbal)
 

@@ -78,6 +78,22 @@ def test_before_the_step_is_done_it_waits_for_telemetry_and_then_lands_where_it_
     assert bench.proposed == LandCommand()
 
 
+def test_without_a_frame_for_long_the_step_is_left_out() -> None:
+    bench = bench_with_lens(0.15)
+    live(bench)
+    bench.allow_stale()
+    proposed = []
+    for _ in range(25):
+        bench.clock.advance(0.1)
+        state = bench.board[STATE]
+        bench.board[STATE] = replace(state, captured_s=bench.clock.now())
+        bench.tick()
+        proposed.append(bench.proposed)
+
+    assert proposed[:19] == [MoveBy(id=1, forward_m=0.15)] * 19
+    assert proposed[-1] == LandCommand()
+
+
 def test_a_drone_that_is_landing_already_makes_no_step() -> None:
     bench = bench_with_lens(0.15)
     live(bench, flying=FlyingState.LANDING, height_m=0.3)

@@ -308,22 +308,41 @@ def test_a_landing_by_a_height_that_does_not_sink_is_the_drone_s_in_the_end() ->
     assert body.sent[-1] == Land()
 
 
-BLIND: dict[str, Callable[[Body], None]] = {
-    "no odometry": lambda body: setattr(body, "sees", False),
-    "no ground for long": lambda body: setattr(body, "untracked_s", 6.0),
-    "on the ground": lambda body: setattr(body, "flying", FlyingState.LANDED),
+ALL: tuple[Movement, ...] = (
+    Hover(),
+    Velocity(forward_mps=0.3),
+    MoveBy(id=1, forward_m=1.0),
+    Land(),
+    TakeOff(),
+)
+BLIND: dict[str, tuple[Callable[[Body], None], tuple[Movement, ...]]] = {
+    "no odometry": (lambda body: setattr(body, "sees", False), ALL),
+    "no ground for long": (lambda body: setattr(body, "untracked_s", 6.0), ALL[2:]),
+    "no ground for too long": (lambda body: setattr(body, "untracked_s", 21.0), ALL),
+    "on the ground": (lambda body: setattr(body, "flying", FlyingState.LANDED), ALL),
 }
 
 
-@pytest.mark.parametrize("why", BLIND)
 @pytest.mark.parametrize(
-    "proposed", [Hover(), Velocity(forward_mps=0.3), MoveBy(id=1, forward_m=1.0), Land(), TakeOff()]
+    ("why", "proposed"), [(why, each) for why in BLIND for each in BLIND[why][1]]
 )
 def test_without_a_fresh_estimate_nothing_is_corrected(why: str, proposed: Movement) -> None:
     body = drifting()
-    BLIND[why](body)
+    BLIND[why][0](body)
 
     assert body.tick(proposed) == proposed
+
+
+def test_without_ground_the_known_drift_is_held_and_no_place_is_kept() -> None:
+    body = drifting()
+    body.untracked_s = 6.0
+    began_m = body.x_m
+
+    assert body.fly(Hover(), 10.0) < 0.2 + abs(began_m)
+    body.x_m += 0.5
+    sent = body.tick(Hover())
+    assert isinstance(sent, Velocity)
+    assert (sent.forward_mps, sent.right_mps) == pytest.approx((-0.1, 0.0), abs=1e-3)
 
 
 def test_the_correction_is_limited_and_what_cannot_be_held_is_named() -> None:
