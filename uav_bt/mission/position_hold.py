@@ -13,7 +13,7 @@ landing                   flown down by velocities that keep the place, to the h
                           drift, and its goal is the place to keep afterwards.
 
 Without ground in view the place is unknown after a while. Then only the disturbance that was
-learned last is compensated, in a hover, a turn and a velocity flight.
+learned last is compensated, in a hover, a turn and a velocity flight; without telemetry in a hover.
 """
 
 from __future__ import annotations
@@ -79,6 +79,7 @@ class PositionHold:
         self._here: Vector | None = None  # position in the last tick
         self._place: Vector | None = None  # None in a velocity flight and while it stops
         self._aimed: _AimedMove | None = None  # the present movement in mode MOVE
+        self._known: MotionEstimate | None = None  # the last one over the ground
         self._landing = HeldLanding(self._config.landing, 0.0)  # of mode LANDING
         self._stopping = Lasting(gap_s=0.0)  # ordered to stop, but no place chosen yet
         self._last_s = self._learns_from_s = -math.inf
@@ -107,12 +108,13 @@ class PositionHold:
         self._last_s = now_s
         if isinstance(movement, Land) and self._mode is HoldMode.OWN_LANDING:
             return movement
-        if motion is None or not _flies(state):
+        if not _flies(state):
             self.rest()
             return movement
         self._ordered.advance(now_s)
-        if motion.untracked_s > cfg.blind_s:
-            return self._without_place(movement, motion)
+        self._known = motion or self._known
+        if motion is None or motion.untracked_s > cfg.blind_s:
+            return self._without_place(movement, now_s)
         leapt = self._follow_leap((motion.pose.x_m, motion.pose.y_m), passed_s)
         if isinstance(movement, MoveBy):
             return self._aim(movement, motion)
@@ -127,15 +129,17 @@ class PositionHold:
         self._keep_place(wanted, motion, passed_s, goal, now_s)
         return self._corrected(movement, order, motion)
 
-    def _without_place(self, movement: Movement, motion: MotionEstimate) -> Movement:
+    def _without_place(self, movement: Movement, now_s: float) -> Movement:
         """Return a movement against the disturbance that was learned last."""
-        cfg, holds = self._config, self._holds
+        cfg, holds, motion = self._config, self._holds, self._known
         self.rest()
-        if not isinstance(movement, Hover | Velocity):
+        if motion is None or now_s - motion.tracked_s > cfg.adrift_s or not cfg.blind_s:
             return movement
-        if motion.untracked_s > cfg.adrift_s or not cfg.blind_s:
+        # Without telemetry the heading of a turn is unknown.
+        turns = Velocity if now_s - motion.pose.time_s <= cfg.fresh_s else Hover
+        if not isinstance(movement, Hover | turns):
             return movement
-        self._mode, self._holds = HoldMode.HOVER, holds
+        self._holds = holds
         order = movement if isinstance(movement, Velocity) else Velocity()
         return self._corrected(movement, order, motion)
 

@@ -316,7 +316,7 @@ ALL: tuple[Movement, ...] = (
     TakeOff(),
 )
 BLIND: dict[str, tuple[Callable[[Body], None], tuple[Movement, ...]]] = {
-    "no odometry": (lambda body: setattr(body, "sees", False), ALL),
+    "no odometry": (lambda body: setattr(body, "sees", False), ALL[2:]),
     "no ground for long": (lambda body: setattr(body, "untracked_s", 6.0), ALL[2:]),
     "no ground for too long": (lambda body: setattr(body, "untracked_s", 21.0), ALL),
     "on the ground": (lambda body: setattr(body, "flying", FlyingState.LANDED), ALL),
@@ -331,6 +331,19 @@ def test_without_a_fresh_estimate_nothing_is_corrected(why: str, proposed: Movem
     BLIND[why][0](body)
 
     assert body.tick(proposed) == proposed
+
+
+def test_without_telemetry_a_hover_is_held_against_the_known_drift_for_a_time() -> None:
+    body = drifting()
+    body.sees = False
+    body.fly(Hover(), 19.0)
+    sent = body.sent[-1]
+    assert isinstance(sent, Velocity)
+    assert (sent.forward_mps, sent.right_mps) == pytest.approx((-0.1, 0.0), abs=1e-3)
+    assert body.tick(Velocity(forward_mps=0.3)) == Velocity(forward_mps=0.3)
+
+    body.fly(Hover(), 2.0)
+    assert body.sent[-1] == Hover()
 
 
 def test_without_ground_the_known_drift_is_held_and_no_place_is_kept() -> None:
