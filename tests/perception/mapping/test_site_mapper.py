@@ -19,7 +19,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
-from tests.paper_lab import CARPET, CLASSES, paper_map
+from tests.paper_lab import BOXES, CARPET, CLASSES, paper_map
 from uav_bt.types import BodyVelocity, ClassMap, Frame, MarkFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
@@ -258,19 +258,27 @@ def test_the_map_keeps_the_direction_of_the_marks_upper_edge(
     assert mark.yaw_rad == (None if yaw_deg is None else pytest.approx(math.radians(yaw_deg)))
 
 
-def show_ground(mapper: SiteMapper, time_s: float) -> SiteMap:
-    """Let the mapper see only ground, from 0.6 m behind its origin; return the map then."""
-    pose = OdometryPose(time_s=time_s, x_m=-0.6, y_m=0.0, yaw_rad=0.0)
+def show_ground(
+    mapper: SiteMapper,
+    time_s: float,
+    x_m: float = -0.6,
+    *,
+    columns: slice = slice(0),
+    height_m: float = HEIGHT_M,
+) -> SiteMap:
+    """Let the mapper see ground, from x, with an obstacle in columns; return the map then."""
+    pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=0.0, yaw_rad=0.0)
     mapper.follow(motion(pose))
     frame = Frame(
         image=np.zeros((4, 8, 3), dtype=np.uint8),
         index=0,
         captured_s=time_s,
         gimbal_pitch_rad=PITCH_RAD,
-        height_above_ground_m=HEIGHT_M,
+        height_above_ground_m=height_m,
     )
-    nothing = paper_map(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
-    look(mapper, nothing, frame, pose)
+    ids = np.full((112, 224), CARPET, dtype=np.uint8)
+    ids[:, columns] = BOXES[2]
+    look(mapper, paper_map(ids=ids, captured_s=time_s), frame, pose)
     return mapper.map(motion(pose))
 
 
@@ -312,6 +320,33 @@ def test_a_mark_that_was_carried_away_is_found_elsewhere() -> None:
     last = sighted(mapper, -1.0, from_s=4.0, views=views)[-1]
     assert last.y_m == pytest.approx(-1.0, abs=0.02)
     assert last.moved_m == pytest.approx(1.5, abs=0.02)
+
+
+AHEAD = slice(100, 140)  # columns
+
+
+def test_an_obstacle_on_free_ground_that_hides_its_base_is_a_mover_that_comes_near() -> None:
+    mapper = SiteMapper(CLASSES)
+    for tick in range(5):
+        before = show_ground(mapper, 0.2 * tick, x_m=-1.2 + 0.3 * tick)
+    assert not before.movers
+    found = show_ground(mapper, 1.2, x_m=0.0, columns=AHEAD)
+
+    (mover,) = found.movers
+    assert found.moved_s == 1.2
+    assert (mover.x_m, mover.y_m) == pytest.approx((0.9, 0.1), abs=0.1)
+    assert (mover.x_mps, mover.y_mps) == pytest.approx((-0.5, 0.0), abs=0.1)
+    again = show_ground(mapper, 1.3, x_m=0.0, columns=AHEAD)
+    assert [each.id for each in again.movers] == [mover.id]
+
+
+@pytest.mark.parametrize(("from_m", "height_m"), [(0.0, 1.5), (-1.2, 1.1)])
+def test_on_unseen_ground_or_from_low_down_it_is_none(from_m: float, height_m: float) -> None:
+    mapper = SiteMapper(CLASSES)
+    for tick in range(5):
+        show_ground(mapper, 0.2 * tick, x_m=from_m * (1.0 - 0.25 * tick), height_m=height_m)
+    found = show_ground(mapper, 1.2, x_m=0.0, columns=AHEAD, height_m=height_m)
+    assert not found.movers
 
 
 def hover(
