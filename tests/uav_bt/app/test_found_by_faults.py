@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from uav_bt import app
 
-SHORT = {"ExploreFor.duration_ms": "30000"}
+SHORT_MS = 30_000
 
 
 def fly(
-    tree: str, scene: str, seed: int, *faults: str, vary_room: bool = True, movers: int = 0
+    tree: str,
+    scene: str,
+    seed: int,
+    *faults: str,
+    vary_room: bool = True,
+    movers: int = 0,
+    explores_ms: int = SHORT_MS,
 ) -> app.FlownMission:
     options = app.FlightOptions(
         scene=scene,
@@ -17,7 +23,7 @@ def fly(
         vary_room=vary_room,
         movers=movers,
         faults=faults,
-        ports=SHORT,
+        ports={"ExploreFor.duration_ms": str(explores_ms)},
     )
     return app.fly(tree, options)
 
@@ -55,4 +61,32 @@ def test_an_outage_of_telemetry_does_not_displace_the_map() -> None:
 def test_on_the_way_home_it_stays_above_a_mover() -> None:
     """Only leaves that give way flew higher; the others descended, and a person walked into it."""
     flown = fly("survey_and_land", "train-b", 5005, vary_room=False, movers=1)
+    assert flown.outcome == "success"
+
+
+def test_a_hover_without_telemetry_is_held_against_the_drift_measured_before() -> None:
+    """It drifted for 10 s until the landing, which ended on a box."""
+    faults = "drift=0.065@take-off+0.4", "velocity-nan@explore+15.4"
+    flown = fly("explore_and_land_segmentation", "train-c", 28009, *faults)
+    assert flown.outcome == "aborted"
+    assert flown.min_clearance_m is not None
+    assert flown.min_clearance_m > 0.05
+
+
+def test_a_box_beside_the_take_off_whose_base_is_never_seen_is_not_touched() -> None:
+    """Its vertical edge was taken for a base farther away, so that its range counted as known."""
+    flown = fly("explore_and_land_segmentation", "val-b", 28005, explores_ms=90_000)
+    assert flown.outcome == "success"
+
+
+def test_at_an_edge_the_drone_sees_enough_ground_to_measure_its_drift() -> None:
+    """Turning at the edge it saw ground for a third of the time, and drifted over the edge."""
+    flown = fly(
+        "explore_and_land_depth",
+        "val-a",
+        27002,
+        "velocity-bias=-0.15@explore+15.5",
+        movers=1,
+        explores_ms=90_000,
+    )
     assert flown.outcome == "success"
