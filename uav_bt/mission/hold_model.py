@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Final
 
 from uav_bt.mission.held_landing import HeldLandingConfig
-from uav_bt.types import Airframe
+from uav_bt.types import Airframe, BodyVelocity, rotate
+from uav_bt.types.dead_reckoning import MotionEstimate
 
 Vector = tuple[float, float]  # horizontal, in the odometry's frame
 
@@ -61,8 +63,11 @@ class HoldConfig:
             noise of the twin's velocity.
         blind_s: no place is kept, and no `MoveBy` or landing corrected, after this time without
             ground in view, seconds. Chosen: half a turn at 0.6 rad/s; 0 switches the hold off.
-        adrift_s: the disturbance that was learned last is compensated until this time without
-            ground in view, seconds. Chosen: longer than the safety layer waits for a usable frame.
+        adrift_s: the last disturbance is compensated until this time without ground in view,
+            seconds. Chosen: longer than the safety layer waits for a usable frame.
+        lately_s: that disturbance is the median of those that were learned in this time, seconds.
+            Chosen: a frozen image is noticed within a quarter of it, and until then its disturbance
+            is wrong.
         fresh_s: no disturbance is learned after this time without ground in view, seconds. Chosen:
             about `learn_s`.
         landing: speed and end of a held landing.
@@ -86,8 +91,34 @@ class HoldConfig:
     aim_mps: float = 0.04
     blind_s: float = 5.0
     adrift_s: float = 20.0
+    lately_s: float = 8.0
     fresh_s: float = 1.0
     landing: HeldLandingConfig = field(default_factory=HeldLandingConfig)
+
+
+class LatelyLearned:
+    """The disturbances that were learned in the last seconds.
+
+    Args:
+        window_s: the time for which they are kept, seconds.
+    """
+
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
+        self._learned: deque[tuple[float, Vector]] = deque()
+
+    def add(self, learned: Vector, now_s: float) -> None:
+        """Add one, m/s, at a time, seconds."""
+        self._learned.append((now_s, learned))
+        while now_s - self._learned[0][0] > self._window_s:
+            self._learned.popleft()
+
+    def median(self) -> Vector:
+        """Return their median, m/s; 0 before half of the window was learned."""
+        if not self._learned or self._learned[-1][0] - self._learned[0][0] < self._window_s / 2:
+            return (0.0, 0.0)
+        x_mps, y_mps = zip(*(learned for _, learned in self._learned), strict=True)
+        return median(x_mps), median(y_mps)
 
 
 class OrderedMotion:
@@ -150,3 +181,12 @@ class OrderedMotion:
 def add(first: Vector, factor: float, second: Vector) -> Vector:
     """Return first + factor * second."""
     return first[0] + factor * second[0], first[1] + factor * second[1]
+
+
+def in_world(
+    motion: MotionEstimate, velocity: BodyVelocity, less: BodyVelocity | None = None
+) -> Vector:
+    """Return a body's velocity, less another, in the odometry's frame, m/s."""
+    less = less or BodyVelocity()
+    forward_mps = velocity.forward_mps - less.forward_mps
+    return rotate(forward_mps, velocity.right_mps - less.right_mps, motion.pose.yaw_rad)

@@ -12,8 +12,8 @@ landing                   flown down by velocities that keep the place, to the h
 `MoveBy`                  flown by the drone itself. It is aimed beforehand against the expected
                           drift, and its goal is the place to keep afterwards.
 
-Without ground in view the place is unknown after a while. Then only the disturbance that was
-learned last is compensated, in a hover, a turn and a velocity flight; without telemetry in a hover.
+After a while without ground in view, and without usable frames or telemetry, the place is unknown.
+Then only the disturbance of the last seconds with ground is compensated.
 """
 
 from __future__ import annotations
@@ -24,11 +24,17 @@ from dataclasses import dataclass, replace
 
 from uav_bt.mission.ground_watch import GroundWatch
 from uav_bt.mission.held_landing import HeldLanding
-from uav_bt.mission.hold_model import HoldConfig, OrderedMotion, Vector, add
+from uav_bt.mission.hold_model import (
+    HoldConfig,
+    LatelyLearned,
+    OrderedMotion,
+    Vector,
+    add,
+    in_world,
+)
 from uav_bt.mission.lasting import Lasting
 from uav_bt.types import (
     Airframe,
-    BodyVelocity,
     DroneState,
     FlyingState,
     Hover,
@@ -76,6 +82,7 @@ class PositionHold:
         self._mode = HoldMode.RESTING
         self._unordered: Vector = (0.0, 0.0)  # of telemetry's velocity: not explained by orders
         self._learned: Vector = (0.0, 0.0)  # the disturbance at the last learning
+        self._lately = LatelyLearned(self._config.lately_s)
         self._here: Vector | None = None  # position in the last tick
         self._place: Vector | None = None  # None in a velocity flight and while it stops
         self._aimed: _AimedMove | None = None  # the present movement in mode MOVE
@@ -108,13 +115,13 @@ class PositionHold:
         self._last_s = now_s
         if isinstance(movement, Land) and self._mode is HoldMode.OWN_LANDING:
             return movement
-        if not _flies(state):
+        if motion is None or not _flies(state):
             self.rest()
             return movement
         self._ordered.advance(now_s)
-        self._known = motion or self._known
-        if motion is None or motion.untracked_s > cfg.blind_s:
-            return self._without_place(movement, now_s)
+        self._known = motion
+        if motion.untracked_s > cfg.blind_s:
+            return self.against_drift(movement, state, now_s)
         leapt = self._follow_leap((motion.pose.x_m, motion.pose.y_m), passed_s)
         if isinstance(movement, MoveBy):
             return self._aim(movement, motion)
@@ -127,25 +134,31 @@ class PositionHold:
             self._learn(motion, passed_s)
         wanted = rotate(order.forward_mps, order.right_mps, motion.pose.yaw_rad)
         self._keep_place(wanted, motion, passed_s, goal, now_s)
-        return self._corrected(movement, order, motion)
+        return self._corrected(movement, order, motion, self._correction(motion))
 
-    def _without_place(self, movement: Movement, now_s: float) -> Movement:
-        """Return a movement against the disturbance that was learned last."""
-        cfg, holds, motion = self._config, self._holds, self._known
+    def against_drift(self, movement: Movement, state: DroneState, now_s: float) -> Movement:
+        """Return a movement against the disturbance of the last seconds with ground in view.
+
+        Args:
+            movement: the proposed one, or a hover without usable frames or telemetry.
+            state: newest telemetry.
+            now_s: mission clock, seconds.
+        """
+        cfg, motion = self._config, self._known
         self.rest()
+        if not _flies(state) or not isinstance(movement, Hover | Velocity):
+            return movement
         if motion is None or now_s - motion.tracked_s > cfg.adrift_s or not cfg.blind_s:
             return movement
-        # Without telemetry the heading of a turn is unknown.
-        turns = Velocity if now_s - motion.pose.time_s <= cfg.fresh_s else Hover
-        if not isinstance(movement, Hover | turns):
-            return movement
-        self._holds = holds
         order = movement if isinstance(movement, Velocity) else Velocity()
-        return self._corrected(movement, order, motion)
+        x_mps, y_mps = self._lately.median()
+        return self._corrected(movement, order, motion, (-x_mps, -y_mps))
 
-    def _corrected(self, movement: Movement, order: Velocity, motion: MotionEstimate) -> Movement:
-        """Return an order with the correction; a hover that needs none is left to the drone."""
-        cfg, extra = self._config, self._correction(motion)
+    def _corrected(
+        self, movement: Movement, order: Velocity, motion: MotionEstimate, extra: Vector
+    ) -> Movement:
+        """Return an order with a correction; a hover that needs none is left to the drone."""
+        cfg = self._config
         if isinstance(movement, Hover):
             min_mps = cfg.end_mps if self._holds else cfg.begin_mps
             self._holds = math.hypot(*extra) > min_mps
@@ -240,16 +253,17 @@ class PositionHold:
         settled = self._ordered.steady and self._last_s >= self._learns_from_s
         if motion.untracked_s > cfg.fresh_s or not settled:
             return
-        reported = _world(motion, motion.velocity, less=motion.drift)
+        reported = in_world(motion, motion.velocity, less=motion.drift)
         measured_s = motion.pose.time_s if motion.velocity_s is None else motion.velocity_s
         beyond = add(reported, -1.0, self._ordered.at(measured_s))
         share = 1.0 - math.exp(-passed_s / cfg.learn_s)
         learned = add(self._unordered, share, add(beyond, -1.0, self._unordered))
         self._unordered = limit_length(*learned, cfg.disturbance_mps)
         self._learned = self._disturbance(motion)
+        self._lately.add(self._learned, self._last_s)
 
     def _disturbance(self, motion: MotionEstimate) -> Vector:
-        missed = _world(motion, motion.drift)
+        missed = in_world(motion, motion.drift)
         return limit_length(*add(missed, 1.0, self._unordered), self._config.disturbance_mps)
 
     def _correction(self, motion: MotionEstimate) -> Vector:
@@ -334,12 +348,3 @@ class PositionHold:
 
 def _flies(state: DroneState) -> bool:
     return state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
-
-
-def _world(
-    motion: MotionEstimate, velocity: BodyVelocity, less: BodyVelocity | None = None
-) -> Vector:
-    """Return a body's velocity in the odometry's frame."""
-    less = less or BodyVelocity()
-    forward_mps = velocity.forward_mps - less.forward_mps
-    return rotate(forward_mps, velocity.right_mps - less.right_mps, motion.pose.yaw_rad)

@@ -29,7 +29,7 @@ from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
 from uav_bt.mission.whereabouts import Whereabouts
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
-from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, TakeOff
+from uav_bt.types import Command, DroneState, FlyingState, Hover, Land, Observation, TakeOff
 from uav_bt.types.area import Area
 
 
@@ -229,7 +229,8 @@ class MissionRunner:
         )
         motion = self._context.board.read(ODOMETRY).value
         correct = partial(self._hold.correct, state=state, motion=motion, now_s=now_s)
-        command = self._arbiter.decide(self._context.proposals, now, correct)
+        hover = partial(self._hold.against_drift, Hover(), state, now_s)
+        command = self._arbiter.decide(self._context.proposals, now, correct, hover)
         self._hold.sent(command.movement, motion, now_s, rests=not self._arbiter.is_held)
         return command
 

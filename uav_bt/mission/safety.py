@@ -91,7 +91,7 @@ class SafetyRule:
         movement: the movement that is sent.
         gimbal_too: the leaves still point the camera.
         spares_landing: a landing is flown instead of the movement.
-        held: the position hold corrects the movement as it corrects that of a leaf.
+        held: the position hold flies the hover against the last drift.
         why: reason, for people and for the docs.
     """
 
@@ -192,13 +192,15 @@ class Arbiter:
         proposals: Proposals,
         now: Circumstances,
         correct: Callable[[Movement], Movement] | None = None,
+        hover: Callable[[], Movement] = Hover,
     ) -> Command:
         """Return this tick's command.
 
         Args:
             proposals: of the leaves in this tick.
             now: the input of the safety rules.
-            correct: returns a movement as it should be flown, before it is limited.
+            correct: returns a proposed movement as it should be flown, before it is limited.
+            hover: returns the hover that rules without a usable frame or telemetry order.
         """
         rule = rule_in_force(now, self._limits)
         self.override = None if rule is None else rule.override
@@ -208,8 +210,8 @@ class Arbiter:
         lands = self.landing or isinstance(proposals.movement, Land)
         movement = Land() if rule.spares_landing and lands else rule.movement
         self.landing = isinstance(movement, Land)
-        if rule.held and correct is not None and not self.landing:
-            movement = correct(movement)
+        if rule.held and not self.landing:
+            movement = hover()
         gimbal = proposals.gimbal if rule.gimbal_too else None
         return Command(movement=movement, gimbal=gimbal)
 

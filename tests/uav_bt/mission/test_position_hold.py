@@ -316,7 +316,7 @@ ALL: tuple[Movement, ...] = (
     TakeOff(),
 )
 BLIND: dict[str, tuple[Callable[[Body], None], tuple[Movement, ...]]] = {
-    "no odometry": (lambda body: setattr(body, "sees", False), ALL[2:]),
+    "no odometry": (lambda body: setattr(body, "sees", False), ALL),
     "no ground for long": (lambda body: setattr(body, "untracked_s", 6.0), ALL[2:]),
     "no ground for too long": (lambda body: setattr(body, "untracked_s", 21.0), ALL),
     "on the ground": (lambda body: setattr(body, "flying", FlyingState.LANDED), ALL),
@@ -333,17 +333,33 @@ def test_without_a_fresh_estimate_nothing_is_corrected(why: str, proposed: Movem
     assert body.tick(proposed) == proposed
 
 
-def test_without_telemetry_a_hover_is_held_against_the_known_drift_for_a_time() -> None:
+def test_a_hover_without_frames_or_telemetry_is_held_against_the_drift_for_a_time() -> None:
     body = drifting()
-    body.sees = False
-    body.fly(Hover(), 19.0)
-    sent = body.sent[-1]
+    since_s = body.now_s
+    sent = body.hold.against_drift(Hover(), body.state(), since_s + 19.0)
     assert isinstance(sent, Velocity)
-    assert (sent.forward_mps, sent.right_mps) == pytest.approx((-0.1, 0.0), abs=1e-3)
-    assert body.tick(Velocity(forward_mps=0.3)) == Velocity(forward_mps=0.3)
+    assert (sent.forward_mps, sent.right_mps) == pytest.approx((-0.1, 0.0), abs=1e-2)
+    assert body.hold.against_drift(Hover(), body.state(), since_s + 21.0) == Hover()
 
-    body.fly(Hover(), 2.0)
-    assert body.sent[-1] == Hover()
+    body.flying = FlyingState.LANDED
+    assert body.hold.against_drift(Hover(), body.state(), since_s + 1.0) == Hover()
+
+
+def test_a_disturbance_of_the_last_moment_does_not_count_without_frames() -> None:
+    """A frozen image of a moving drone looks like a drift."""
+    body = drifting()
+    body.drift_mps = (0.1, -0.3)
+    body.fly(Hover(), 1.5)
+
+    sent = body.hold.against_drift(Hover(), body.state(), body.now_s)
+    assert isinstance(sent, Velocity)
+    assert (sent.forward_mps, sent.right_mps) == pytest.approx((-0.1, 0.0), abs=2e-2)
+
+
+def test_a_drift_that_was_not_measured_for_long_is_not_known() -> None:
+    body = Body(drift_mps=(0.1, 0.0))
+    body.fly(Hover(), 3.0)
+    assert body.hold.against_drift(Hover(), body.state(), body.now_s) == Hover()
 
 
 def test_without_ground_the_known_drift_is_held_and_no_place_is_kept() -> None:
