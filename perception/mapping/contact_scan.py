@@ -28,6 +28,9 @@ class ContactScanConfig:
     elevation_step_rad: float = math.radians(0.5)  # about one row of a 224-wide map
     max_elevation_rad: float = math.radians(-8.0)  # ground above this elevation is beyond the lab
     min_run: int = 4  # samples of obstacle or background above a base; fewer are mask noise
+    # An obstacle at a metre that covers a bearing up to this elevation reaches the drone's height.
+    tall_rad: float = math.radians(-25.0)
+    tall_share: float = 0.9  # of the samples that it covers; the others are mask noise
 
     def __post_init__(self) -> None:
         steps = min(self.bearing_step_rad, self.elevation_step_rad)
@@ -45,7 +48,7 @@ class GroundScan:
     image_roles: NDArray[np.uint8]  # (H, W) role ids of the whole class map
     top_of: NDArray[np.uint8]  # (C,) class of the upper face of each class; 0 without one
     height_m: float  # of the camera above the ground
-    min_run: int  # samples above a base
+    config: ContactScanConfig
     covered: Covered | None = None  # ground below boards of objects on legs
 
 
@@ -60,6 +63,7 @@ class Bases:
     # (M, 2): the nearest sample in view on bearings where it shows an obstacle. The obstacle stands
     # there or nearer, since a vertical edge keeps its bearing.
     hidden_m: NDArray[np.float64]
+    hidden_tall: NDArray[np.bool_]  # whether that obstacle reaches the drone's height
     edges_m: NDArray[np.float64]  # (K, 2): borders of ground and background behind it
     hidden_edges_m: NDArray[np.float64]  # (L, 2): nearest samples in view that are background
 
@@ -99,16 +103,15 @@ def scan_ground(
     classes, covered = class_map.classes, None
     if classes.legs_m.any():
         covered = cover_below(level_m, ids, roles, classes, config.min_run)
-    return GroundScan(
-        level_m, ids, roles, image_roles, classes.top_of, height_m, config.min_run, covered
-    )
+    return GroundScan(level_m, ids, roles, image_roles, classes.top_of, height_m, config, covered)
 
 
 def find_bases(scan: GroundScan) -> Bases:
     """Find the first obstacle on the ground on each bearing of a scan, and the ground's edge."""
-    rows, first, before = scan_loops.first_runs(scan.roles, OBSTACLE, scan.min_run)
+    min_run = scan.config.min_run
+    rows, first, before = scan_loops.first_runs(scan.roles, OBSTACLE, min_run)
     stands, hides = before == GROUND, before == NO_ROLE
-    edge_rows, edge, edge_before = scan_loops.first_runs(scan.roles, OUTSIDE, scan.min_run)
+    edge_rows, edge, edge_before = scan_loops.first_runs(scan.roles, OUTSIDE, min_run)
     ends, ended = edge_before == GROUND, edge_before == NO_ROLE
     placed = rows[stands], first[stands]
     return Bases(
@@ -118,9 +121,19 @@ def find_bases(scan: GroundScan) -> Bases:
             scan.level_m, scan.ids, *placed, scan.top_of, scan.height_m
         ),
         hidden_m=scan.level_m[rows[hides], first[hides]],
+        hidden_tall=_are_tall(scan, rows[hides]),
         edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),
         hidden_edges_m=scan.level_m[edge_rows[ended], edge[ended]],
     )
+
+
+def _are_tall(scan: GroundScan, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return whether obstacles cover bearings up to the elevation of the drone's height."""
+    ranges_m = np.hypot(*np.moveaxis(scan.level_m[rows], -1, 0))
+    below = ranges_m <= scan.height_m / math.tan(-scan.config.tall_rad)
+    shown = below & (scan.roles[rows] != NO_ROLE)
+    covered = shown & (scan.roles[rows] == OBSTACLE)
+    return np.asarray(covered.sum(axis=1) >= scan.config.tall_share * shown.sum(axis=1))
 
 
 def _borders_m(

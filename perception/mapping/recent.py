@@ -39,7 +39,7 @@ class RecentLayerConfig:
     # A known point explains an obstacle of unknown range up to this difference in bearing and up
     # to `explain_m` behind the ground that the obstacle hides. Chosen.
     explain_rad: float = 0.12
-    explain_m: float = 0.1
+    explain_m: float = 0.3
 
 
 class _Kind(enum.IntEnum):
@@ -91,7 +91,8 @@ class RecentLayer:
     def unplaced_m(self) -> Floats:
         """Nearest ground in the newest view on the bearings of obstacles of unknown range, (N, 2).
 
-        Forward and right of the body's centre at capture.
+        Forward and right of the body's centre at capture; of obstacles that reach the drone's
+        height.
         """
         return self._unplaced_m
 
@@ -144,10 +145,12 @@ class RecentLayer:
         ):
             xy_m = pose.points_to_world(view.body_m(seen_m))
             self._add(_Points.of(xy_m, until_s=until_s, seen_s=self._newest_s, kind=kind))
-        self._unplaced_m = self._unexplained(view, found.hidden_m, _Kind.BASE, base_s)
-        unplaced_rad = _bearings(self._unplaced_m)
+        hidden_m, ended_m = view.body_m(found.hidden_m), view.body_m(found.hidden_edges_m)
+        unplaced = ~self._explained(view, hidden_m, _Kind.BASE, base_s)
+        unplaced_rad = _bearings(hidden_m[unplaced])
+        self._unplaced_m = hidden_m[unplaced & found.hidden_tall]
         self._unplaced_rad = unplaced_rad + pose.yaw_rad
-        ended_m = self._unexplained(view, found.hidden_edges_m, _Kind.EDGE, edge_s)
+        ended_m = ended_m[~self._explained(view, ended_m, _Kind.EDGE, edge_s)]
         self._unplaced_edges_rad = _bearings(ended_m) + pose.yaw_rad
         rays = np.stack([np.cos(unplaced_rad), np.sin(unplaced_rad)], axis=-1)
         assumed_m = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
@@ -200,23 +203,19 @@ class RecentLayer:
         kept[assumed] = ~(hidden & in_view & ground)
         self._points = self._points.take(kept)
 
-    def _unexplained(self, view: View, hidden_m: Floats, kind: _Kind, until_s: float) -> Floats:
-        """Return the nearest ground on the bearings of obstacles that no known point explains.
+    def _explained(self, view: View, hidden_m: Floats, kind: _Kind, until_s: float) -> Flags:
+        """Return which obstacles of unknown range a known point explains, (N,).
 
         A point that explains an obstacle is kept until `until_s`.
 
         Args:
             view: the newest view.
-            hidden_m: (N, 2) the nearest ground in view on bearings where an obstacle hides it.
+            hidden_m: (N, 2) the nearest ground in view on bearings where an obstacle hides it,
+                forward and right of the body's centre.
             kind: kind of the points that may explain them.
             until_s: new expiry time of explaining points.
-
-        Returns:
-            (M, 2) forward and right of the body's centre.
         """
-        if not len(hidden_m):
-            return np.empty((0, 2))
-        cfg, points, hidden_m = self._config, self._points, view.body_m(hidden_m)
+        cfg, points = self._config, self._points
         local_m = view.pose.points_to_body(points.xy_m)
         limits_m = np.hypot(*hidden_m.T) + cfg.explain_m
         explains: Flags = (
@@ -230,7 +229,7 @@ class RecentLayer:
             until_s=np.where(there, until_s, points.until_s),
             seen_s=np.where(there, self._newest_s, points.seen_s),
         )
-        return np.asarray(hidden_m[~explains.any(axis=1)])
+        return np.asarray(explains.any(axis=1))
 
     def _add(self, new: _Points) -> None:
         if len(new):

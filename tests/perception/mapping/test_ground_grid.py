@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.mapping.contact_scan import GroundScan, find_bases
+from perception.mapping.contact_scan import ContactScanConfig, GroundScan, find_bases
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
 from perception.mapping.view import View, ViewConfig
 from tests.paper_lab import CLASSES
@@ -31,7 +31,7 @@ def see(
         image_roles=np.array([[role]], dtype=np.uint8),
         top_of=CLASSES.top_of,
         height_m=1.5,
-        min_run=1,
+        config=ContactScanConfig(min_run=1),
     )
     grid.add(
         View(
@@ -115,7 +115,9 @@ def test_cells_are_ground_by_the_majority_of_samples_and_beyond_by_votes() -> No
     ahead_m = np.array([0.1, 0.5, 0.51, 0.7])  # the second and the third lie in one cell
     level_m = np.zeros((3, 4, 2))
     level_m[..., 0] = ahead_m
-    scan = GroundScan(level_m, roles, roles, roles, CLASSES.top_of, 1.5, 1)
+    scan = GroundScan(
+        level_m, roles, roles, roles, CLASSES.top_of, 1.5, ContactScanConfig(min_run=1)
+    )
     view = View(
         captured_s=2.0,
         pose=Pose2D(x_m=1.0, y_m=0.0, yaw_rad=math.pi / 2),

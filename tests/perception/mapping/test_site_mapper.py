@@ -264,6 +264,7 @@ def show_ground(
     x_m: float = -0.6,
     *,
     columns: slice = slice(0),
+    from_row: int = 0,
     height_m: float = HEIGHT_M,
 ) -> SiteMap:
     """Let the mapper see ground, from x, with an obstacle in columns; return the map then."""
@@ -277,7 +278,7 @@ def show_ground(
         height_above_ground_m=height_m,
     )
     ids = np.full((112, 224), CARPET, dtype=np.uint8)
-    ids[:, columns] = BOXES[2]
+    ids[from_row:, columns] = BOXES[2]
     look(mapper, paper_map(ids=ids, captured_s=time_s), frame, pose)
     return mapper.map(motion(pose))
 
@@ -340,12 +341,16 @@ def test_an_obstacle_on_free_ground_that_hides_its_base_is_a_mover_that_comes_ne
     assert [each.id for each in again.movers] == [mover.id]
 
 
-@pytest.mark.parametrize(("from_m", "height_m"), [(0.0, 1.5), (-1.2, 1.1)])
-def test_on_unseen_ground_or_from_low_down_it_is_none(from_m: float, height_m: float) -> None:
+@pytest.mark.parametrize(
+    ("from_m", "height_m", "from_row"), [(0.0, 1.5, 0), (-1.2, 1.1, 0), (-1.2, 1.5, 50)]
+)
+def test_on_unseen_ground_or_from_low_down_or_if_low_it_is_none(
+    from_m: float, height_m: float, from_row: int
+) -> None:
     mapper = SiteMapper(CLASSES)
     for tick in range(5):
         show_ground(mapper, 0.2 * tick, x_m=from_m * (1.0 - 0.25 * tick), height_m=height_m)
-    found = show_ground(mapper, 1.2, x_m=0.0, columns=AHEAD, height_m=height_m)
+    found = show_ground(mapper, 1.2, x_m=0.0, columns=AHEAD, from_row=from_row, height_m=height_m)
     assert not found.movers
 
 
