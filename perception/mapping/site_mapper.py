@@ -280,12 +280,12 @@ class SiteMapper:
         Args:
             view: placed in the map's frame.
         """
-        cfg, time_s = self.config.hidden, view.captured_s
-        if view.height_m < self.config.low_m or self._movers.movers(time_s):
+        cfg, time_s, hidden_m = self.config.hidden, view.captured_s, self._recent.unplaced_m
+        if not len(hidden_m) or view.height_m < self.config.low_m or self._movers.movers(time_s):
             return
         sides_m = [each.outline_m(cfg.step_m) for each in self._objects]
         known_m = np.vstack([self._obstacles_m(), *sides_m])
-        ahead = hidden_arrival(self._recent.unplaced_m, view.pose, self._grid, known_m, cfg)
+        ahead = hidden_arrival(hidden_m, view.pose, self._grid, known_m, cfg)
         if ahead is not None:
             here_m = np.array([view.pose.x_m, view.pose.y_m])
             self._movers.meet(here_m + cfg.place_m * ahead, -cfg.speed_mps * ahead, time_s)
