@@ -36,6 +36,7 @@ class MoverConfig:
     early_sightings: int = 3  # sightings after which a fast cluster most likely moves
     sightings: int = 5  # sightings after which a cluster may be a mover
     moved_m: float = 0.3  # distance from its first place after which a fast cluster is a mover
+    moved_near_m: float = 0.2  # the same within `near_m` of the camera
     moved_slowly_m: float = 0.45  # the same for a slow one
     min_mps: float = 0.1  # least speed of a mover
     max_mps: float = 1.5  # largest speed of a mover
@@ -92,6 +93,7 @@ class MoverTrack:
         self.moves = self.stands = self.has_moved = False
         self.was_lost = False  # it was another track before it left the view
         self.is_whole = True  # it was seen as a whole
+        self._was_under_way = False  # at the last sighting
         self.trail: list[tuple[float, float, float]] = []  # s, x, y
 
     def _begin(self, place_m: Floats, noise: Floats) -> None:
@@ -158,11 +160,13 @@ class MoverTrack:
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
         # The visible part changes with its place in the view.
         self.radius_m = max(cfg.min_radius_m, radius_m, cfg.shrinks * self.radius_m)
+        self._was_under_way = self.is_under_way  # the prediction makes the velocity uncertain
 
-    def judge(self, *, moves: bool = True) -> None:
+    def judge(self, from_m: Floats, *, moves: bool = True) -> None:
         """Decide whether it moves or stands.
 
         Args:
+            from_m: (2,) position of the camera in the map's frame.
             moves: whether the sighting may show movement; if not, judging restarts at this place.
         """
         cfg, place_m = self._config, self.place_m
@@ -178,9 +182,10 @@ class MoverTrack:
             self.begin_m = place_m if not self.stands else self.begin_m
             self.moves, self.stands = False, True
         moved_m = math.dist(place_m, self.begin_m)
+        is_near = math.dist(place_m, from_m) < cfg.near_m
         if (
             self.sightings >= cfg.sightings
-            and moved_m >= cfg.moved_m
+            and moved_m >= (cfg.moved_near_m if is_near else cfg.moved_m)
             and cfg.min_mps <= speed_mps <= cfg.max_mps
             and (speed_mps >= cfg.sure * self.std(1) or moved_m >= cfg.moved_slowly_m)
         ):
@@ -204,7 +209,7 @@ class MoverTrack:
         """
         cfg = self._config
         known, lost = self.sightings >= cfg.sightings, time_s - self.seen_s > cfg.lost_s
-        if known and lost and self.is_under_way and math.dist(self.seen_m, from_m) < cfg.near_m:
+        if known and lost and self._was_under_way and math.dist(self.seen_m, from_m) < cfg.near_m:
             self.moves = self.has_moved = True
 
     def holds(self, points_m: Floats, margin_m: float) -> Flags:

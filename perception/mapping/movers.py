@@ -100,7 +100,7 @@ class MoverTracker:
         for cluster, owner in self._assigned(self._clusters(points_m, from_m, cut)):
             if owner is not None:
                 owner.sight(cluster.place_m, cluster.noise, cluster.radius_m, whole=cluster.whole)
-                owner.judge(moves=judges)
+                owner.judge(from_m, moves=judges)
                 stands[cluster.rows] = owner.stands
                 if owner.moves:
                     self._moved_s = time_s

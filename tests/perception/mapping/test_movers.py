@@ -92,13 +92,13 @@ def test_a_cart_that_crosses_is_a_mover_soon_with_its_velocity(speed_mps: float,
     assert math.dist(ahead[1], ahead[0]) == pytest.approx(2.0 * mover.speed_mps)
 
 
-@pytest.mark.parametrize("speed_mps", [0.0, 0.35])
+@pytest.mark.parametrize("speed_mps", [0.0, 0.3, 0.35])
 @pytest.mark.parametrize("seed", range(8))
 def test_what_comes_below_the_view_before_it_is_confirmed_is_a_mover(
     speed_mps: float, seed: int
 ) -> None:
     """It comes towards the drone for 0.8 s; a box for as long is none."""
-    tracker = MoverTracker()
+    tracker = MoverTracker(MoverConfig(moved_near_m=0.3))
     path = follow(
         tracker,
         lambda time_s: (1.2 - speed_mps * time_s, 0.0),
@@ -110,6 +110,20 @@ def test_what_comes_below_the_view_before_it_is_confirmed_is_a_mover(
     for time_s in (0.8, 0.9, 1.0, 1.1):
         tracker.follow(np.empty((0, 2)), HERE_M, time_s)
     assert len(tracker.movers(1.1)) == (speed_mps > 0.0)
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 0.35])
+@pytest.mark.parametrize("seed", range(8))
+def test_near_the_camera_a_mover_is_confirmed_sooner(speed_mps: float, seed: int) -> None:
+    path = follow(
+        MoverTracker(),
+        lambda time_s: (1.2 - speed_mps * time_s, 0.0),
+        until_s=1.0,
+        drift_m=0.01,
+        seed=seed,
+    )
+    first_s = min((time_s for time_s, movers, _ in path if movers), default=math.inf)
+    assert first_s <= 0.8 if speed_mps else first_s == math.inf
 
 
 def test_out_of_view_a_mover_goes_on_less_and_less_surely_and_is_forgotten() -> None:
