@@ -90,3 +90,14 @@ def test_at_an_edge_the_drone_sees_enough_ground_to_measure_its_drift() -> None:
         explores_ms=90_000,
     )
     assert flown.outcome == "success"
+
+
+def test_the_segmentation_rule_also_sees_enough_ground_at_an_edge() -> None:
+    flown = fly(
+        "explore_and_land_segmentation",
+        "train-a",
+        31004,
+        "velocity-bias=-0.2@explore+15.5",
+        explores_ms=90_000,
+    )
+    assert flown.outcome == "success"
