@@ -23,6 +23,7 @@ from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
 from uav_bt.types import FlyingState, MissionPhase, Observation
+from uav_bt.types.flight_results import EventKind
 from uav_bt.types.mission_rules import LandOn
 
 _AFTER_S: Final = 3.0  # the drone is watched for this time after the program's end
@@ -126,10 +127,13 @@ class WatchedDrone(FaultyDrone):
         return super().observe()
 
     def on_tick(self, record: TickRecord) -> None:
-        """Note overrides and phases."""
+        """Note overrides, with their causes as the report states them, and phases."""
         self.phases.add(record.phase)
         if record.override is not None:
             self.events[record.override.value] = None
+        for event in record.events:
+            if event.kind == EventKind.OVERRIDE:
+                self.events[event.text] = None
         super().on_tick(record)
 
     def disconnect(self) -> None:
