@@ -286,8 +286,8 @@ def test_the_rectangles_follow_pitch_and_height(
 ) -> None:
     """Their upper edges see the ground at the configured ranges, their sides the angles.
 
-    The ranges count from the nearest ground in view where that is further away than in the view of
-    the thresholds.
+    If the nearest ground in view is further away than in the view of the thresholds, the ranges
+    count from it.
     """
     camera = CAMERA.resized(*size_px)
     look = replace(

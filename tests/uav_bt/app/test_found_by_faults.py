@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from uav_bt import app
 
 SHORT_MS = 30_000
@@ -79,25 +81,17 @@ def test_a_box_beside_the_take_off_whose_base_is_never_seen_is_not_touched() -> 
     assert flown.outcome == "success"
 
 
-def test_at_an_edge_the_drone_sees_enough_ground_to_measure_its_drift() -> None:
+@pytest.mark.parametrize(
+    ("tree", "seed", "scene", "error_mps", "movers"),
+    [
+        ("explore_and_land_depth", 27002, "val-a", -0.15, 1),
+        ("explore_and_land_segmentation", 31004, "train-a", -0.2, 0),
+    ],
+)
+def test_at_an_edge_the_drone_sees_enough_ground_to_measure_its_drift(
+    tree: str, seed: int, scene: str, error_mps: float, movers: int
+) -> None:
     """Turning at the edge it saw ground for a third of the time, and drifted over the edge."""
-    flown = fly(
-        "explore_and_land_depth",
-        "val-a",
-        27002,
-        "velocity-bias=-0.15@explore+15.5",
-        movers=1,
-        explores_ms=90_000,
-    )
-    assert flown.outcome == "success"
-
-
-def test_the_segmentation_rule_also_sees_enough_ground_at_an_edge() -> None:
-    flown = fly(
-        "explore_and_land_segmentation",
-        "train-a",
-        31004,
-        "velocity-bias=-0.2@explore+15.5",
-        explores_ms=90_000,
-    )
+    fault = f"velocity-bias={error_mps}@explore+15.5"
+    flown = fly(tree, scene, seed, fault, movers=movers, explores_ms=90_000)
     assert flown.outcome == "success"
