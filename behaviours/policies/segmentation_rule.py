@@ -127,9 +127,7 @@ class SegmentationRule:
 
     def rectangles(self, view: PolicyView) -> tuple[Rectangle, Rectangle]:
         """Return the high and the low rectangle for a view's camera, pitch and height."""
-        cfg = self.config
-        high = self._rectangle(view, cfg.obstacle_range_m, cfg.obstacle_half_angle_rad)
-        low = self._rectangle(view, cfg.ground_range_m, cfg.ground_half_angle_rad)
+        high, low = self._patches(view)
         return replace(high, bottom=view.camera.height_px), low
 
     def decide(self, view: PolicyView) -> Advance | Blocked:
@@ -137,11 +135,12 @@ class SegmentationRule:
         cfg = self.config
         roles = view.class_map.roles
         high, low = self.rectangles(view)
+        # The thresholds hold for the sizes that the rectangles have in their view.
+        sizes = zip(self._patches(self._of_thresholds(view)), self._patches(view), strict=True)
+        high_ratio, low_ratio = (usual.size_px / shown.size_px for usual, shown in sizes)
         per_px = _REFERENCE_PIXELS / roles.size
-        obstacles = _count(high.of(roles), OBSTACLE) * per_px
-        obstacles *= self._size_ratio(view, cfg.obstacle_range_m, cfg.obstacle_half_angle_rad)
-        ground = np.count_nonzero(low.of(roles) != OUTSIDE) * per_px
-        ground *= self._size_ratio(view, cfg.ground_range_m, cfg.ground_half_angle_rad)
+        obstacles = _count(high.of(roles), OBSTACLE) * per_px * high_ratio
+        ground = np.count_nonzero(low.of(roles) != OUTSIDE) * per_px * low_ratio
 
         relief = min(view.full_turns, cfg.max_full_turns)
         obstacle_limit = cfg.obstacle_threshold_px * (1.0 + cfg.obstacle_relief * relief)
@@ -180,10 +179,11 @@ class SegmentationRule:
             return math.copysign(self.config.turn_rad, tie_break - 0.5)
         return self.config.turn_rad if for_right > for_left else -self.config.turn_rad
 
-    def _size_ratio(self, view: PolicyView, range_m: float, half_angle_rad: float) -> float:
-        """Return the size of a rectangle in the view of the thresholds over that in a view."""
-        size_px = self._rectangle(view, range_m, half_angle_rad).size_px
-        return self._rectangle(self._of_thresholds(view), range_m, half_angle_rad).size_px / size_px
+    def _patches(self, view: PolicyView) -> tuple[Rectangle, Rectangle]:
+        """Return the parts of both rectangles that show the ground up to their ranges."""
+        cfg = self.config
+        high = self._rectangle(view, cfg.obstacle_range_m, cfg.obstacle_half_angle_rad)
+        return high, self._rectangle(view, cfg.ground_range_m, cfg.ground_half_angle_rad)
 
     def _of_thresholds(self, view: PolicyView) -> PolicyView:
         cfg = self.config
