@@ -49,6 +49,7 @@ class MoverConfig:
     # it has not moved by `moved_m`: its base is below the view.
     lost_s: float = 0.2
     near_m: float = 1.2
+    sure_lost: float = 1.0  # `sure` for such a cluster, which was seen for a short time
     life_s: float = 6.0  # the same for a mover
     # A mover out of view keeps its velocity for this time. After it the mover may have turned: it
     # is anywhere within the way that it covers at `turned_ratio` of its speed.
@@ -93,7 +94,7 @@ class MoverTrack:
         self.moves = self.stands = self.has_moved = False
         self.was_lost = False  # it was another track before it left the view
         self.is_whole = True  # it was seen as a whole
-        self._was_under_way = False  # at the last sighting
+        self._was_fast = False  # at the last sighting, by `sure_lost`
         self.trail: list[tuple[float, float, float]] = []  # s, x, y
 
     def _begin(self, place_m: Floats, noise: Floats) -> None:
@@ -121,9 +122,13 @@ class MoverTrack:
     @property
     def is_under_way(self) -> bool:
         """Whether it moves, certainly or most likely."""
-        cfg, speed_mps = self._config, float(np.hypot(*self.velocity_mps))
-        fast = speed_mps >= max(cfg.min_mps, cfg.sure * self.std(1))
-        return self.moves or (fast and not self.stands and self.sightings >= cfg.early_sightings)
+        cfg = self._config
+        fast = self._is_fast(cfg.sure) and not self.stands
+        return self.moves or (fast and self.sightings >= cfg.early_sightings)
+
+    def _is_fast(self, sure: float) -> bool:
+        speed_mps = float(np.hypot(*self.velocity_mps))
+        return speed_mps >= max(self._config.min_mps, sure * self.std(1))
 
     def predict(self, time_s: float) -> None:
         """Predict its state at a time."""
@@ -160,7 +165,7 @@ class MoverTrack:
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
         # The visible part changes with its place in the view.
         self.radius_m = max(cfg.min_radius_m, radius_m, cfg.shrinks * self.radius_m)
-        self._was_under_way = self.is_under_way  # the prediction makes the velocity uncertain
+        self._was_fast = self._is_fast(cfg.sure_lost)  # a prediction makes the velocity uncertain
 
     def judge(self, from_m: Floats, *, moves: bool = True) -> None:
         """Decide whether it moves or stands.
@@ -209,7 +214,8 @@ class MoverTrack:
         """
         cfg = self._config
         known, lost = self.sightings >= cfg.sightings, time_s - self.seen_s > cfg.lost_s
-        if known and lost and self._was_under_way and math.dist(self.seen_m, from_m) < cfg.near_m:
+        fast, near = self._was_fast and not self.stands, math.dist(self.seen_m, from_m) < cfg.near_m
+        if known and lost and fast and near:
             self.moves = self.has_moved = True
 
     def holds(self, points_m: Floats, margin_m: float) -> Flags:

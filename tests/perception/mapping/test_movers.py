@@ -92,7 +92,7 @@ def test_a_cart_that_crosses_is_a_mover_soon_with_its_velocity(speed_mps: float,
     assert math.dist(ahead[1], ahead[0]) == pytest.approx(2.0 * mover.speed_mps)
 
 
-@pytest.mark.parametrize("speed_mps", [0.0, 0.3, 0.35])
+@pytest.mark.parametrize("speed_mps", [0.0, 0.2, 0.25, 0.3, 0.35])
 @pytest.mark.parametrize("seed", range(8))
 def test_what_comes_below_the_view_before_it_is_confirmed_is_a_mover(
     speed_mps: float, seed: int

@@ -95,3 +95,18 @@ def test_at_an_edge_the_drone_sees_enough_ground_to_measure_its_drift(
     fault = f"velocity-bias={error_mps}@explore+15.5"
     flown = fly(tree, scene, seed, fault, movers=movers, explores_ms=90_000)
     assert flown.outcome == "success"
+
+
+@pytest.mark.parametrize(
+    ("tree", "seed", "faults"),
+    [
+        ("survey_and_land", 33009, ["wind=0.24@explore+21.6~1.7"]),
+        ("explore_and_land_depth", 33011, []),
+    ],
+)
+def test_a_slow_mover_that_comes_below_the_view_after_few_views_is_evaded(
+    tree: str, seed: int, faults: list[str]
+) -> None:
+    """Its speed was not certain yet when its base left the view, and the drone flew on."""
+    flown = fly(tree, "train-b", seed, *faults, movers=1)
+    assert flown.outcome == "success"
