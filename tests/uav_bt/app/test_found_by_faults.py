@@ -110,3 +110,10 @@ def test_a_slow_mover_that_comes_below_the_view_after_few_views_is_evaded(
     """Its speed was not certain yet when its base left the view, and the drone flew on."""
     flown = fly(tree, "train-b", seed, *faults, movers=1)
     assert flown.outcome == "success"
+
+
+@pytest.mark.parametrize("scene", ["train-b", "val-b"])
+def test_a_slow_mover_is_no_standing_obstacle_that_drifts(scene: str) -> None:
+    """A standing point was allowed to move by 0.3 m, and new points moved on with the mover."""
+    flown = fly("survey_and_land", scene, 820, movers=1)
+    assert flown.outcome == "success"
