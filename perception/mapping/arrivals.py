@@ -28,7 +28,7 @@ class ArrivalConfig:
     # A point on ground that was seen before settles after this time. Chosen.
     settles_s: float = 2.0
     # A point that a mover owns may be this much nearer to settled points. Chosen.
-    shared_m: float = 0.2
+    shared_m: float = 0.05
 
 
 def find_arrivals(
