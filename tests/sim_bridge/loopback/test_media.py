@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
+import os
 import socket
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 import cv2
@@ -154,10 +155,21 @@ async def listening(server: LoopbackServer) -> AsyncIterator[Callable[[], Any]]:
     writer.close()
 
 
+def free_port(*, and_above: int) -> int:
+    """Return a free port with another free one at a distance above it.
+
+    It is below the ports that the kernel gives to the connections of other tests.
+    """
+    for port in range(20_000 + os.getpid() % 5_000, 30_000):
+        with socket.socket() as first, socket.socket() as second, suppress(OSError):
+            first.bind((HOST, port))
+            second.bind((HOST, port + and_above))
+            return port
+    raise AssertionError(f"no free pair of ports at {HOST}")
+
+
 def test_behind_a_remote_control_the_photographs_are_a_hundred_ports_higher() -> None:
-    with socket.socket() as free:
-        free.bind((HOST, 0))
-        port = min(free.getsockname()[1], 65_535 - 100)
+    port = free_port(and_above=100)
 
     async def run() -> None:
         media, table, world = MediaStore(), message_table(), LiveWorld()

@@ -180,13 +180,19 @@ def _leaves(scripts: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     return st.builds(lambda s, c: f'<Told script="{s}"{c}/>', scripts, CONDITIONS)
 
 
+def _is_loaded(tag: str, children: list[str]) -> bool:
+    """Return whether the loader takes a node: a ReactiveSequence has at most one AsyncSequence."""
+    running = [child for child in children if child.startswith("<AsyncSequence")]
+    return tag != "ReactiveSequence" or len(running) <= 1
+
+
 def _control(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     def of(tags: list[str], least: int, most: int) -> st.SearchStrategy[str]:
-        return st.builds(
-            lambda tag, children, c: f"<{tag}{c}>{''.join(children)}</{tag.split()[0]}>",
-            st.sampled_from(tags),
-            st.lists(inner, min_size=least, max_size=most),
-            CONDITIONS,
+        nodes = st.tuples(
+            st.sampled_from(tags), st.lists(inner, min_size=least, max_size=most), CONDITIONS
+        )
+        return nodes.filter(lambda node: _is_loaded(*node[:2])).map(
+            lambda node: f"<{node[0]}{node[2]}>{''.join(node[1])}</{node[0].split()[0]}>"
         )
 
     orders = "Sequence Fallback ReactiveSequence ReactiveFallback SequenceWithMemory"
