@@ -27,7 +27,8 @@ class ArrivalConfig:
     beside_mps: float = 0.04  # growth from `beside_new_m` to `beside_m`
     # A point on ground that was seen before settles after this time. Chosen.
     settles_s: float = 2.0
-    # A point that a mover owns may be this much nearer to settled points. Chosen.
+    # A point that a mover owns may be this much nearer to settled points. Less than `beside_new_m`,
+    # because a mover that passes a box must not take its points along. Chosen.
     shared_m: float = 0.05
 
 
