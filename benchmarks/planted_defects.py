@@ -4,11 +4,11 @@ r"""Plant defects in copies of the code, and measure how long random flights tak
     python -m benchmarks.planted_defects --out runs/planted --minutes 6    # of wall time, each
     python -m benchmarks.planted_defects --out runs/planted --defects land-steps-back
 
-`planted_edits.py` lists the defects. For each one the code flies as `uav-bt campaign TREE...
---drone plain --faults random` does: the trees of both rules and of the survey in turn, all
-training and validation scenes, seeds in order. They explore for 30 s instead of 90 or 180 s, so
-that more faults and landings are flown in the same time. The defect is found by the first flight
-that
+`planted_edits.py` lists the defects. For each one the code flies as `uav-bt campaign TREE
+--drone plain --faults random` does: the trees of both rules and of the survey in turn, each in all
+training and validation scenes with seeds of its own, so that no two flights have the same faults.
+They explore for 30 s instead of 90 or 180 s, so that more faults and landings are flown in the
+same time. The defect is found by the first flight that
 
 - does not succeed, where the same flight (tree, scene, seed) succeeds without the defect, or
 - ends in the air, where the same flight without the defect ends on the ground.
@@ -29,11 +29,10 @@ import shlex
 import shutil
 import signal
 import sys
-import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from benchmarks.planted_code import ROOT, Code
 from benchmarks.planted_edits import DEFECTS, Defect
@@ -47,11 +46,48 @@ from uav_bt.mission.judge import Outcome
 TREES: Final = ("explore_and_land_segmentation", "explore_and_land_depth", "survey_and_land")
 SCENES: Final = "train-*,val-*"
 SHORT: Final = ("--set", "ExploreFor.duration_ms=30000")
-_SEEDS: Final = 1000  # more than a search flies
+_BLOCKS: Final = 1000  # more than a search flies
+_BLOCK_SEEDS: Final = 2
 _HUNG_S: Final = 240.0  # wall time of a hung flight; one of 300 s takes a minute on a busy core
 _SOUND: Final = "sound"
+_DONE_FILE: Final = "done"
 _RESULT_FILE: Final = "result.json"
 Line = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Flights of one tree in all scenes, flown in one command.
+
+    Attributes:
+        tree: Name of the tree.
+        first_seed: The first seed. No two blocks share a seed, because trees that are flown with
+            the same seed have the same faults.
+        seeds: Number of seeds.
+    """
+
+    tree: str
+    first_seed: int
+    seeds: int = _BLOCK_SEEDS
+
+    @property
+    def name(self) -> str:
+        """Name of the folder."""
+        return f"{self.first_seed}-{self.tree}"
+
+
+def blocks() -> Iterator[Block]:
+    """Return the blocks in the order in which they are flown."""
+    for index in range(_BLOCKS):
+        yield Block(TREES[index % len(TREES)], index * _BLOCK_SEEDS)
+
+
+class Found(NamedTuple):
+    """The flight that finds a defect, how it differs, and the folder of its campaign."""
+
+    line: Line
+    how: str
+    folder: Path
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,13 +162,27 @@ def _suspect(line: Line) -> bool:
     return line["outcome"] != Outcome.SUCCESS.value or bool(line.get("airborne_at_end"))
 
 
-def _lines(folder: Path) -> list[dict[str, Any]]:
-    file = folder / FLIGHTS_FILE
-    return list(read_flights(file).flights) if file.exists() else []
-
-
-def _wall_s(lines: list[dict[str, Any]]) -> float:
+def _wall_s(lines: Sequence[Line]) -> float:
     return sum(float(line.get("wall_s") or _HUNG_S) for line in lines)
+
+
+def _fly(code: Code, block: Block, folder: Path) -> Sequence[Line]:
+    """Return the flights of a block, flown now or kept.
+
+    Raises:
+        MissionError: The command refused something.
+    """
+    folder = folder / block.name
+    words = ["campaign", block.tree, "--scenes", SCENES, "--seed-from", str(block.first_seed)]
+    words += ["--flights", str(block.seeds), *SHORT, "--drone", "plain", "--faults", "random"]
+    words += ["--workers", "1", "--timeout-s", f"{_HUNG_S:g}", "--out", str(folder)]
+    done = folder / _DONE_FILE
+    if not done.exists():
+        log = folder.with_suffix(".log")
+        if code.run(words, log) != 0:
+            raise MissionError(f"uav-bt {shlex.join(words)} failed; see {log}")
+        write_whole(done, "")
+    return read_flights(folder / FLIGHTS_FILE).flights
 
 
 class Sound:
@@ -145,36 +195,11 @@ class Sound:
     def __init__(self, folder: Path) -> None:
         self.code = Code.copied(ROOT, folder / "code")
         self._folder = folder
-        found = folder.glob(f"flights/*/{FLIGHTS_FILE}")
-        self._flown = {key_of(line): line for file in found for line in _lines(file.parent)}
 
-    def knows(self, line: Line) -> bool:
-        """Return whether the same flight was flown."""
-        return key_of(line) in self._flown
-
-    def same(self, line: Line) -> Line:
-        """Return the same flight, which is flown if it was not."""
-        if not self.knows(line):
-            tree, scene, seed = Path(line["tree"]).stem, line["scene"], line["seed"]
-            folder = self._folder / "flights" / f"{tree}-{scene}-{seed}"
-            words = [tree, "--scenes", scene, "--seed-from", str(seed), "--flights", "1"]
-            _campaign(self.code, words, folder)
-            for flown in _lines(folder):
-                self._flown[key_of(flown)] = flown
-        return self._flown[key_of(line)]
-
-
-def _campaign(code: Code, words: list[str], folder: Path, **how: Any) -> None:
-    """Fly random flights without images.
-
-    Raises:
-        MissionError: The command refused something.
-    """
-    words = ["campaign", *words, *SHORT, "--drone", "plain", "--faults", "random", "--workers", "1"]
-    words += ["--timeout-s", f"{_HUNG_S:g}", "--out", str(folder)]
-    log = folder.with_suffix(".log")
-    if code.run(words, log, **how) not in {None, 0}:
-        raise MissionError(f"uav-bt {shlex.join(words)} failed; see {log}")
+    def fly(self, block: Block) -> dict[Any, Line]:
+        """Return the flights of a block by their key."""
+        lines = _fly(self.code, block, self._folder / "flights")
+        return {key_of(line): line for line in lines}
 
 
 class Hunt:
@@ -190,47 +215,35 @@ class Hunt:
     def __init__(self, defect: Defect, folder: Path, sound: Sound, minutes: float) -> None:
         self._code = Code.copied(sound.code.folder, folder / "code", defect)
         self._folder, self._sound, self._minutes = folder, sound, minutes
-        self._flights = folder / "flights"
-        self._judged = 0  # number of flights that were compared
-        self._spent_s = 0.0  # wall time
 
-    def search(self) -> tuple[Search, Line | None]:
+    def search(self) -> tuple[Search, Found | None]:
         """Fly until a flight finds the defect; return the search and that flight."""
-        words = [*TREES, "--scenes", SCENES, "--flights", str(_SEEDS)]
-        self._spent_s = _wall_s(_lines(self._flights))
-        found = self._found()
-        while found is None and self._spent_s < 60.0 * self._minutes:
-            began_s, before_s = time.monotonic(), self._spent_s
-            _campaign(self._code, words, self._flights, goes_on=self._goes_on)
-            self._spent_s = before_s + time.monotonic() - began_s
-            found = self._found()
-        flown = _lines(self._flights)[: self._judged]
+        flown: list[Line] = []
+        found: Found | None = None
+        for block in blocks():
+            if found is not None or _wall_s(flown) >= 60.0 * self._minutes:
+                break
+            lines = _fly(self._code, block, self._folder / "flights")
+            found = self._first(block, lines)
+            flown += lines if found is None else lines[: lines.index(found.line) + 1]
         search = Search(
             flights=len(flown),
             hours=sum(line.get("duration_s") or 0.0 for line in flown) / 3600.0,
             minutes=_wall_s(flown) / 60.0,
             limit_minutes=self._minutes,
-            how=None if found is None else difference(found, self._sound.same(found)),
+            how=None if found is None else found.how,
         )
         return search, found
 
-    def _goes_on(self, passed_s: float) -> bool:
-        """Return whether there is time left and no flight to compare or to report."""
-        return self._spent_s + passed_s < 60.0 * self._minutes and not any(
-            _suspect(line)
-            and (not self._sound.knows(line) or difference(line, self._sound.same(line)))
-            for line in _lines(self._flights)[self._judged :]
-        )
-
-    def _found(self) -> Line | None:
-        """Return the first flight that finds the defect; None: none did."""
-        for line in _lines(self._flights)[self._judged :]:
-            self._judged += 1
-            if _suspect(line) and difference(line, self._sound.same(line)) is not None:
-                return line
+    def _first(self, block: Block, lines: Sequence[Line]) -> Found | None:
+        """Return the first flight that finds the defect; None: none does."""
+        for line in filter(_suspect, lines):
+            how = difference(line, self._sound.fly(block)[key_of(line)])
+            if how is not None:
+                return Found(line, how, self._folder / "flights" / block.name)
         return None
 
-    def shrink(self, line: Line) -> tuple[str | None, bool]:
+    def shrink(self, found: Found) -> tuple[str | None, bool]:
         """Reduce a flight that found the defect, and fly the rest in the twin.
 
         The flight is flown in the twin as it is if the time is over before it is reduced.
@@ -240,10 +253,11 @@ class Hunt:
             defect in the twin.
         """
         out, log = self._folder / "smallest", self._folder / "shrink.log"
+        line = found.line
         log.unlink(missing_ok=True)
         shutil.rmtree(out, ignore_errors=True)  # of a run that was stopped
         tree, seed = Path(line["tree"]).stem, str(line["seed"])
-        words = ["shrink", str(self._flights), "--tree", tree, "--scene", line["scene"]]
+        words = ["shrink", str(found.folder), "--tree", tree, "--scene", line["scene"]]
         words += ["--seed", seed, "--out", str(out)]
         limit_s = 60.0 * self._minutes
         shrunk = self._code.run(words, log, goes_on=lambda passed_s: passed_s < limit_s) == 0
@@ -289,9 +303,9 @@ def hunt(defect: Defect, folder: Path, sound: Sound, minutes: float) -> Search:
         if kept.left is not None or kept.limit_minutes >= minutes:
             return kept
     flies = Hunt(defect, folder, sound, minutes)
-    search, line = flies.search()
-    if line is not None:
-        left, in_twin = flies.shrink(line)
+    search, found = flies.search()
+    if found is not None:
+        left, in_twin = flies.shrink(found)
         search = replace(search, left=left, in_twin=in_twin)
     write_whole(file, json.dumps(asdict(search), indent=2) + "\n")
     return search

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from benchmarks.planted_code import Code
-from benchmarks.planted_defects import Search, Sound, difference, hunt
+from benchmarks.planted_defects import TREES, Search, Sound, blocks, difference, hunt
 from benchmarks.planted_edits import DEFECTS, Defect
 from uav_bt.errors import FileError
 
@@ -21,19 +22,19 @@ MARK = Defect(
     file="behaviours/mark.py",
     sound="PLANTED = False",
     planted="PLANTED = True",
-    wrong="The third flight touches a box.",
+    wrong="The flight with seed 2 touches a box.",
 )
-# A product that flies nothing: flights with an odd seed are aborted by their fault, and the third
-# one touches a box with the defect.
+# A product that flies nothing: flights with an odd seed are aborted by their fault, and the flight
+# with seed 2 touches a box with the defect.
 PRODUCT = """
 import json, sys
 from pathlib import Path
 from behaviours.mark import PLANTED
 
-def line(seed):
+def line(tree, seed):
     how = ("aborted", "critical battery") if seed % 2 else ("success", "landed")
     how = ("collision", "touched box") if PLANTED and seed == 2 else how
-    return {"tree": "survey_and_land.xml", "scene": "train-a", "seed": seed, "outcome": how[0],
+    return {"tree": f"{tree}.xml", "scene": "train-a", "seed": seed, "outcome": how[0],
             "reason": how[1], "profile": "lab", "duration_s": 360.0, "wall_s": 6.0}
 
 def value(option):
@@ -43,8 +44,9 @@ command = sys.argv[1]
 if command == "campaign":
     file = Path(value("--out")) / "flights.jsonl"
     file.parent.mkdir(parents=True, exist_ok=True)
-    seeds = [int(value("--seed-from"))] if "--seed-from" in sys.argv else range(5)
-    file.write_text("".join(json.dumps(line(seed)) + "\\n" for seed in seeds))
+    first = int(value("--seed-from"))
+    lines = [line(sys.argv[2], first + index) for index in range(int(value("--flights")))]
+    file.write_text("".join(json.dumps(line) + "\\n" for line in lines))
 elif command == "shrink":
     out = Path(value("--out"))
     out.mkdir()
@@ -53,7 +55,7 @@ elif command == "shrink":
     print(f"left: faults 1, movers 0, boxes 2; {out}")
 elif command == "fly":
     assert value("--faults").endswith("faults.txt")
-    Path(value("--report")).write_text(json.dumps(line(int(value("--seed")))))
+    Path(value("--report")).write_text(json.dumps(line(sys.argv[2], int(value("--seed")))))
 elif command == "wait":
     sys.stdin.read()
     import time
@@ -144,13 +146,17 @@ def test_a_search_ends_with_the_flight_that_fails_by_the_defect(
         left="1, 0, 2",
         in_twin=True,
     )
-    compared = sorted(path.name for path in (tmp_path / "sound" / "flights").iterdir())
-    assert compared == [
-        *("survey_and_land-train-a-1", "survey_and_land-train-a-1.log"),
-        *("survey_and_land-train-a-2", "survey_and_land-train-a-2.log"),
-    ]
+    compared = sorted(path.name for path in (tmp_path / "sound" / "flights").glob("*.log"))
+    assert compared == [f"0-{TREES[0]}.log", f"2-{TREES[1]}.log"]
     row = found.row(MARK)
     assert row == "| mark | - | yes | 0.30 | 0.3 | 3 | collision: touched box | yes | 1, 0, 2 |"
+
+
+def test_blocks_take_the_trees_in_turn_and_share_no_seed() -> None:
+    flown = list(islice(blocks(), 6))
+    assert [block.tree for block in flown] == [*TREES, *TREES]
+    seeds = [block.first_seed + index for block in flown for index in range(block.seeds)]
+    assert seeds == list(range(len(seeds)))
 
 
 def test_a_result_is_kept_unless_there_is_more_time(product: Path, tmp_path: Path) -> None:
