@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import signal
@@ -14,9 +15,13 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.planted_edits import Defect
+from uav_bt.errors import FileError
+from uav_bt.files import write_whole
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 _PACKAGES: Final = ("uav_bt", "behaviours", "perception", "sim_bridge", "trees")
+_SOURCES: Final = frozenset({".py", ".xml", ".yaml"})
+_DIGEST_FILE: Final = "sources.sha256"
 _POLL_S: Final = 0.5
 _STOP_S: Final = 10.0  # from SIGTERM to SIGKILL; a campaign ends within a second
 
@@ -33,7 +38,7 @@ class Code:
 
     @classmethod
     def copied(cls, source: Path, folder: Path, defect: Defect | None = None) -> Code:
-        """Return a copy; one that is there already is used.
+        """Return a copy; one of the same code that is there already is used.
 
         Times of files and Numba's machine code beside the modules are copied, too, so that only
         the edited file is compiled again.
@@ -44,15 +49,22 @@ class Code:
             defect: The defect that is planted in it; None: none.
 
         Raises:
-            FileError: The defect's text does not occur exactly once.
+            FileError: The defect's text does not occur exactly once, or the folder holds other
+                code.
         """
-        if not folder.exists():
+        digest = _digest(source, defect)
+        if folder.exists():
+            kept = folder / _DIGEST_FILE
+            if not kept.exists() or kept.read_text(encoding="utf-8") != digest:
+                raise FileError(folder, "holds other code than today's; give a new folder to --out")
+        else:
             part = folder.with_suffix(".part")
             shutil.rmtree(part, ignore_errors=True)
             for package in _PACKAGES:
                 shutil.copytree(source / package, part / package)
             if defect is not None:
                 defect.plant(part)
+            write_whole(part / _DIGEST_FILE, digest)
             part.rename(folder)
         return cls(folder)
 
@@ -96,6 +108,15 @@ class Code:
             finally:
                 _stop(process)
         return process.returncode
+
+
+def _digest(source: Path, defect: Defect | None) -> str:
+    """Return the SHA-256 of the packages' sources and of the edit."""
+    digest = hashlib.sha256(repr(defect).encode())
+    files = (path for package in _PACKAGES for path in (source / package).rglob("*.*"))
+    for path in sorted(path for path in files if path.suffix in _SOURCES):
+        digest.update(str(path.relative_to(source)).encode() + path.read_bytes())
+    return digest.hexdigest()
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

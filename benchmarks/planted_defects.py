@@ -29,17 +29,18 @@ import shlex
 import shutil
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from benchmarks.planted_code import ROOT, Code
 from benchmarks.planted_edits import DEFECTS, Defect
+from benchmarks.planted_results import HEAD, Line, Search, difference
 from uav_bt.campaign.flight_lines import key_of, read_flights
 from uav_bt.campaign.store import FLIGHTS_FILE
 from uav_bt.cli.shrink import FAULTS_FILE, SCENE_FILE
-from uav_bt.errors import MissionError
+from uav_bt.errors import MissionError, UavBtError
 from uav_bt.files import write_whole
 from uav_bt.mission.judge import Outcome
 
@@ -49,10 +50,10 @@ SHORT: Final = ("--set", "ExploreFor.duration_ms=30000")
 _BLOCKS: Final = 1000  # more than a search flies
 _BLOCK_SEEDS: Final = 2
 _HUNG_S: Final = 240.0  # wall time of a hung flight; one of 300 s takes a minute on a busy core
+_TWIN_S: Final = 900.0  # wall time of a flight with images that hangs
 _SOUND: Final = "sound"
 _DONE_FILE: Final = "done"
 _RESULT_FILE: Final = "result.json"
-Line = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -90,74 +91,6 @@ class Found(NamedTuple):
     folder: Path
 
 
-@dataclass(frozen=True, kw_only=True)
-class Search:
-    """How one defect's search ended.
-
-    Attributes:
-        flights: Number of flights.
-        hours: Their simulated time.
-        minutes: Their wall time.
-        limit_minutes: Wall time after which the search was given up.
-        how: How the flight failed that found the defect; None: none did.
-        left: Faults, movers and boxes that the failure needs; None: not reduced in time.
-        in_twin: Whether the flight, reduced if it was, finds the defect in the twin with images.
-    """
-
-    flights: int
-    hours: float
-    minutes: float
-    limit_minutes: float
-    how: str | None = None
-    left: str | None = None
-    in_twin: bool | None = None
-
-    def row(self, defect: Defect) -> str:
-        """Return a row of the table."""
-        twin = {None: "-", True: "yes", False: "no"}[self.in_twin]
-        cells = (
-            defect.name,
-            defect.fixed_in or "-",
-            "no" if self.how is None else "yes",
-            f"{self.hours:.2f}",
-            f"{self.minutes:.1f}",
-            str(self.flights),
-            self.how or "-",
-            twin,
-            self.left or "-",
-        )
-        return f"| {' | '.join(cells)} |"
-
-
-_HEAD: Final = (
-    "| defect | fixed in | found | hours | minutes | flights | how | in the twin "
-    "| faults, movers, boxes |\n|---|---|---|---:|---:|---:|---|---|---|"
-)
-
-
-# Outcomes from the least severe on; a contact, an exit and an error are equal.
-_SEVERITY: Final = {
-    Outcome.SUCCESS.value: 0,
-    Outcome.ABORTED.value: 1,
-    Outcome.TIMEOUT.value: 2,
-    **dict.fromkeys((Outcome.LEFT_AREA.value, Outcome.COLLISION.value, Outcome.ERROR.value), 3),
-}
-
-
-def difference(line: Line, sound: Line) -> str | None:
-    """Return how a flight with a defect ends worse than the one without; None: it does not.
-
-    Args:
-        line: The flight with the defect.
-        sound: The same flight without.
-    """
-    if line.get("airborne_at_end") and not sound.get("airborne_at_end"):
-        return f"left in the air: {line['reason']}"
-    if _SEVERITY[line["outcome"]] > _SEVERITY[sound["outcome"]]:
-        return f"{line['outcome']}: {line['reason']}"
-    return None
-
-
 def _suspect(line: Line) -> bool:
     return line["outcome"] != Outcome.SUCCESS.value or bool(line.get("airborne_at_end"))
 
@@ -190,10 +123,11 @@ class Sound:
 
     Args:
         folder: Where both are kept.
+        source: Folder with the packages.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.code = Code.copied(ROOT, folder / "code")
+    def __init__(self, folder: Path, source: Path = ROOT) -> None:
+        self.code = Code.copied(source, folder / "code")
         self._folder = folder
 
     def fly(self, block: Block) -> dict[Any, Line]:
@@ -264,11 +198,11 @@ class Hunt:
         words = ["fly", tree, *SHORT, "--seed", seed, "--profile", line["profile"], "--scene"]
         if not shrunk:
             return None, self._is_found_in_twin([*words, line["scene"], "--faults", "random"])
-        left = log.read_text(encoding="utf-8").split("left:")[1]
+        counted = log.read_text(encoding="utf-8").split("remaining:")[1]
         words.append(str(out / SCENE_FILE))
         if (out / FAULTS_FILE).read_text(encoding="utf-8"):
             words += ["--faults", f"@{out / FAULTS_FILE}"]
-        counts = re.findall(r"(?:faults|movers|boxes) (\d+)", left)
+        counts = re.findall(r"(?:faults|movers|boxes) (\d+)", counted)
         return ", ".join(counts), self._is_found_in_twin(words)
 
     def _is_found_in_twin(self, words: list[str]) -> bool:
@@ -281,9 +215,10 @@ class Hunt:
         report = self._folder / f"twin-{name}.json"
         report.unlink(missing_ok=True)
         log = self._folder / f"twin-{name}.log"
-        code.run([*words, "--report", str(report)], log)
+        words = [*words, "--report", str(report)]
+        code.run(words, log, goes_on=lambda passed_s: passed_s < _TWIN_S)
         if not report.exists():
-            raise MissionError(f"uav-bt {shlex.join(words)} flew nothing; see {log}")
+            raise MissionError(f"uav-bt {shlex.join(words)} wrote no report; see {log}")
         line: Line = json.loads(report.read_text(encoding="utf-8"))
         return line
 
@@ -311,8 +246,23 @@ def hunt(defect: Defect, folder: Path, sound: Sound, minutes: float) -> Search:
     return search
 
 
-def main() -> None:
-    """Print a row for each defect when its search ends."""
+def main() -> int:
+    """Print a row for each defect when its search ends; return the exit code."""
+    given = parse_arguments()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the command that flies is ended, too
+    try:
+        run(given.out.resolve(), given.defects, given.minutes)
+    except UavBtError as error:
+        print(f"{error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from here", file=sys.stderr)
+        return 1
+    return 0
+
+
+def parse_arguments() -> argparse.Namespace:
+    """Return the options of the command line; a wrong usage exits with 2."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -326,15 +276,16 @@ def main() -> None:
         metavar="NAME",
         help="defects that are planted; default: all",
     )
-    given = parser.parse_args()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the command that flies is ended, too
-    out = given.out.resolve()
+    return parser.parse_args()
+
+
+def run(out: Path, names: Sequence[str], minutes: float) -> None:
+    """Search the defects with these names; see `hunt`."""
     sound = Sound(out / _SOUND)
-    print(_HEAD, flush=True)
-    for defect in [each for each in DEFECTS if each.name in given.defects]:
-        result = hunt(defect, out / defect.name, sound, given.minutes)
-        print(result.row(defect), flush=True)
+    print(HEAD, flush=True)
+    for defect in [each for each in DEFECTS if each.name in names]:
+        print(hunt(defect, out / defect.name, sound, minutes).row(defect), flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

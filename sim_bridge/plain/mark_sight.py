@@ -17,7 +17,7 @@ from uav_bt.types.projection import camera_axes, project
 
 _VIDEO = anafi_camera(640, 360)
 _SAME = 0.9  # least share of the expected depth at which nothing is in between. Chosen.
-_TOP_SHARE = 0.6  # side of a tag over the side of the mark's top, white margin apart. Chosen.
+_TOP_SHARE = 0.6  # side of a mark without a stated size over the side of the top. Chosen.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,8 @@ class MarkErrors:
         bearing_rad: Standard deviation of the bearing.
         heading_deg: Standard deviation of the heading, at `sure_px` and above.
         min_px: Least side of a tag in the video that is found, pixels of 640x360.
-        sure_px: Least side of full confidence; smaller ones have proportionally larger errors.
+        sure_px: Least side of full confidence. The errors of a smaller one are larger by this side
+            over its own.
     """
 
     range_share: float = 0.01
@@ -59,10 +60,9 @@ def see_mark(
     if side_px < errors.min_px:
         return None
     confidence = min(1.0, side_px / errors.sure_px)
-    stretch, aside_rad, turn_deg = generator.normal(
-        0.0, (errors.range_share, errors.bearing_rad, errors.heading_deg)
-    ) / (1.0, 1.0, confidence)
-    range_m = math.hypot(middle[0], middle[1]) * (1.0 + stretch / confidence)
+    sizes = np.array([errors.range_share, errors.bearing_rad, errors.heading_deg]) / confidence
+    stretch, aside_rad, turn_deg = generator.normal(0.0, sizes)
+    range_m = math.hypot(middle[0], middle[1]) * (1.0 + stretch)
     bearing_rad = math.atan2(middle[1], middle[0]) + aside_rad
     # Yaw is counter-clockwise, a heading clockwise; the upper edge is towards the pad's y axis.
     heading_deg = pad.yaw_deg + 90.0 - math.degrees(camera.yaw_rad) + float(turn_deg)
@@ -94,6 +94,15 @@ def is_covered(
     return bool(depth_m[round(row), round(column)] < _SAME * expected_m)
 
 
+def _sides_m(pad: Helipad) -> NDArray[np.float64]:
+    """Return the sides of the mark along the pad's axes, (2,): those of its largest tag."""
+    tags = pad.options.get("tags") or [pad.options]
+    sides_m = [float(tag["size_m"]) for tag in tags if "size_m" in tag]
+    if not sides_m:
+        return _TOP_SHARE * np.array(pad.size_m[:2])
+    return np.full(2, max(sides_m))
+
+
 def _in_level_frame(
     pad: Helipad, camera: CameraPose
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -106,7 +115,7 @@ def _in_level_frame(
         np.array([math.cos(turn), math.sin(turn)]),
         np.array([-math.sin(turn), math.cos(turn)]),
     )
-    half_m = np.array(pad.size_m[:2]) * _TOP_SHARE / 2.0
+    half_m = _sides_m(pad) / 2.0
     signs = ((-1, 1), (1, 1), (1, -1), (-1, -1))
     flat = [sx * half_m[0] * along + sy * half_m[1] * across for sx, sy in signs]
     top = np.array([*pad.position_m, pad.size_m[2]])

@@ -42,8 +42,10 @@ class SightErrors:
 SIZE_PX: Final = (112, 56)
 """Width and height of class maps and depth maps: half of the U-Net's."""
 _UNIT: Final = 0.3  # relative depth of a metre; any number
-_SAMPLES: Final = 1 << 16  # of the noise, which each frame reads from another place
-_SCATTER: Final = 2654435761  # Knuth's multiplicative hash
+_SAMPLES: Final = 1 << 16  # of the noise, of which each frame reads a window
+# Distance of two frames' windows, modulo `_SAMPLES`: its golden section, so that the windows of
+# four frames in a row do not overlap.
+_WINDOW_STEP: Final = 40503
 
 
 class ExactCasts:
@@ -91,13 +93,12 @@ class PlainSight:
         self._simulation, self._seed = simulation, seed
         self._errors = errors or SightErrors()
         self._caster = Caster(scene, SIZE_PX)
-        pixels = 2 * SIZE_PX[0] * SIZE_PX[1]
-        generator = np.random.default_rng(child_seed(seed, 12))
+        generator = np.random.default_rng(child_seed(seed, 18))
         pitch = self._caster.rays[1, 1] - self._caster.rays[0, 0]
-        noise = generator.normal(0.0, self._errors.jitter_px, (_SAMPLES + pixels // 2, 2))
+        noise = generator.normal(0.0, self._errors.jitter_px, (_SAMPLES + math.prod(SIZE_PX), 2))
         self._noise = noise * pitch
         self._seen: tuple[int, NDArray[np.uint8], NDArray[np.float32]] | None = None
-        self._ground: dict[int, float] = {}  # share of ground by index of the last frames
+        self._ground: dict[int, float] = {}  # share of ground by index, last two frames
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame, (H, W) uint8 of `SIZE_PX`."""
@@ -114,7 +115,7 @@ class PlainSight:
 
     def mark(self, frame: Frame) -> MarkSighting | None:
         """Return the landing mark in a frame as a finder in images does; None without a view."""
-        camera, pad = self._capture(frame).camera, self._scene.helipad
+        camera, pad = self._simulation.capture_of(frame.index).camera, self._scene.helipad
         if pad is None or is_covered(pad, camera, self._look(frame)[1], self._caster.camera):
             return None
         generator = np.random.default_rng(child_seed(self._seed, 17, frame.index))
@@ -126,7 +127,7 @@ class PlainSight:
         shares = [self._ground.get(frame.index, 0.0) for frame in (first, second)]
         if min(shares) < errors.min_ground:
             return None
-        begin, end = self._capture(first).camera, self._capture(second).camera
+        begin, end = (self._simulation.capture_of(frame.index).camera for frame in (first, second))
         cos, sin = math.cos(begin.yaw_rad), math.sin(begin.yaw_rad)
         x_m, y_m = end.x_m - begin.x_m, end.y_m - begin.y_m
         generator = np.random.default_rng(child_seed(self._seed, 14, second.index))
@@ -142,18 +143,15 @@ class PlainSight:
 
     def _look(self, frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         if self._seen is None or self._seen[0] != frame.index:
-            capture, rays = self._capture(frame), self._caster.rays
-            start = (frame.index * _SCATTER) % _SAMPLES
+            capture, rays = self._simulation.capture_of(frame.index), self._caster.rays
+            start = (frame.index * _WINDOW_STEP) % _SAMPLES
             shift = self._noise[start : start + rays.shape[0] * rays.shape[1]]
             ids, depth_m = self._caster.cast(
                 capture.camera, capture.movers, rays + shift.reshape(rays.shape)
             )
             self._seen = frame.index, ids, depth_m
+            self._ground.pop(frame.index, None)
             self._ground[frame.index] = float(np.mean(ids == self._caster.ground_id))
             if len(self._ground) > 2:
-                del self._ground[min(self._ground)]
+                del self._ground[next(iter(self._ground))]
         return self._seen[1:]
-
-    def _capture(self, frame: Frame) -> Capture:
-        frames = self._simulation.frames
-        return frames[frame.index - frames[0].index]

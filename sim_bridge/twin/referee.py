@@ -74,12 +74,10 @@ class TwinReferee:
         return self._views.depth(self._capture(frame), (width_px, height_px))
 
     def _capture(self, frame: Frame) -> Capture:
-        frames = self._simulation.frames
-        place = frame.index - frames[0].index
-        if 0 <= place < len(frames) and frames[place].time_s == frame.captured_s:
-            return frames[place]
-        raise ValueRangeError(
-            f"frame {frame.index} of {frame.captured_s:.2f} s is not among the remembered frames "
-            f"{frames[0].index} to {frames[-1].index}; ask within 30 s of its capture, and only "
-            "the referee of the drone that sent it"
-        )
+        capture = self._simulation.capture_of(frame.index)
+        if capture.time_s != frame.captured_s:
+            raise ValueRangeError(
+                f"frame {frame.index} of {frame.captured_s:.2f} s is not of this flight; ask only "
+                "the referee of the drone that sent it"
+            )
+        return capture

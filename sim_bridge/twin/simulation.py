@@ -17,6 +17,7 @@ from sim_bridge.twin.reference import Pace
 from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.sensors import Sensors, Telemetry
+from uav_bt.errors import ValueRangeError
 from uav_bt.types import Command, DroneState, MoveBy, MoverState, Pose
 from uav_bt.types.bounds import clamp
 
@@ -212,6 +213,23 @@ class Simulation:
         self._downlink.take(self._telemetry, self._gimbal_rad, events, self.now_s)
         if self.now_s >= self._frame_count / self._profile.video_rate_hz - _TIME_SLACK_S:
             self._capture()
+
+    def capture_of(self, index: int) -> Capture:
+        """Return the capture of a frame.
+
+        Args:
+            index: number of the frame.
+
+        Raises:
+            ValueRangeError: the frame is older than 30 s, or was not captured yet.
+        """
+        first = self.frames[0].index
+        if 0 <= index - first < len(self.frames):
+            return self.frames[index - first]
+        raise ValueRangeError(
+            f"frame {index} is not among the remembered frames {first} to "
+            f"{self.frames[-1].index}; ask within 30 s of its capture"
+        )
 
     def _surface_at(self, body: Pose) -> float:
         """Return the height of the surface below the body, movers included."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from itertools import islice
 from pathlib import Path
@@ -11,8 +12,9 @@ from typing import Any
 import pytest
 
 from benchmarks.planted_code import Code
-from benchmarks.planted_defects import TREES, Search, Sound, blocks, difference, hunt
+from benchmarks.planted_defects import TREES, Sound, blocks, hunt
 from benchmarks.planted_edits import DEFECTS, Defect
+from benchmarks.planted_results import Search, difference
 from uav_bt.errors import FileError
 
 ROOT = Path(__file__).parents[2]
@@ -52,13 +54,13 @@ elif command == "shrink":
     out.mkdir()
     (out / "scene.yaml").write_text("name: small")
     (out / "faults.txt").write_text("late@explore\\n")
-    print(f"left: faults 1, movers 0, boxes 2; {out}")
+    print(f"remaining: faults 1, movers 0, boxes 2; {out}")
 elif command == "fly":
     assert value("--faults").endswith("faults.txt")
     Path(value("--report")).write_text(json.dumps(line(sys.argv[2], int(value("--seed")))))
 elif command == "wait":
-    sys.stdin.read()
-    import time
+    import os, time
+    print(os.getpid(), flush=True)
     time.sleep(60)
 """
 
@@ -125,17 +127,27 @@ def test_a_copy_is_made_once_and_the_original_stays(product: Path, tmp_path: Pat
     assert (code.folder / MARK.file).read_text() == "PLANTED = True\n"
     assert (product / MARK.file).read_text() == "PLANTED = False\n"
     assert Code.copied(product, tmp_path / "code", MARK) == code
+    (product / "trees" / "mission.xml").write_text("<root/>")
+    with pytest.raises(FileError, match="holds other code than today's"):
+        Code.copied(product, tmp_path / "code", MARK)
 
 
 def test_a_command_is_stopped_when_its_time_is_over(product: Path, tmp_path: Path) -> None:
-    assert Code(product).run(["wait"], tmp_path / "log", goes_on=lambda _: False) is None
+    pids: list[int] = []
+
+    def goes_on(_: float) -> bool:
+        pids.extend(map(int, (tmp_path / "log").read_text().split()))
+        return not pids
+
+    assert Code(product).run(["wait"], tmp_path / "log", goes_on=goes_on) is None
+    with pytest.raises(ProcessLookupError):
+        os.kill(pids[0], 0)
 
 
 def test_a_search_ends_with_the_flight_that_fails_by_the_defect(
     product: Path, tmp_path: Path
 ) -> None:
-    Code.copied(product, tmp_path / "sound" / "code")
-    sound = Sound(tmp_path / "sound")
+    sound = Sound(tmp_path / "sound", product)
     found = hunt(MARK, tmp_path / "mark", sound, 1.0)
     assert found == Search(
         flights=3,
@@ -160,8 +172,7 @@ def test_blocks_take_the_trees_in_turn_and_share_no_seed() -> None:
 
 
 def test_a_result_is_kept_unless_there_is_more_time(product: Path, tmp_path: Path) -> None:
-    Code.copied(product, tmp_path / "sound" / "code")
-    sound = Sound(tmp_path / "sound")
+    sound = Sound(tmp_path / "sound", product)
     given_up = Search(flights=9, hours=1.0, minutes=6.0, limit_minutes=6.0)
     file = tmp_path / "mark" / "result.json"
     file.parent.mkdir()
@@ -179,6 +190,5 @@ def test_a_flight_that_cannot_be_reduced_flies_in_the_twin_as_it_is(
             'value("--faults").endswith("faults.txt")', 'value("--faults") == "random"'
         )
     )
-    Code.copied(product, tmp_path / "sound" / "code")
-    found = hunt(MARK, tmp_path / "mark", Sound(tmp_path / "sound"), 1.0)
+    found = hunt(MARK, tmp_path / "mark", Sound(tmp_path / "sound", product), 1.0)
     assert (found.flights, found.left, found.in_twin) == (3, None, True)

@@ -25,7 +25,7 @@ from uav_bt.app.loading import Mission, load_mission, read_mission
 from uav_bt.app.option_values import as_file
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place_of_flight import site_of
-from uav_bt.app.random_faults import drawn
+from uav_bt.app.random_faults import check_phases, drawn
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
@@ -119,6 +119,7 @@ def fly(
     _check_listeners(listeners)
     options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
+    check_phases(mission, options.faults)
     out, report = as_file("out", out, "a folder"), as_file("report", report)
     if out is not None and report is None:
         report = out / REPORT_FILE
@@ -161,7 +162,8 @@ def fly(
         return _run(flight, followers, keep, at_hand, next_tree)
 
 
-def _changes(options: FlightOptions) -> FlightChanges:
+def changes_of(options: FlightOptions) -> FlightChanges:
+    """Return what is changed in tree and scene for a flight, and its faults."""
     given = options.parameters
     return FlightChanges(
         ports=dict(given.ports),
@@ -232,7 +234,7 @@ def _run(
             seed=options.seed,
             tree=flight.mission.origin,
             policies=_policies(flight.mission),
-            changes=_changes(options),
+            changes=changes_of(options),
             drone=options.drone_name,
             profile=_profile(flight),
             stage_times_s=flight.context.stage_times_s,

@@ -9,10 +9,13 @@ from typing import Final
 import numpy as np
 
 from uav_bt.app.options import FlightOptions
-from uav_bt.errors import InputError
+from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.protocols import Drone
 from uav_bt.testing.faults import FAULTS, RANDOM, Fault, FaultKind, FaultyDrone
+from uav_bt.testing.faults.fault import START
+from uav_bt.tree import MissionTree
 from uav_bt.types import MissionPhase
+from uav_bt.types.commands import Phase
 
 # Faults after which no command can land the drone, or after which nothing is flown.
 _HOPELESS: Final = frozenset(
@@ -73,6 +76,24 @@ def check_faults(texts: Sequence[str]) -> list[Fault]:
         InputError: a fault is unknown or malformed.
     """
     return [Fault.parse(text) for text in texts if text != RANDOM]
+
+
+def check_phases(mission: MissionTree, texts: Sequence[str]) -> None:
+    """Refuse faults of phases that no leaf has.
+
+    Args:
+        mission: The mission that is flown with the faults.
+        texts: faults as texts.
+
+    Raises:
+        InputError: a fault is unknown or malformed, or its phase is unknown.
+    """
+    members = {str(phase) for kind in Phase.__subclasses__() for phase in kind}
+    leaves = {name for leaf in mission.leaves() for name in (leaf.name, type(leaf).__name__)}
+    known = {name.replace("_", " ") for name in (START, *members, *leaves)}
+    for fault in check_faults(texts):
+        if fault.phase.replace("_", " ") not in known:
+            raise UnknownNameError(f"phase of the fault '{fault}':", fault.phase, known)
 
 
 def with_faults(drone: Drone, texts: Sequence[str]) -> tuple[Drone, list[FaultyDrone]]:

@@ -123,9 +123,24 @@ def _check(flight: dict[str, Any]) -> None:
         known = ", ".join(sorted(_OUTCOMES))
         raise InputError(f"unknown outcome {flight.get('outcome')!r} (known: {known})")
     _check_numbers(flight)
+    _check_changes(flight)
     for name in _TEXT_FIELDS:
         if not isinstance(flight.get(name) or "", str):
             raise InputError(f"'{name}' must be a text, got {flight[name]!r}")
+
+
+def _check_changes(flight: dict[str, Any]) -> None:
+    movers = flight.get("movers") or 0
+    if not isinstance(movers, int) or isinstance(movers, bool) or movers < 0:
+        raise InputError(f"'movers' must be a whole number from 0, got {movers!r}")
+    if not isinstance(flight.get("vary_room") or False, bool):
+        raise InputError(f"'vary_room' must be true or false, got {flight['vary_room']!r}")
+    faults = flight.get("faults") or []
+    if not isinstance(faults, list) or not all(isinstance(fault, str) for fault in faults):
+        raise InputError(f"'faults' must be a list of texts, got {faults!r}")
+    for name in ("ports", "variables"):
+        if not isinstance(flight.get(name) or {}, dict):
+            raise InputError(f"'{name}' must hold values by name, got {flight[name]!r}")
 
 
 def _check_numbers(flight: dict[str, Any]) -> None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Generator, Iterable, Mapping
 from concurrent.futures import Future
+from dataclasses import asdict
 from itertools import islice
 from queue import SimpleQueue
 from typing import Any, Protocol
 
+from uav_bt.app.flight import changes_of
+from uav_bt.app.random_faults import drawn
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.workers import FAILED, FLOWN, REFUSED, Answer, WorkerPool
 from uav_bt.errors import InputError, ValueRangeError
@@ -42,11 +45,14 @@ def flown_line(task: FlightTask, answer: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError(str(answer[REFUSED]))
     if FLOWN in answer:
         return dict(answer[FLOWN])
+    options = drawn(task.flight_options())
     return {
         "scene": task.scene,
         "seed": task.seed,
         "tree": task.tree,
-        "profile": task.options.profile,
+        "drone": options.drone_name,
+        "profile": options.profile,
+        **asdict(changes_of(options)),
         "outcome": Outcome.ERROR.value,
         "reason": answer[FAILED],
         "details": answer.get("details", ""),

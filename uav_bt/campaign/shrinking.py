@@ -6,27 +6,48 @@ single ones, until no part can be left out.
 
 from __future__ import annotations
 
+import json
+import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import varied
 from uav_bt import app
+from uav_bt.app.drone_of_flight import is_simulated
+from uav_bt.app.flying_process import interruptible
 from uav_bt.app.options import FlightOptions
 from uav_bt.errors import InputError
 from uav_bt.mission.judge import Outcome
 
 Part = TypeVar("Part")
 
+_DETAILS: Final = "details"  # key of a line whose flight did not end by itself
 _OF_THE_LINE: Final = ("drone", "profile", "ports", "variables")  # options as they were flown
 _BOX: Final = "box"
 _OBJECT: Final = "object"
 _MOVER: Final = "mover"
 _FAULT: Final = "fault"
+_NUMBER: Final = re.compile(r"-?\d+(\.\d+)?")
+
+
+class Ending(NamedTuple):
+    """How a flight ended: the outcome and the reason."""
+
+    outcome: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.outcome}: {self.reason}"
+
+    def agrees(self, other: Ending) -> bool:
+        """Return whether two flights ended for the same cause; numbers may differ."""
+        reasons = {_NUMBER.sub("#", ending.reason) for ending in (self, other)}
+        return self.outcome == other.outcome and len(reasons) == 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,16 +59,14 @@ class FailedFlight:
         scene: The scene with the room and the movers that were drawn.
         options: How it was flown; without scene, movers and faults.
         faults: The faults of the drone.
-        outcome: How it ended.
-        reason: Why.
+        ending: How it ended.
     """
 
     tree: str
     scene: Scene
     options: FlightOptions
     faults: tuple[str, ...]
-    outcome: str
-    reason: str
+    ending: Ending
 
     @classmethod
     def of(
@@ -62,20 +81,32 @@ class FailedFlight:
             options: How the campaign was flown.
 
         Raises:
-            InputError: The flight did not fail, or its scene cannot be read.
+            InputError: The flight did not fail, it cannot be flown again, or its scene cannot be
+                read.
         """
         if flight["outcome"] == Outcome.SUCCESS.value:
             raise InputError("this flight succeeded; there is nothing to shrink")
+        if _DETAILS in flight:
+            raise InputError(
+                "the process of this flight hung or crashed, which a shrunk flight would do, too; "
+                f"expected a flight that ended by itself, got: {flight.get('reason')}"
+            )
         room, movers = bool(flight.get("vary_room")), int(flight.get("movers") or 0)
         seed = int(flight["seed"])
         flown = {name: flight[name] for name in _OF_THE_LINE if flight.get(name)}
+        options = replace(options, **flown, seed=seed, movers=0, vary_room=False, faults=())
+        if "faults" not in flight or not is_simulated(options):
+            raise InputError(
+                "expected a flight of a simulated drone whose line states its faults, as "
+                f"`uav-bt campaign` writes it; got drone {options.drone_name!r} and "
+                f"{'no ' if 'faults' not in flight else ''}faults"
+            )
         return cls(
             tree=tree,
             scene=varied(load_scene(scene), seed, room=room, movers=movers),
-            options=replace(options, **flown, seed=seed, movers=0, vary_room=False, faults=()),
+            options=options,
             faults=tuple(flight.get("faults") or ()),
-            outcome=flight["outcome"],
-            reason=str(flight.get("reason") or ""),
+            ending=Ending(flight["outcome"], str(flight.get("reason") or "")),
         )
 
     def parts(self) -> list[tuple[str, int]]:
@@ -91,21 +122,24 @@ class FailedFlight:
 
     def with_parts(self, kept: Sequence[tuple[str, int]]) -> FailedFlight:
         """Return the flight with these parts only."""
-        left = set(kept)
+        parts = set(kept)
         scene = replace(
             self.scene,
             name=f"{self.scene.name}-shrunk",
-            boxes=_kept(self.scene.boxes, _BOX, left),
-            movers=_kept(self.scene.movers, _MOVER, left),
-            objects=_kept(self.scene.objects, _OBJECT, left),
+            boxes=_kept(self.scene.boxes, _BOX, parts),
+            movers=_kept(self.scene.movers, _MOVER, parts),
+            objects=_kept(self.scene.objects, _OBJECT, parts),
         )
-        return replace(self, scene=scene, faults=_kept(self.faults, _FAULT, left))
+        return replace(self, scene=scene, faults=_kept(self.faults, _FAULT, parts))
 
-    def fails(self, drone: str | None = None) -> bool:
-        """Fly it; return whether it ends as the original did.
+    def fly(self, drone: str | None = None) -> Ending:
+        """Fly it; return how it ends.
 
         Args:
             drone: The simulated drone; None: the one that flew it.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C or SIGTERM stopped it.
         """
         with tempfile.TemporaryDirectory(prefix="uav-bt-shrink-") as folder:
             file = Path(folder) / "scene.yaml"
@@ -113,43 +147,51 @@ class FailedFlight:
             options = replace(self.options, scene=file, faults=self.faults)
             if drone is not None:
                 options = replace(options, drone=drone)
+            report = Path(folder) / "report.json"
             try:
                 # With an output folder, as in the campaign: leaves that write files need one.
-                out = Path(folder) / "outputs"
-                return app.fly(self.tree, options, out=out).outcome == self.outcome
-            except InputError:
-                raise
-            except Exception:  # noqa: BLE001  (a leaf that raises ends a flight with `error`)
-                return self.outcome == Outcome.ERROR.value
+                flown = app.fly(
+                    self.tree,
+                    options,
+                    out=Path(folder) / "outputs",
+                    report=report,
+                    controls=lambda _: interruptible(),
+                )
+            except Exception:
+                if not report.exists():  # nothing flew
+                    raise
+                line = json.loads(report.read_text(encoding="utf-8"))
+                return Ending(line["outcome"], line["reason"])
+            return Ending(flown.outcome, flown.reason)
 
 
-def _kept(parts: Sequence[Part], kind: str, left: set[tuple[str, int]]) -> tuple[Part, ...]:
-    return tuple(part for number, part in enumerate(parts) if (kind, number) in left)
+def _kept(parts: Sequence[Part], kind: str, kept: set[tuple[str, int]]) -> tuple[Part, ...]:
+    return tuple(part for number, part in enumerate(parts) if (kind, number) in kept)
 
 
 def shrink(
-    flight: FailedFlight, on_try: Callable[[int, bool], None] = lambda _left, _fails: None
+    flight: FailedFlight, on_try: Callable[[int, Ending], None] = lambda _count, _ending: None
 ) -> FailedFlight:
     """Return a flight with the fewest parts that still ends as the original did.
 
     Args:
         flight: The failed flight.
-        on_try: Called after each flight with the number of parts that were left, and whether it
-            failed.
+        on_try: Called after each flight with the number of its parts, and how it ended.
 
     Raises:
         InputError: The flight does not fail any more.
+        KeyboardInterrupt: Ctrl-C or SIGTERM stopped it.
     """
 
     def fails(parts: Sequence[tuple[str, int]]) -> bool:
-        failed = flight.with_parts(parts).fails()
-        on_try(len(parts), failed)
-        return failed
+        ending = flight.with_parts(parts).fly()
+        on_try(len(parts), ending)
+        return ending.agrees(flight.ending)
 
     parts = flight.parts()
     if not fails(parts):
         raise InputError(
-            f"the flight does not end with '{flight.outcome}' any more: code, networks or machine "
+            f"the flight does not end with '{flight.ending}' any more: code, networks or machine "
             "differ from those that flew it"
         )
     return flight.with_parts(least(parts, fails))

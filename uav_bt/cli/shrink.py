@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 
 from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app.options import FlightOptions
+from uav_bt.campaign.report.repeat import fly_command
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.shrinking import FailedFlight, shrink
 from uav_bt.cli.command import Command
@@ -17,12 +17,11 @@ from uav_bt.cli.options import FOLDER
 from uav_bt.cli.values import WholeNumber
 from uav_bt.errors import InputError, MissionError
 from uav_bt.files import check_empty_folder, write_whole, writing
-from uav_bt.lab.lab import Lab
-from uav_bt.lab.shipped import lab_address
 from uav_bt.mission.judge import Outcome
 
 SCENE_FILE: Final = "scene.yaml"
 FAULTS_FILE: Final = "faults.txt"
+_NAMED: Final = 5  # flights that an error names, at most
 
 
 @click.command("shrink", cls=Command)
@@ -55,8 +54,9 @@ def shrink_command(
 
     DIR is the folder of a `uav-bt campaign`, or a file with one flight per line. The first flight
     that failed is taken, unless --tree, --scene and --seed name another. Boxes, movers and faults
-    are left out as long as the flight ends with the same outcome. The rest is written as a
-    scene file and a fault file, with the command that flies them in the twin with images.
+    are left out as long as the flight ends with the same outcome and reason; numbers may differ.
+    The rest is written as a scene file and a fault file, with the command that flies them in the
+    twin with images.
 
     \b
     Example:
@@ -65,15 +65,13 @@ def shrink_command(
     """  # noqa: D301  (click needs the backspace)
     check_empty_folder(out, "shrink")
     flight = _failed(source, {"tree": tree_name, "scene": scene, "seed": seed})
-    click.echo(
-        f"{flight.outcome}: {flight.reason}; {len(flight.parts())} objects, movers and faults"
-    )
-    small = shrink(flight, lambda left, fails: click.echo(f"  {left}: {_outcome(fails=fails)}"))
+    click.echo(f"{flight.ending}; {len(flight.parts())} objects, movers and faults")
+    small = shrink(flight, lambda count, ending: click.echo(f"  {count}: {ending}"))
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
     write_whole(out / SCENE_FILE, scene_text(small.scene))
     write_whole(out / FAULTS_FILE, "".join(f"{fault}\n" for fault in small.faults))
-    left = ", ".join(
+    remaining = ", ".join(
         f"{what} {len(some)}"
         for what, some in (
             ("faults", small.faults),
@@ -82,22 +80,22 @@ def shrink_command(
             *((("objects", small.scene.objects),) if flight.scene.objects else ()),
         )
     )
-    click.echo(f"left: {left}; {out / SCENE_FILE}, {out / FAULTS_FILE}")
+    click.echo(f"remaining: {remaining}; {out / SCENE_FILE}, {out / FAULTS_FILE}")
     options = small.options
-    words = ["uav-bt", "fly", small.tree, "--scene", str(out / SCENE_FILE)]
-    words += ["--seed", str(options.seed), "--profile", options.profile]
-    words += ["--lab", lab_address(options.lab)] if isinstance(options.lab, Lab) else []
-    words += ["--faults", f"@{out / FAULTS_FILE}"] if small.faults else []
-    for option, values in (("--set", options.ports), ("--var", options.variables)):
-        words += [word for name, value in values.items() for word in (option, f"{name}={value}")]
-    click.echo(shlex.join(words))
-    if twin and not small.fails("twin"):
-        click.echo("it does not fail in the twin")
+    flown: dict[str, Any] = {
+        "seed": options.seed,
+        "profile": options.profile,
+        "faults": [f"@{out / FAULTS_FILE}"] if small.faults else [],
+        "ports": options.ports,
+        "variables": options.variables,
+    }
+    click.echo(fly_command(small.tree, str(out / SCENE_FILE), flown, options))
+    if not twin:
+        return
+    ending = small.fly("twin")
+    click.echo(f"in the twin: {ending}")
+    if not ending.agrees(small.ending):
         ctx.exit(MissionError.exit_code)
-
-
-def _outcome(*, fails: bool) -> str:
-    return "fails" if fails else "does not fail"
 
 
 def _failed(source: Path, wanted: dict[str, object]) -> FailedFlight:
@@ -107,13 +105,14 @@ def _failed(source: Path, wanted: dict[str, object]) -> FailedFlight:
         InputError: no flight failed so.
     """
     named = {name: value for name, value in wanted.items() if value is not None}
+    failed = []
     for one in read_sources([source]).sets:
         for line in one.flights:
-            facts = {**line, "tree": Path(line["tree"]).stem}
-            named_tree = Path(str(named.get("tree", facts["tree"]))).stem
-            if any(facts[name] != value for name, value in {**named, "tree": named_tree}.items()):
+            if line["outcome"] != Outcome.SUCCESS.value:
+                failed.append(f"{line['tree']} in {line['scene']}, seed {line['seed']}")
+            elif "seed" not in named:
                 continue
-            if line["outcome"] == Outcome.SUCCESS.value and "seed" not in named:
+            if any(_plain(line[name]) != _plain(value) for name, value in named.items()):
                 continue
             plan = one.source.plan
             options = FlightOptions() if plan is None else plan.options
@@ -121,4 +120,10 @@ def _failed(source: Path, wanted: dict[str, object]) -> FailedFlight:
                 line, one.tree_path(), one.scene_path(str(line["scene"])), options
             )
     asked = ", ".join(f"{name} {value}" for name, value in named.items())
-    raise InputError(f"{source} has no failed flight{f' with {asked}' if asked else ''}")
+    known = f"; failed: {'; '.join(failed[:_NAMED])}" if failed else ""
+    raise InputError(f"{source} has no failed flight{f' with {asked}' if asked else ''}{known}")
+
+
+def _plain(value: object) -> object:
+    """Return a tree's name without its file's ending, and any other value as it is."""
+    return value.removesuffix(".xml") if isinstance(value, str) else value

@@ -218,16 +218,21 @@ def summary(report: FlightReport, mark: LandingMark) -> Table:
             table.add_row(name, words)
     if report.photos:
         table.add_row("photos", f"{len(report.photos)} stored")
-    events = [event for event in report.events if event.kind in _SUMMED_UP]
-    for index, event in enumerate(events[-_EVENTS:]):
-        name = "" if index else "events"
-        table.add_row(name, Text(str(event)))
-    if len(events) > _EVENTS:
-        table.add_row("", f"and {len(events) - _EVENTS} before, in the report")
+    _add_events(table, report)
     table.add_row("tick", _milliseconds(report.tick_ms))
     for stage, times in report.perception_ms.items():
         table.add_row(Text(f"  {stage}"), _milliseconds(times))
     return table
+
+
+def _add_events(table: Table, report: FlightReport) -> None:
+    events = [event for event in report.events if event.kind in _SUMMED_UP]
+    for index, event in enumerate(events[-_EVENTS:]):
+        table.add_row("" if index else "events", Text(str(event)))
+    if len(events) > _EVENTS:
+        table.add_row("", f"and {len(events) - _EVENTS} before, in the report")
+    for index, warning in enumerate(report.warnings):
+        table.add_row("" if index else "warnings", Text(warning, style="yellow"))
 
 
 def _numbers(

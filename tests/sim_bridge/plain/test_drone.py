@@ -97,22 +97,33 @@ def test_class_maps_differ_from_the_exact_ones_on_borders_only() -> None:
 
 
 def test_the_measured_motion_has_the_stated_error() -> None:
-    """From frame to frame, beside the true motion of the lens; none before ground is in view."""
+    """Beside the true motion of the lens; None where a frame was not perceived."""
     errors, drone = SightErrors(), connected(scene="val-a", seed=2, profile="ideal")
     frames = [seen.frame for seen in flown(drone, 90) if seen.frame is not None]
     assert drone.sight is not None
-    off = []
+    off, unseen = [], 0
     for before, after in itertools.pairwise(frames):
         drone.sight.segment(after)
         found = drone.sight.motion(before, after)
         if found is None:
+            unseen += 1
             continue
         first, second = (drone.simulation.frames[frame.index].camera for frame in (before, after))
         forward_m, left_m = first.to_body(second.x_m, second.y_m)
         off.append((found.x_m - forward_m, found.y_m + left_m))
     assert len(off) > 30
     assert np.std(off) == pytest.approx(errors.shift_m, rel=0.3)
-    assert drone.sight.motion(frames[0], frames[1]) is None
+    assert unseen == 1
+
+
+def test_motion_is_measured_between_older_frames_that_are_shown_again() -> None:
+    """Late frames go back in time once; the next pair has both shares of ground again."""
+    drone = connected(scene="val-a", seed=2, profile="ideal")
+    frames = [seen.frame for seen in flown(drone, 90) if seen.frame is not None]
+    assert drone.sight is not None
+    for frame in (*frames[-3:], *frames[-13:-10]):
+        drone.sight.segment(frame)
+    assert drone.sight.motion(frames[-12], frames[-11]) is not None
 
 
 def test_a_mission_that_looks_at_images_is_refused() -> None:

@@ -31,6 +31,7 @@ def test_drawn_faults_leave_the_drone_a_chance() -> None:
     kinds = {Fault.parse(text).kind.name for seed in range(200) for text in options(seed).faults}
     assert len(kinds) > 25
     assert not kinds & {"deaf", "no-landing", "motors-cut", "link-lost", "pilot"}
+    assert not kinds & {"no-take-off", "send-raises"}
 
 
 def test_given_faults_are_flown_and_reported() -> None:
@@ -55,11 +56,11 @@ def test_a_mistake_in_a_file_of_faults_is_named_with_its_line(tmp_path: Path) ->
 
 
 def test_a_fault_that_the_flight_did_not_have_is_among_its_warnings() -> None:
-    faults = ["black@centre", "black@land+500", "late=0.1@take-off~0.2"]
+    faults = ["black@search", "black@land+500", "late=0.1@take-off~0.2"]
     report = app.fly("land_only", drone="plain", scene="val-a", faults=faults)
     assert report.outcome == "success"
     assert report.warnings[-2:] == [
-        "the fault black@centre had no effect: the flight did not enter the phase 'centre'",
+        "the fault black@search had no effect: the flight did not enter the phase 'search'",
         "the fault black@land+500 had no effect: the flight ended before 500 s of 'land'",
     ]
 
@@ -67,6 +68,12 @@ def test_a_fault_that_the_flight_did_not_have_is_among_its_warnings() -> None:
 def test_mistakes_are_refused_before_anything_flies() -> None:
     with pytest.raises(UnknownNameError, match="unknown fault 'winds'; did you mean 'wind'"):
         app.fly("land_only", drone="plain", faults=["winds"])
+    with pytest.raises(UnknownNameError, match="fault 'black@centre': 'centre'; did you mean"):
+        app.fly("land_only", drone="plain", faults=["black@centre"])
+    with pytest.raises(InputError, match="'wind=inf': expected a finite level, got inf"):
+        app.fly("land_only", drone="plain", faults=["wind=inf"])
+    with pytest.raises(InputError, match="'random' takes no level and no time"):
+        app.fly("land_only", drone="plain", faults=["random=3"])
     with pytest.raises(InputError, match="expected a list of faults"):
         app.FlightOptions(faults="wind")
     with pytest.raises(InputError, match="no-such"):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,9 +14,12 @@ from click.testing import CliRunner
 
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.options import FlightOptions
+from uav_bt.campaign.report.repeat import fly_command
+from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.shrinking import FailedFlight, least
 from uav_bt.cli.shrink import shrink_command
 from uav_bt.errors import InputError
+from uav_bt.mission.judge import JudgeConfig
 
 
 @pytest.mark.parametrize("causes", [set(), {0}, {7}, {2, 3}, {0, 11}, {1, 5, 9}])
@@ -51,10 +57,101 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
     plain = tmp_path / "small"
     done = CliRunner().invoke(shrink_command, [str(source), "--out", str(plain)])
     assert done.exit_code == 0, done.output
-    assert "left: faults 1, movers 0, boxes 0" in done.output
+    assert "remaining: faults 1, movers 0, boxes 0" in done.output
     assert (plain / "faults.txt").read_text() == "battery-low=0.06@center+0.3\n"
     assert load_scene(plain / "scene.yaml").boxes == ()
     assert f"uav-bt fly land_only --scene {plain}/scene.yaml --seed 3" in done.output
+
+
+def test_a_flight_that_ends_for_another_reason_is_no_reproduction(tmp_path: Path) -> None:
+    """Without frames the flight is aborted, too, but the battery is what failed."""
+    faults = ["no-frame@center+0.3", "battery-low=0.06@center+0.3"]
+    source = tmp_path / "flights.jsonl"
+    source.write_text(json.dumps(flight(faults=faults)) + "\n")
+    done = CliRunner().invoke(shrink_command, [str(source), "--out", str(tmp_path / "small")])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "small" / "faults.txt").read_text() == f"{faults[1]}\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_shrinking_and_nothing_is_written(tmp_path: Path, number: int) -> None:
+    source = tmp_path / "flights.jsonl"
+    source.write_text(json.dumps(flight()) + "\n")
+    words = [
+        sys.executable,
+        "-m",
+        "uav_bt",
+        "shrink",
+        str(source),
+        "--out",
+        str(tmp_path / "small"),
+    ]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None
+        assert "objects, movers and faults" in run.stdout.readline()
+        run.stdout.readline()  # the first flight has ended, the second one flies
+        run.send_signal(number)
+        assert run.wait(60.0) == 1
+        assert run.stderr is not None
+        assert "Error: stopped by" in run.stderr.read()
+    assert not (tmp_path / "small").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"details": "Segmentation fault"}, "hung or crashed"),
+        ({"drone": "anafi"}, "got drone 'anafi' and faults"),
+    ],
+)
+def test_a_flight_that_cannot_be_flown_again_is_refused(
+    changes: dict[str, object], expected: str
+) -> None:
+    with pytest.raises(InputError, match=expected):
+        FailedFlight.of(flight(**changes), "land_only", "val-a", FlightOptions())
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"movers": "abc"}, "'movers' must be a whole number"),
+        ({"movers": -2}, "'movers' must be a whole number"),
+        ({"faults": "wind"}, "'faults' must be a list of texts"),
+        ({"ports": 7}, "'ports' must hold values by name"),
+        ({"vary_room": "yes"}, "'vary_room' must be true or false"),
+    ],
+)
+def test_a_damaged_line_is_named_with_its_file_and_number(
+    tmp_path: Path, changes: dict[str, object], expected: str
+) -> None:
+    source = tmp_path / "flights.jsonl"
+    source.write_text(json.dumps(flight(**changes)) + "\n")
+    with pytest.raises(InputError, match=rf"flights\.jsonl:1: {expected}"):
+        read_sources([source])
+
+
+def test_a_variant_with_a_dot_is_found_and_other_flights_are_named(tmp_path: Path) -> None:
+    source = tmp_path / "flights.jsonl"
+    source.write_text(json.dumps(flight(tree="land_only[v1.5].xml", scene="no-such")) + "\n")
+    words = [str(source), "--out", str(tmp_path / "small"), "--tree"]
+    found = CliRunner().invoke(shrink_command, [*words, "land_only[v1.5]"])
+    assert "unknown scene 'no-such'" in str(found.exception)
+    other = CliRunner().invoke(shrink_command, [*words, "land_only"])
+    assert "failed: land_only[v1.5].xml in no-such, seed 3" in str(other.exception)
+
+
+def test_the_command_has_the_options_of_the_campaign() -> None:
+    options = FlightOptions(
+        drone="plain",
+        exact_masks=True,
+        judge=JudgeConfig(time_limit_s=5.0),
+        image_size_px=(320, 180),
+    )
+    command = fly_command("land_only", "s.yaml", {"seed": 3, "profile": "harsh"}, options)
+    assert command == (
+        "uav-bt fly land_only --scene s.yaml --seed 3 --exact-masks --profile harsh "
+        "--image-size 320x180 --time-limit 5"
+    )
 
 
 def test_a_flight_of_a_variant_keeps_its_values() -> None:
@@ -73,11 +170,11 @@ def test_a_flight_that_succeeded_or_no_longer_fails_is_refused(tmp_path: Path) -
     source.write_text(json.dumps(flight(faults=[])) + "\n")
     done = CliRunner().invoke(shrink_command, [str(source), "--out", str(tmp_path / "small")])
     assert isinstance(done.exception, InputError)
-    assert "does not end with 'aborted' any more" in str(done.exception)
+    assert "does not end with 'aborted: critical battery: 6 %' any more" in str(done.exception)
     assert not (tmp_path / "small").exists()
 
 
-def test_objects_of_a_lab_are_left_out_one_by_one() -> None:
+def test_objects_of_a_lab_are_parts_that_can_be_left_out() -> None:
     failed = FailedFlight.of(
         flight(scene="depot-val-a"), "land_only", "depot-val-a", FlightOptions()
     )

@@ -1,4 +1,4 @@
-"""The command that flies a flight of a campaign again."""
+"""The command that flies a flight of a campaign."""
 
 from __future__ import annotations
 
@@ -7,36 +7,59 @@ from collections.abc import Iterator, Mapping
 from pathlib import PurePosixPath
 from typing import Any
 
+from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.report.sources import FlightSet
+from uav_bt.lab.lab import Lab
+from uav_bt.lab.shipped import lab_address
 from uav_bt.tree.loading.folders import TreeFolders
 
 
 def repeat_command(one: FlightSet, flight: Mapping[str, Any]) -> str:
-    """Return the command line of a flight.
+    """Return the command that flies a flight again.
 
     Args:
         one: The flights of its tree.
         flight: Its line.
     """
-    plan = one.source.plan
-    words = ["uav-bt", "fly", one.tree_path()]
-    if flight["scene"] is not None:
-        words += ["--scene", one.scene_path(flight["scene"])]
+    scene = None if flight["scene"] is None else one.scene_path(flight["scene"])
+    options = FlightOptions() if one.source.plan is None else one.source.plan.options
+    return fly_command(one.tree_path(), scene, flight, options)
+
+
+def fly_command(
+    tree: str, scene: str | None, flight: Mapping[str, Any], options: FlightOptions
+) -> str:
+    """Return the `uav-bt fly` command of a flight.
+
+    Args:
+        tree: The mission: a file or the name of a shipped one.
+        scene: The scene file or the name of a shipped scene; None without one.
+        flight: What was drawn or changed for the flight, by the names in a flight's line.
+        options: How the campaign was flown.
+    """
+    words = ["uav-bt", "fly", tree, *(() if scene is None else ("--scene", scene))]
     words += ["--seed", str(flight["seed"])]
-    if flight.get("exact_masks") or (plan is not None and plan.options.exact_masks):
+    if flight.get("exact_masks") or options.exact_masks:
         words.append("--exact-masks")
-    words += _changes(flight)
-    if plan is not None:
-        width, height = plan.options.image_size_px
-        words += ["--image-size", f"{width}x{height}"]
-        if plan.options.tree_id is not None:
-            words += ["--tree", plan.options.tree_id]
-        words += _folder_words(plan.options.tree_folders)
-        for node, policy in plan.options.policy_names.items():
-            words += ["--policy", f"{node}={policy}"]
-        for leaves in plan.options.leaves:
-            words += ["--leaves", str(leaves)]
+    words += [*_changes(flight), *_shared(options)]
     return shlex.join(words)
+
+
+def _shared(options: FlightOptions) -> Iterator[str]:
+    """Yield the options of a campaign that differ from the defaults."""
+    if options.image_size_px != FlightOptions.image_size_px:
+        yield from ("--image-size", "{}x{}".format(*options.image_size_px))
+    if options.judge.time_limit_s is not None:
+        yield from ("--time-limit", f"{options.judge.time_limit_s:g}")
+    if isinstance(options.lab, Lab):
+        yield from ("--lab", lab_address(options.lab))
+    if options.tree_id is not None:
+        yield from ("--tree", options.tree_id)
+    yield from _folder_words(options.tree_folders)
+    for node, policy in options.policy_names.items():
+        yield from ("--policy", f"{node}={policy}")
+    for leaves in options.leaves:
+        yield from ("--leaves", str(leaves))
 
 
 def _changes(flight: Mapping[str, Any]) -> Iterator[str]:

@@ -26,7 +26,8 @@ class Fault:
     """A kind of fault with its level and its time.
 
     Raises:
-        ValueRangeError: the delay or the duration is negative, or a kind without a level has one.
+        ValueRangeError: the delay or the duration is negative, the level is not finite, or a kind
+            without a level has one.
     """
 
     kind: FaultKind
@@ -40,10 +41,12 @@ class Fault:
             raise ValueRangeError("delay and duration must be 0 s or more")
         if self.level is not None and self.kind.level is None:
             raise ValueRangeError(f"{self.kind.name} takes no level, got {self.level:g}")
+        if self.level is not None and not math.isfinite(self.level):
+            raise ValueRangeError(f"expected a finite level, got {self.level:g}")
 
     @classmethod
     def parse(cls, text: str, kinds: Mapping[str, FaultKind] = FAULTS) -> Self:
-        """Return the fault that a text like ``frames-late=0.7@explore+1~30`` describes.
+        """Return the fault that a text like ``late=0.7@explore+1~30`` describes.
 
         Args:
             text: ``KIND[=LEVEL][@PHASE[+DELAY]][~DURATION]``, times in seconds.
@@ -58,8 +61,10 @@ class Fault:
             raise ValueRangeError(
                 f"a fault is written KIND[=LEVEL][@PHASE[+DELAY]][~DURATION], got '{text}'"
             )
+        if found["kind"] == RANDOM:
+            raise ValueRangeError(f"'{RANDOM}' takes no level and no time, got '{text}'")
         if found["kind"] not in kinds:
-            raise UnknownNameError("fault", found["kind"], kinds)
+            raise UnknownNameError("fault", found["kind"], [*kinds, RANDOM])
         try:
             return cls(
                 kind=kinds[found["kind"]],

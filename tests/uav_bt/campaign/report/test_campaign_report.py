@@ -263,7 +263,7 @@ def test_every_failure_has_its_reason_its_record_and_a_way_to_see_it_again(tmp_p
     assert second["record"] == ""
     assert first["command to repeat"] == (
         "uav-bt fly /missions/one.xml --scene '/labs/my lab.yaml' --seed 3 --profile lab "
-        "--image-size 640x360 --policy Explore=mine"
+        "--policy Explore=mine"
     )
     assert 'href="c/records/a%20b.mcap"' in written.page.read_text()
 
@@ -285,7 +285,7 @@ def test_what_was_drawn_for_a_flight_is_in_the_command_that_repeats_it(tmp_path:
     (row,) = rows(write(tmp_path / "r.html", folder), "failures")
     assert (
         "--seed 3 --drone plain --profile lab --vary-room --movers 1 "
-        "--faults 'wind=0.1@explore~3' --out one-lab-3 --image-size"
+        "--faults 'wind=0.1@explore~3' --out one-lab-3"
     ) in row["command to repeat"]
 
 
@@ -412,7 +412,7 @@ def test_the_same_again_has_the_movers(tmp_path: Path) -> None:
     lost = flight(3, outcome="collision", reason="touched mover-1", movers=2)
     written = write(tmp_path / "r.html", campaign(tmp_path / "c", lost, movers=2))
     (row,) = rows(written, "failures")
-    assert "--profile lab --movers 2 " in row["command to repeat"]
+    assert "--profile lab --movers 2" in row["command to repeat"]
     assert "movers" in Page(written.page.read_text()).texts
 
 
