@@ -95,6 +95,8 @@ class Land(LandingLeaf):
         """Move above the mark, then ask for the landing until the motors are off."""
         if state.flying is FlyingState.LANDED:
             return Status.SUCCESS
+        if self.descends:  # frames that return do not take a landing back
+            return self.descend()
         camera = self.read(CAMERA).value
         self._moved |= state.flying is FlyingState.LANDING  # too late for a step
         if not self._moved and camera is not None and camera.forward_offset_m != 0.0:
@@ -168,6 +170,8 @@ class SpotLandingLeaf(LandingLeaf):
         """Find a spot, move above it, descend."""
         if state.flying is FlyingState.LANDED:
             return self.landed
+        if self.descends and state.flying is FlyingState.LANDING:
+            return self.descend()  # telemetry that returns does not take a landing back
         if self.moving(state):
             return Status.RUNNING
         if self.progress is Progress.INTERRUPTED:

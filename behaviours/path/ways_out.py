@@ -131,13 +131,11 @@ def way_out(
     worth = np.minimum(left_m, config.enough_m) - config.per_m * flown_m[..., -1]
     if before is not None and math.hypot(before.x_mps, before.y_mps) > 0.0:
         worth += config.kept_m * np.cos(azimuths - math.atan2(before.y_mps, before.x_mps))[:, None]
+    worth[reaches_m <= 0.0] = -np.inf
     stays = np.broadcast_to(here_m, (len(times_s), 2))
     stays_m = float(gap_m(movers, stays, config.moving))
     direction, speed = np.unravel_index(int(worth.argmax()), worth.shape)
-    if (
-        worth[direction, speed] <= min(stays_m, config.enough_m)
-        or reaches_m[direction, speed] <= 0.0
-    ):
+    if worth[direction, speed] <= min(stays_m, config.enough_m):
         return WayOut()
     x_mps, y_mps = map(float, speeds_mps[speed] * headings[direction])
     return WayOut(x_mps=x_mps, y_mps=y_mps)

@@ -48,6 +48,8 @@ def find_arrivals(
         owned: (N,) points within a mover's circle.
         config: which points belong to standing obstacles.
     """
+    if not len(seen):
+        return np.zeros(0, dtype=bool)
     off_m = _off_standing_m(seen, known, config)
     return np.asarray((on_ground & (off_m > 0.0)) | (owned & (off_m > -config.shared_m)))
 

@@ -43,20 +43,20 @@ class MoverConfig:
     sure: float = 2.0  # a cluster is fast above this many standard deviations of its velocity
     stays_m: float = 0.2  # a cluster within this distance of one place for `stays_s` stands
     stays_s: float = 3.0  # time within `stays_m` after which a cluster stands
-    # A cluster that has not moved is forgotten when it is unseen for this long.
-    doubt_s: float = 0.6
+    doubt_s: float = 0.6  # a cluster that has not moved is forgotten after this time unseen
     # A fast cluster within `near_m` of the camera that is unseen for `lost_s` is a mover, although
     # it has not moved by `moved_m`: its base is below the view.
     lost_s: float = 0.2
     near_m: float = 1.2
     sure_lost: float = 1.0  # `sure` for such a cluster, which was seen for a short time
-    life_s: float = 6.0  # the same for a mover
+    life_s: float = 6.0  # a mover is forgotten after this time unseen
     # A mover out of view keeps its velocity for this time. After it the mover may have turned: it
     # is anywhere within the way that it covers at `turned_ratio` of its speed.
     carry_s: float = 0.6
     turned_ratio: float = 1.5
     turned_mps: float = 0.5  # least speed for that way; a mover that turns is measured too slow
-    free_s: float = 0.3  # either is forgotten when its place is seen free for this long
+    # A cluster or a mover is forgotten when its place is seen free for this long.
+    free_s: float = 0.3
     # An obstacle that has arrived may be a waiting mover for this time after any movement.
     waits_s: float = 90.0
     trail_s: float = 3.0  # past places of a mover are kept for this long
@@ -84,6 +84,7 @@ class MoverTrack:
         self, number: int, place_m: Floats, noise: Floats, time_s: float, config: MoverConfig
     ) -> None:
         self.number, self._config = number, config
+        self.first_m = place_m
         self.filter = KalmanFilter(dim_x=4, dim_z=2)  # x, its velocity, y, its velocity
         self.filter.H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
         self.first_s = self.seen_s = self.time_s = self.anchor_s = time_s
@@ -92,7 +93,7 @@ class MoverTrack:
         self.radius_m = config.min_radius_m
         self.sightings = 1
         self.moves = self.stands = self.has_moved = False
-        self.was_lost = False  # it was another track before it left the view
+        self.replaces_lost = False  # it was another track before it left the view
         self.is_whole = True  # it was seen as a whole
         self._was_fast = False  # at the last sighting, by `sure_lost`
         self.trail: list[tuple[float, float, float]] = []  # s, x, y
@@ -158,6 +159,7 @@ class MoverTrack:
         cfg = self._config
         if whole and not self.is_whole and not self.moves:  # restart: earlier middles were of parts
             self._begin(place_m, noise)
+            self.anchor_s, self.stands = self.time_s, False
         else:
             self.filter.update(place_m.reshape(2, 1), R=noise)
         self.is_whole |= whole
@@ -184,7 +186,8 @@ class MoverTrack:
             self.anchor_m, self.anchor_s = place_m, self.time_s
             self.stands = False
         elif self.time_s - self.anchor_s >= cfg.stays_s:
-            self.begin_m = place_m if not self.stands else self.begin_m
+            if not self.stands:
+                self.begin_m = place_m
             self.moves, self.stands = False, True
         moved_m = math.dist(place_m, self.begin_m)
         is_near = math.dist(place_m, from_m) < cfg.near_m

@@ -50,6 +50,13 @@ class MoverTracker:
         """Time of the last seen movement, s; -inf before the first one."""
         return self._moved_s
 
+    def restart(self) -> None:
+        """Forget all tracks, whose places are of an abandoned map.
+
+        Numbers go on, and the last movement stays known.
+        """
+        self._tracks = []
+
     def predict(self, time_s: float) -> None:
         """Predict all tracks up to a time."""
         for track in self._tracks:
@@ -58,12 +65,14 @@ class MoverTracker:
     def owns(self, points_m: Floats) -> Flags:
         """Return which points lie on a mover, (N,), at the time of the last prediction.
 
+        A mover out of view owns no points: it may have turned.
+
         Args:
             points_m: (N, 2) in the map's frame.
         """
         owned = np.zeros(len(points_m), dtype=bool)
         for track in self._tracks:
-            if track.is_under_way:
+            if track.is_under_way and track.time_s - track.seen_s <= self._config.carry_s:
                 owned |= track.holds(points_m, self._config.owned_m)
         return owned
 
@@ -79,7 +88,7 @@ class MoverTracker:
         """Track the points of a view that have arrived on free ground.
 
         Args:
-            points_m: (N, 2) in the map's frame.
+            points_m: (N, 2) in the map's frame; N may be 0.
             from_m: (2,) position of the camera in the map's frame.
             time_s: capture time of the view.
             cut: (N,) points at the end of the view, beyond which the obstacle may continue.
@@ -111,7 +120,7 @@ class MoverTracker:
                 track = MoverTrack(self._count, cluster.place_m, cluster.noise, time_s, cfg)
                 track.is_whole = cluster.whole
                 self._tracks.append(track)
-        for track in self._tracks:
+        for track in self._tracks if judges else ():
             track.leave(from_m, time_s)
         self._drop_found_again(time_s)
         return stands
@@ -131,22 +140,29 @@ class MoverTracker:
         self._tracks.append(track)
         self._moved_s = time_s
 
+    def may_be_at(self, place_m: Floats, time_s: float) -> bool:
+        """Return whether a known mover may be at a place, (2,) in the map's frame, at a time."""
+        return any(
+            math.dist(place_m, (mover.x_m, mover.y_m)) <= mover.std_m + self._config.same_m
+            for mover in self.movers(time_s)
+        )
+
     def _drop_found_again(self, time_s: float) -> None:
         """Drop, for each new mover, the nearest one out of view that it may have been before."""
         for found in [each for each in self._tracks if each.moves and each.seen_s == time_s]:
-            if found.was_lost:
+            if found.replaces_lost:
                 continue
             lost = [
                 each
                 for each in self._tracks
                 if each.seen_s <= found.first_s
                 and time_s - each.seen_s > self._config.carry_s
-                and math.dist(found.place_m, each.seen_m)
-                <= self._turned_mps(each) * (time_s - each.seen_s) + self._config.same_m
+                and math.dist(found.first_m, each.seen_m)
+                <= self._turned_mps(each) * (found.first_s - each.seen_s) + self._config.same_m
             ]
             if lost:
-                found.was_lost = True
-                nearest = min(lost, key=lambda each: math.dist(found.place_m, each.seen_m))
+                found.replaces_lost = True
+                nearest = min(lost, key=lambda each: math.dist(found.first_m, each.seen_m))
                 self._tracks.remove(nearest)
 
     def _turned_mps(self, track: MoverTrack) -> float:

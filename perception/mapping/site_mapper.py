@@ -49,7 +49,7 @@ class SiteMapperConfig:
     displaced_m: float = 0.03  # a view with a larger residual adds no points. Chosen.
     lost_m: float = 0.05  # in a view with a larger residual no movers are searched. Chosen.
     # Below this height nothing is judged to move, because the error of the height makes standing
-    # obstacles slide. Chosen.
+    # obstacles slide; nothing that has arrived is judged to stand, either. Chosen.
     low_m: float = 1.2
     settled_s: float = 1.0  # points known for this long correct the drone's pose. Chosen.
     # Number of views in the mean of the residual. Chosen.
@@ -93,6 +93,7 @@ class SiteMapper:
         self._captured_s = -math.inf
         self._recent = RecentLayer(self.config.recent)
         self._known_objects = KnownObjects(self.config.objects)
+        self._movers = MoverTracker(self.config.movers)
         self._begin()
 
     def _begin(self, *, agreed_s: float = -math.inf) -> None:
@@ -100,7 +101,6 @@ class SiteMapper:
         self._grid = GroundGrid(cfg.grid)
         self._registration = Registration(cfg.registration)
         self._bases, self._edges = Landmarks.none(), Landmarks.none()
-        self._movers = MoverTracker(cfg.movers)
         self._mark = MarkPlace(cfg.mark)
         self._contradiction = Contradiction(cfg.contradiction, agreed_s=agreed_s)
         self._objects: tuple[MapObject, ...] = ()
@@ -137,6 +137,7 @@ class SiteMapper:
         self.restarts += 1
         self._known_objects.restart(self._registration.correction)
         self._begin(agreed_s=self._captured_s)
+        self._movers.restart()
         self._recent.forget()  # its points were placed by the abandoned map
 
     def pass_over(self, captured_s: float) -> None:
@@ -266,8 +267,7 @@ class SiteMapper:
         bases, edges = bases_of(view, cfg.landmarks), edges_of(view, cfg.landmarks)
         self._known_objects.see_edges(bases.xy_m, bases.ids, view.base_heights_m)
         if off_m <= cfg.lost_m:
-            if len(bases):
-                bases = self._standing_bases(view, bases)
+            bases = self._standing_bases(view, bases)
             known = self._bases
             self._bases = known.take(~self._movers.passed_over(known.xy_m, known.first_s))
         adds = off_m <= cfg.displaced_m
@@ -281,14 +281,16 @@ class SiteMapper:
             view: placed in the map's frame.
         """
         cfg, time_s, hidden_m = self.config.hidden, view.captured_s, self._recent.unplaced_m
-        if not len(hidden_m) or view.height_m < self.config.low_m or self._movers.movers(time_s):
+        if not len(hidden_m) or view.height_m < self.config.low_m:
             return
         sides_m = [each.outline_m(cfg.step_m) for each in self._objects]
         known_m = np.vstack([self._obstacles_m(), *sides_m])
         ahead = hidden_arrival(hidden_m, view.pose, self._grid, known_m, cfg)
-        if ahead is not None:
-            here_m = np.array([view.pose.x_m, view.pose.y_m])
-            self._movers.meet(here_m + cfg.place_m * ahead, -cfg.speed_mps * ahead, time_s)
+        if ahead is None:
+            return
+        place_m = np.array([view.pose.x_m, view.pose.y_m]) + cfg.place_m * ahead
+        if not self._movers.may_be_at(place_m, time_s):
+            self._movers.meet(place_m, -cfg.speed_mps * ahead, time_s)
 
     def _standing_bases(self, view: View, bases: Landmarks) -> Landmarks:
         """Pass the bases that have arrived to the mover tracker; return those that stand."""
@@ -303,7 +305,7 @@ class SiteMapper:
         stands = ~arrived
         stands[arrived] = self._movers.follow(
             bases.xy_m[arrived],
-            bases.from_m[0],
+            np.array([view.lens.x_m, view.lens.y_m]),
             time_s,
             cut=view.is_cut()[arrived],
             judges=view.height_m >= cfg.low_m,

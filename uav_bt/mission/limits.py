@@ -32,7 +32,8 @@ class Limits:
             long as a connection may take (`OlympeConfig.connect_limit_s`).
 
     Raises:
-        ValueRangeError: a limit of a movement is not positive.
+        ValueRangeError: a limit of a movement is not a positive number, or the floor is not below
+            the ceiling.
     """
 
     speed_mps: float = 1.0
@@ -46,8 +47,15 @@ class Limits:
     link_lost_s: float = 10.0
 
     def __post_init__(self) -> None:
-        if min(self.speed_mps, self.climb_mps, self.yaw_rate_radps, self.ceiling_m) <= 0:
-            raise ValueRangeError(f"speed, climb, yaw-rate and ceiling must be positive: {self}")
+        for name in ("speed_mps", "climb_mps", "yaw_rate_radps", "ceiling_m", "step_m"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueRangeError(f"{name} must be a positive number, got {value:g}")
+        if not 0.0 <= self.floor_m < self.ceiling_m:
+            raise ValueRangeError(
+                f"floor_m must be from 0 to below the ceiling of {self.ceiling_m:g} m, "
+                f"got {self.floor_m:g}"
+            )
 
 
 def limit_movement(

@@ -61,10 +61,10 @@ class HoldMode(enum.Enum):
 
 @dataclass(frozen=True)
 class _AimedMove:
-    """A `MoveBy` as it is sent, and its goal in the odometry's frame."""
+    """A `MoveBy` as it is sent, and its goal in the odometry's frame; None once it is unknown."""
 
     move: MoveBy
-    goal: Vector
+    goal: Vector | None
 
 
 class PositionHold:
@@ -204,7 +204,8 @@ class PositionHold:
     def rest(self) -> None:
         """Drop the place: a person flies, or the motion is unknown."""
         self._mode = HoldMode.RESTING
-        self._here = self._place = self._aimed = None
+        self._here = self._place = None
+        self._aimed = self._aimed and replace(self._aimed, goal=None)  # the drone flies it on
         self._stopping.reset()
         self._holds = False
 
@@ -241,7 +242,7 @@ class PositionHold:
             return False
         if self._place is not None:
             self._place = add(self._place, 1.0, moved)
-        if self._aimed is not None:
+        if self._aimed is not None and self._aimed.goal is not None:
             self._aimed = replace(self._aimed, goal=add(self._aimed.goal, 1.0, moved))
         return True
 
@@ -307,13 +308,11 @@ class PositionHold:
                 "is there wind?"
             )
 
-    # --- movements that the drone flies by itself -------------------------------------------------
-
     def _aim(self, move: MoveBy, motion: MotionEstimate) -> MoveBy:
         """Return a movement that ends at its goal in spite of the drift."""
+        self._mode = HoldMode.MOVE
         if self._aimed is not None and self._aimed.move.id == move.id:
             return self._aimed.move
-        self._mode = HoldMode.MOVE
         self._place = None
         self._stopping.reset()
         self._holds = False

@@ -77,16 +77,10 @@ def test_a_flight_that_ends_for_another_reason_is_no_reproduction(tmp_path: Path
 def test_a_signal_stops_shrinking_and_nothing_is_written(tmp_path: Path, number: int) -> None:
     source = tmp_path / "flights.jsonl"
     source.write_text(json.dumps(flight()) + "\n")
-    words = [
-        sys.executable,
-        "-m",
-        "uav_bt",
-        "shrink",
-        str(source),
-        "--out",
-        str(tmp_path / "small"),
-    ]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+    words = ["-m", "uav_bt", "shrink", str(source), "--out", str(tmp_path / "small")]
+    with subprocess.Popen(  # noqa: S603 - our own command
+        [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
         assert run.stdout is not None
         assert "objects, movers and faults" in run.stdout.readline()
         run.stdout.readline()  # the first flight has ended, the second one flies
