@@ -94,6 +94,28 @@ def test_without_a_frame_for_long_the_step_is_left_out() -> None:
     assert proposed[-1] == LandCommand()
 
 
+def test_frames_that_return_do_not_take_a_landing_back() -> None:
+    bench = bench_with_lens(0.15)
+    live(bench)
+    bench.allow_stale()
+    for _ in range(25):
+        bench.clock.advance(0.1)
+        bench.board[STATE] = replace(bench.board[STATE], captured_s=bench.clock.now())
+        bench.tick()
+    for flying in (FlyingState.HOVERING, FlyingState.LANDING):
+        live(bench, flying=flying)
+        assert bench.proposed == LandCommand()
+
+
+def test_telemetry_that_returns_does_not_take_an_emergency_landing_back() -> None:
+    bench = LeafBench(EmergencyLand)
+    bench.allow_stale()
+    live(bench)
+    bench.tick(advance_s=2.1)
+    live(bench, flying=FlyingState.LANDING)
+    assert bench.proposed == LandCommand()
+
+
 def test_a_drone_that_is_landing_already_makes_no_step() -> None:
     bench = bench_with_lens(0.15)
     live(bench, flying=FlyingState.LANDING, height_m=0.3)

@@ -145,15 +145,16 @@ def test_in_the_open_it_gets_out_of_the_way(azimuth: float, speed_mps: float) ->
 
 def test_a_wall_to_the_one_side_is_no_way_out() -> None:
     wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.5)])
-    way = escape(with_movers(mover(1.6, 0.05, -0.6), obstacles=wall))
-    assert way.y_mps < -0.1
+    comes = mover(1.6, -0.05, -0.6)
+    assert escape(with_movers(comes)).y_mps > 0.1
+    assert escape(with_movers(comes, obstacles=wall)).y_mps < -0.1
 
 
 def test_beyond_the_edge_and_over_unknown_ground_is_no_way_out() -> None:
-    at_edge = with_movers(mover(0.0, 1.5 - 1.6, 0.0, 0.6), pose=(0.0, 1.5, 0.0))
-    assert escape(at_edge).y_mps < 0.21
-    unknown = with_movers(mover(1.6, 0.0, -0.6), known=where("left"), pose=(0.0, -0.6, 0.0))
-    unknown = replace(unknown, movers=(mover(1.6, -0.55, -0.6),))
+    assert escape(with_movers(mover(1.6, -0.05, -0.6))).y_mps > 0.1
+    at_edge = with_movers(mover(1.6, 1.45, -0.6), pose=(0.0, 1.5, 0.0))
+    assert escape(at_edge).y_mps < -0.1
+    unknown = with_movers(mover(1.6, -0.65, -0.6), known=where("left"), pose=(0.0, -0.6, 0.0))
     assert escape(unknown).y_mps <= 0.0
 
 
@@ -166,10 +167,23 @@ def test_ground_that_was_never_seen_is_no_way_out() -> None:
 
 
 def test_it_can_stop_before_what_stands() -> None:
-    """The faster it gives way, the more clearance it needs before a wall."""
-    wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.42 + 0.15)])
-    way = escape(with_movers(mover(1.0, -1.2, -0.5, 0.6), obstacles=wall))
-    assert way.y_mps < 0.31
+    """In a dead end it gives way at the lower speed, from which it stops before the wall."""
+    line = np.arange(-1.5, 1.5, 0.05)
+    sides = [np.column_stack([np.full(60, side), line]) for side in (-0.5, 0.5)]
+    walls = np.vstack([*sides, np.column_stack([line, np.full(60, 1.4)])])
+    site_map = with_movers(mover(0.0, -1.4, 0.0, 0.6), obstacles=walls)
+    clearance = ClearanceMap(standing_alone(site_map), RecentObstacles())
+    brakes_at_once = replace(CONFIG, brake_mps2=1e9, reaction_s=0.0)
+    assert way_out(clearance, site_map.movers, brakes_at_once).y_mps == pytest.approx(0.6)
+    assert escape(site_map).y_mps == pytest.approx(0.3)
+
+
+def test_a_way_that_has_become_blocked_is_left() -> None:
+    """It went towards the wall; beside the wall it turns off instead of stopping."""
+    wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.42)])
+    site_map = with_movers(mover(1.59, -0.48, -0.53, -0.17), obstacles=wall)
+    way = escape(site_map, WayOut(y_mps=0.6))
+    assert way.x_mps == pytest.approx(-0.6)
 
 
 def test_ground_where_something_moved_is_not_flown_over_unseen() -> None:

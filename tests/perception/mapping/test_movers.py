@@ -222,13 +222,54 @@ def test_what_is_seen_not_to_be_there_is_forgotten() -> None:
     assert tracker.movers(time_s) == ()
 
 
-def test_asking_what_a_mover_owns_leaves_it_where_it_was() -> None:
+def test_a_mover_in_view_owns_its_points_and_a_lost_one_none() -> None:
     tracker = MoverTracker()
-    *_, (time_s, before, _) = follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=2.0)
-    middle_m = np.array([[before[0].x_m, before[0].y_m]])
-    assert tracker.owns(middle_m).all()
-    assert tracker.owns(middle_m).all()
-    assert tracker.movers(time_s) == before
+    *_, (time_s, (mover,), _) = follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=2.0)
+    assert tracker.owns(np.array([[mover.x_m, mover.y_m]])).all()
+    tracker.predict(time_s + 3.0)
+    ahead_m = [[mover.x_m, mover.y_m + 0.5 * passed_s] for passed_s in (0.0, 1.0, 2.0, 3.0)]
+    assert not tracker.owns(np.array(ahead_m)).any()
+
+
+def test_a_mover_too_far_away_to_be_a_lost_one_is_another() -> None:
+    tracker = MoverTracker()
+    *_, (time_s, _, _) = follow(tracker, lambda s: (2.0, -1.5 + 0.5 * s), until_s=2.0)
+    for step in range(1, 36):
+        now_s = time_s + step * STEP_S
+        middle_m = np.array([2.0, 4.0 - 0.7 * STEP_S * step])
+        tracker.follow(face(middle_m, np.random.default_rng(step), 0.02), HERE_M, now_s)
+    assert len(tracker.movers(now_s)) == 2
+
+
+def test_a_mover_may_be_where_it_is_and_later_farther_away() -> None:
+    tracker = MoverTracker()
+    *_, (time_s, (mover,), _) = follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=2.0)
+    places_m = [np.array([mover.x_m, mover.y_m + off_m]) for off_m in (0.0, 1.0, 4.0)]
+    assert [tracker.may_be_at(place_m, time_s) for place_m in places_m] == [True, False, False]
+    later_s = time_s + 2.0
+    assert [tracker.may_be_at(place_m, later_s) for place_m in places_m] == [True, True, False]
+
+
+def test_what_slides_while_nothing_is_judged_is_no_mover_when_it_leaves_the_view() -> None:
+    tracker = MoverTracker()
+    for step in range(8):
+        points_m = face(np.array([0.9 - 0.03 * step, 0.0]), np.random.default_rng(step), 0.0)
+        tracker.follow(points_m, HERE_M, step * STEP_S, judges=False)
+    for step in range(8, 14):
+        tracker.follow(np.empty((0, 2)), HERE_M, step * STEP_S, judges=False)
+    assert tracker.movers(14 * STEP_S) == ()
+
+
+def test_the_first_whole_view_of_a_cluster_begins_its_time_of_standing() -> None:
+    """The end of the view cut it off before, so that its place was uncertain."""
+    tracker = MoverTracker()
+    for step in range(29):
+        points_m = face(np.array([2.0, 1.0]), np.random.default_rng(step), 0.0)
+        cut = np.ones(len(points_m), dtype=bool)
+        tracker.follow(points_m, HERE_M, step * STEP_S, cut=cut)
+    for step in range(29, 34):
+        points_m = face(np.array([2.0, 0.9]), np.random.default_rng(step), 0.0)
+        assert not tracker.follow(points_m, HERE_M, step * STEP_S).any()
 
 
 def test_speeds_in_the_wrong_order_are_refused() -> None:
@@ -246,7 +287,9 @@ BOX_M, BOX_ID = (1.6, -1.0), BOXES[2]
 CART_ID = BOXES[4]
 
 
-def class_ids(cart_m: tuple[float, float] | None, height_m: float = HEIGHT_M) -> NDArray[np.uint8]:
+def class_ids(
+    cart_m: tuple[float, float] | None, height_m: float = HEIGHT_M, *, box: bool = True
+) -> NDArray[np.uint8]:
     """Return the view of a drone at (-1, 0): endless ground, a box and the cart."""
     rows, columns = np.indices((112, 224))
     right = (columns - CAMERA.cx_px) / CAMERA.fx_px
@@ -257,7 +300,7 @@ def class_ids(cart_m: tuple[float, float] | None, height_m: float = HEIGHT_M) ->
     rays = np.stack([forward, right, down], axis=-1)
     nearest = np.where(down > 0.0, height_m / np.maximum(down, 1e-9), math.inf)
     ids = np.where(down > 0.0, CARPET, 0).astype(np.uint8)
-    things = [(BOX_M, BOX_ID)] + ([] if cart_m is None else [(cart_m, CART_ID)])
+    things = [(BOX_M, BOX_ID)] * box + ([] if cart_m is None else [(cart_m, CART_ID)])
     for (x_m, y_m), class_id in things:
         low = np.array([x_m - SIDE_M / 2, y_m - SIDE_M / 2, 0.0]) - lens
         high = np.array([x_m + SIDE_M / 2, y_m + SIDE_M / 2, height_m]) - lens
@@ -270,7 +313,11 @@ def class_ids(cart_m: tuple[float, float] | None, height_m: float = HEIGHT_M) ->
 
 
 def mapped(
-    places: Sequence[tuple[float, float] | None], mapper: SiteMapper, height_m: float = HEIGHT_M
+    places: Sequence[tuple[float, float] | None],
+    mapper: SiteMapper,
+    height_m: float = HEIGHT_M,
+    *,
+    box: bool = True,
 ) -> Iterator[SiteMap]:
     """Yield the map after each view of a drone that hovers, 0.1 s apart."""
     for index, place in enumerate(places):
@@ -286,7 +333,7 @@ def mapped(
             gimbal_pitch_rad=PITCH_RAD,
             height_above_ground_m=height_m,
         )
-        class_map = paper_map(ids=class_ids(place, height_m), captured_s=time_s)
+        class_map = paper_map(ids=class_ids(place, height_m, box=box), captured_s=time_s)
         view = View.of(class_map, frame, CAMERA, pose)
         assert view is not None
         mapper.add(view)
@@ -312,6 +359,24 @@ def test_a_cart_that_crosses_the_view_is_a_mover_and_not_in_the_map() -> None:
     assert near(found.obstacles_m, *BOX_M) >= 3
     assert near(found.obstacles_m, 0.8, 0.0, 0.6) == 0
     assert not [thing for thing in found.objects if thing.class_id == CART_ID]
+
+
+@pytest.mark.parametrize("box", [True, False])
+def test_a_cart_that_comes_below_the_view_is_a_mover(*, box: bool) -> None:
+    """Also where nothing else is in view, so that the view has no bases at all."""
+    comes = [(0.45 - 0.03 * step, 0.0) for step in range(25)]
+    maps = list(mapped([None] * 4 + comes, SiteMapper(CLASSES), box=box))
+    assert any(found.movers for found in maps)
+
+
+def test_a_restart_of_the_map_keeps_in_mind_that_something_moved() -> None:
+    mapper = SiteMapper(CLASSES)
+    before = list(mapped([None] * 4 + crossing(), mapper))[-1]
+    mapper.restart()
+    after = next(iter(mapped([None], mapper)))
+    assert before.movers
+    assert after.movers == ()
+    assert after.moved_s == before.moved_s > 0.0
 
 
 def test_what_stood_and_moves_off_leaves_the_map() -> None:

@@ -198,6 +198,20 @@ def test_a_movement_is_aimed_for_the_drift_once_and_its_goal_is_kept() -> None:
     assert body.x_m == pytest.approx(goal_m, abs=0.04)
 
 
+def test_a_movement_goes_on_as_it_was_sent_after_a_moment_without_ground() -> None:
+    body, move = drifting(), MoveBy(id=7, forward_m=2.0)
+    aimed = body.tick(move)
+    body.hold.rest()
+    body.x_m += 1.0
+    assert body.tick(move) == aimed
+
+    body.movement = MovementStatus(id=7, state=MovementState.DONE)
+    body.x_m += 1.0
+    x_m = body.x_m
+    body.fly(Hover(), 8.0)
+    assert body.x_m == pytest.approx(x_m, abs=0.05)
+
+
 def test_a_movement_is_flown_as_it_is_where_nothing_is_known_to_drift() -> None:
     body, move = Body(drift_mps=(0.02, 0.0)), MoveBy(id=7, forward_m=0.3)
     body.fly(Hover(), 5.0)

@@ -28,7 +28,6 @@ from uav_bt.types import (
     Velocity,
 )
 
-LIMITS = Limits()
 # The cause of each rule, as changes of normal circumstances.
 CAUSES = {
     Override.CUT: {"cut": True},
@@ -244,7 +243,7 @@ def test_clearing_forgets_all_but_the_count_of_ids() -> None:
 
 # --- overrides ------------------------------------------------------------------------------------
 
-# All overrides in order of priority, with the sent movement.
+# Overrides in order of priority, with the sent movement.
 OVERRIDES = [
     (Override.MANUAL, Release()),
     (Override.ABORT, Land()),
@@ -301,12 +300,18 @@ def test_a_drone_on_the_ground_may_take_off_before_its_first_frame() -> None:
     assert command.movement == TakeOff()
 
 
-@pytest.mark.parametrize("flying", [FlyingState.TAKING_OFF, FlyingState.LANDING])
-def test_a_stale_frame_interrupts_neither_take_off_nor_landing(flying: FlyingState) -> None:
-    command = Arbiter(LIMITS).decide(
-        proposals_of(Land()), Circumstances(state=state_of(flying), frame_age_s=9.0)
+@pytest.mark.parametrize(
+    ("flying", "movement"), [(FlyingState.TAKING_OFF, TakeOff()), (FlyingState.LANDING, Land())]
+)
+def test_a_stale_frame_interrupts_neither_take_off_nor_landing(
+    flying: FlyingState, movement: Movement
+) -> None:
+    arbiter = Arbiter(LIMITS)
+    command = arbiter.decide(
+        proposals_of(movement), Circumstances(state=state_of(flying), frame_age_s=9.0)
     )
-    assert command.movement == Land()
+    assert command.movement == movement
+    assert arbiter.override is None
 
 
 def test_limits_are_reached_only_beyond_them() -> None:
@@ -362,7 +367,7 @@ def test_no_step_leads_into_the_ground() -> None:
     down = decide(MoveBy(id=1, down_m=50.0))
     assert isinstance(down, MoveBy)
     assert down.down_m == pytest.approx(state.height_above_ground_m - LIMITS.floor_m)
-    low = Arbiter(dataclasses.replace(LIMITS, floor_m=5.0)).decide(
+    low = Arbiter(dataclasses.replace(LIMITS, floor_m=2.0)).decide(
         proposals_of(MoveBy(id=1, down_m=0.1)), Circumstances(state=state)
     )
     assert low.movement == MoveBy(id=1)
@@ -382,7 +387,16 @@ def test_nobody_climbs_through_the_ceiling() -> None:
     assert decide(Velocity(down_mps=0.3), height_m=2.4) == Velocity(down_mps=0.3)
 
 
-@pytest.mark.parametrize("name", ["speed_mps", "climb_mps", "yaw_rate_radps", "ceiling_m"])
-def test_limits_must_be_positive(name: str) -> None:
-    with pytest.raises(ValueRangeError, match="must be positive"):
-        dataclasses.replace(LIMITS, **{name: 0.0})
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize(
+    "name", ["speed_mps", "climb_mps", "yaw_rate_radps", "ceiling_m", "step_m"]
+)
+def test_limits_must_be_positive(name: str, value: float) -> None:
+    with pytest.raises(ValueRangeError, match=f"{name} must be a positive number, got"):
+        dataclasses.replace(LIMITS, **{name: value})
+
+
+@pytest.mark.parametrize("floor_m", [-0.1, 2.4, math.nan])
+def test_the_floor_is_below_the_ceiling(floor_m: float) -> None:
+    with pytest.raises(ValueRangeError, match=r"floor_m must be from 0 to below the ceiling"):
+        dataclasses.replace(LIMITS, floor_m=floor_m)
