@@ -79,11 +79,6 @@ class GivingWay:
         self._decided_s = -math.inf  # capture time of the map of the last decision
         self._way: WayOut | None = None
 
-    @property
-    def active(self) -> bool:
-        """Whether the drone gives way."""
-        return self._way is not None
-
     def velocity(
         self,
         site_map: SiteMap | None,

@@ -16,10 +16,9 @@ class ArrivalConfig:
     """Which points belong to standing obstacles.
 
     A point that is seen again is displaced by the map's drift and by the errors of height and
-    pitch. A new point near a settled point is therefore that obstacle again. An obstacle that just
-    came into view may move. Views fit the map by 0.02 m in the mean, 0.03 to 0.08 m with the
-    network `any`. The distances were chosen on flights without and with slow movers: larger ones
-    take a mover at 0.2 m/s for a drift.
+    pitch. A new point near a settled point is therefore that obstacle again. Views fit the map by
+    0.02 m in the mean, 0.03 to 0.08 m with the network `any`. The distances were chosen on flights
+    without and with slow movers: with larger ones a mover at 0.2 m/s counts as a standing obstacle.
     """
 
     beside_m: float = 0.15  # a point this near to a settled point belongs to it
@@ -28,7 +27,7 @@ class ArrivalConfig:
     # A point on ground that was seen before settles after this time. Chosen.
     settles_s: float = 2.0
     # A point that a mover owns may be this much nearer to settled points. Less than `beside_new_m`,
-    # because a mover that passes a box must not take its points along. Chosen.
+    # so that the points of a box that a mover passes stay those of the box. Chosen.
     shared_m: float = 0.05
 
 

@@ -21,8 +21,9 @@ class HiddenArrivalConfig:
     """When an obstacle with a hidden base has arrived. The numbers are chosen.
 
     Attributes:
-        from_m: An obstacle nearer to the body's centre would touch the body.
-        to_m: Ground further away need not have been seen free.
+        from_m: Nearest tested distance from the body's centre; a nearer obstacle would touch the
+            body.
+        to_m: Farthest tested distance. Ground further away need not have been seen free.
         step_m: Distance between the places that are tested on a bearing.
         beside_m: A place this near to an obstacle of the map belongs to it.
         bearings: Least number of bearings, which are one degree apart. Fewer are specks of the
@@ -43,7 +44,9 @@ class HiddenArrivalConfig:
 def hidden_arrival(
     hidden_m: Floats, pose: Pose2D, grid: GroundGrid, known_m: Floats, config: HiddenArrivalConfig
 ) -> Floats | None:
-    """Return the direction of an obstacle that has arrived, (2,), in the map's frame; None: none.
+    """Return the direction of an obstacle that has arrived, (2,) in the map's frame.
+
+    None if nothing has arrived.
 
     Args:
         hidden_m: (N, 2) nearest ground in view on the bearings of obstacles of unknown range,

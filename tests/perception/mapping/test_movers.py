@@ -364,7 +364,7 @@ def test_a_cart_that_crosses_the_view_is_a_mover_and_not_in_the_map() -> None:
 @pytest.mark.parametrize("box", [True, False])
 def test_a_cart_that_comes_below_the_view_is_a_mover(*, box: bool) -> None:
     """Also where nothing else is in view, so that the view has no bases at all."""
-    comes = [(0.45 - 0.03 * step, 0.0) for step in range(25)]
+    comes = [(0.35 - 0.03 * step, 0.0) for step in range(20)]
     maps = list(mapped([None] * 4 + comes, SiteMapper(CLASSES), box=box))
     assert any(found.movers for found in maps)
 
