@@ -1,9 +1,9 @@
 """The drone's body without a physics engine: accelerations, tilt, and contacts that stop it.
 
 In free flight it has the equations of motion of the twin's body: the demanded acceleration behind
-a lag, wind, and a tilt that follows critically damped. `benchmarks/fit_airframe.py` compares the
-two. Contacts are inelastic and have friction. They do not turn the body: where MuJoCo lets it tip
-over an edge, this one slides off level, and a support holds it level.
+a lag, wind, and a tilt with a critically damped response of second order.
+`benchmarks/fit_airframe.py` compares the two. Contacts are inelastic, have friction and apply no
+torque: in MuJoCo the body may tip over an edge, here it slides off level.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class PlainBody:
         self._tilting: Vector = [0.0, 0.0]  # their rates, rad/s
         self._yaw, self._turning = yaw_rad, 0.0
         self._thrust.stop()
-        self._look()
+        self._find_near()
 
     def motion(self) -> Motion:
         """Return the present motion."""
@@ -142,7 +142,7 @@ class PlainBody:
                 at[axis] += step_s * (velocity[axis] + _SUBSTEPS * change[axis])
                 velocity[axis] += change[axis]
         self._turn(carried=carried)
-        self._look()
+        self._find_near()
 
     def _turn(self, *, carried: bool) -> None:
         """Advance tilt and heading; a body that stands on something levels and does not turn."""
@@ -199,7 +199,7 @@ class PlainBody:
         share = math.sqrt(0.5) / out
         return share * (cos * u - sin * v), share * (sin * u + cos * v), math.sqrt(0.5)
 
-    def _look(self) -> None:
+    def _find_near(self) -> None:
         """Find the solids that the body may reach in the next step."""
         pose = self._pose
         pose[:] = (*self._at, *self._tilt, self._yaw)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.plain.ground_rays import cast_ground
 from sim_bridge.plain.mesh_rays import cast_triangles
-from sim_bridge.plain.solid_rays import COLUMNS, cast_solids, solid_row
+from sim_bridge.plain.solid_rays import RAY_COLUMNS, cast_solids, solid_row
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.movers import MoverSpec, Point
 from sim_bridge.twin.objects import BoxSpec
@@ -58,7 +58,7 @@ class Caster:
             max(_FAR_M, math.hypot(*scene.room_size_m)),
         )
         solids = [
-            solid_row((box.position_m, box.size_m, box.yaw_deg), self._papers(box))
+            solid_row((box.position_m, box.size_m, box.yaw_deg), self._class_ids(box))
             for box in scene.boxes
         ]
         solids += [
@@ -76,7 +76,7 @@ class Caster:
             at = item.spec.position_m
             solids += _shape_rows(item.shape, at, item.spec.yaw_deg)
             meshes += _shape_meshes(item.shape, at, item.spec.yaw_deg)
-        self._standing = np.array(solids).reshape(-1, COLUMNS)
+        self._standing = np.array(solids).reshape(-1, RAY_COLUMNS)
         self._meshes = _together(meshes)
 
     def cast(
@@ -110,7 +110,7 @@ class Caster:
             cast_triangles((place, self._lens), rays, meshes, ids, depth_m)
         return ids, depth_m
 
-    def _papers(self, item: BoxSpec | MoverSpec) -> tuple[int, int]:
+    def _class_ids(self, item: BoxSpec | MoverSpec) -> tuple[int, int]:
         """Return the classes of the sides and of the roof of a box or mover."""
         class_id = self._scene.class_of(item)
         return class_id, int(self.classes.top_of[class_id]) or class_id
@@ -122,12 +122,12 @@ class Caster:
             at = (state.pose.x_m, state.pose.y_m)
             if spec.kind is None:
                 is_round, outline = spec.shape == "cylinder", (at, spec.size_m, spec.yaw_deg)
-                rows.append(solid_row(outline, self._papers(spec), is_round=is_round))
+                rows.append(solid_row(outline, self._class_ids(spec), is_round=is_round))
             else:
                 shape = self._scene.shape_of(spec.kind)
                 rows += _shape_rows(shape, at, spec.yaw_deg)
                 meshes += _shape_meshes(shape, at, spec.yaw_deg)
-        return np.array(rows).reshape(-1, COLUMNS), meshes
+        return np.array(rows).reshape(-1, RAY_COLUMNS), meshes
 
 
 def _shape_rows(shape: Shape, at_m: Point, yaw_deg: float) -> list[list[float]]:

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from sim_bridge.plain.hulls import nearest_of_hull, way_out_of_hull
 from uav_bt.compiled import compiled
 
-COLUMNS: Final = 11
+GAP_COLUMNS: Final = 11
 """Columns of a table of solids: world x and y of the axis, half sizes along the solid's x and y,
 height of its bottom and top, cosine and sine of its yaw, 1 for a cylinder; metres. Then the first
 facet of a hull and the number of its facets, 0 for boxes and cylinders; the sizes of a hull are
 those of the box around it."""
 
 Table = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""A table of solids, (S, COLUMNS), and the facets of their hulls, (F, 4, 3)."""
+"""A table of solids, (S, GAP_COLUMNS), and the facets of their hulls, (F, 4, 3)."""
 
 _TOLERANCE_M: Final = 1e-5  # error of a distance
 _TOUCH_M: Final = 1e-9  # nearer solids overlap
@@ -150,7 +150,7 @@ def _gap(
     Args:
         hull: (4, 3) centre and axes of the box in the world.
         half_m: (3,) half sizes of the box.
-        solid: (COLUMNS,) row of a table of solids.
+        solid: (GAP_COLUMNS,) row of a table of solids.
         facets: (F, 4, 3) facets of all hulls.
         far_m: a distance beyond this need not be exact.
 
@@ -202,7 +202,7 @@ def clearance(pose: NDArray[np.float64], half_m: NDArray[np.float64], solids: Ta
     Args:
         pose: (6,) world x, y and z, m; roll, pitch (nose-up) and yaw, rad.
         half_m: (3,) half sizes of the hull: forward, sideways, up.
-        solids: (S, COLUMNS) table of solids, and (F, 4, 3) facets of their hulls.
+        solids: (S, GAP_COLUMNS) table of solids, and (F, 4, 3) facets of their hulls.
 
     Returns:
         Distance, m; 0 where they overlap, inf without a solid.
@@ -255,7 +255,7 @@ def find_near(
     Args:
         pose: (6,) world x, y and z, m; roll, pitch (nose-up) and yaw, rad.
         half_m: (3,) half sizes of the hull: forward, sideways, up.
-        solids: (S, COLUMNS) table of solids, and (F, 4, 3) facets of their hulls.
+        solids: (S, GAP_COLUMNS) table of solids, and (F, 4, 3) facets of their hulls.
         reach_m: the distance.
         found: (S, 5) whose first rows are filled: row of the solid, distance, and the direction
             from the solid to the hull. Where they overlap the distance is 0, and the direction is

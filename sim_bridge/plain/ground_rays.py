@@ -44,7 +44,7 @@ def cast_ground(
                 inside = abs(x_m) <= half_m[0] and abs(y_m) <= half_m[1]
                 if inside and len(edges):
                     inside = False
-                    for side in range(len(edges)):  # a ray along x crosses the sides oddly
+                    for side in range(len(edges)):  # even-odd rule, with a ray along x
                         ax, ay, ex, ey = edges[side]
                         if (ay > y_m) != (ay + ey > y_m) and x_m < ax + (y_m - ay) / ey * ex:
                             inside = not inside

@@ -118,7 +118,7 @@ def nearest_of_hull(
 def way_out_of_hull(
     facets: NDArray[np.float64], point: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """Return the normal of the facet of a hull that a point in it leaves it through soonest.
+    """Return the normal of the facet of a hull that is nearest to a point in it.
 
     Args:
         facets: (F, 4, 3) of `facets_of`.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.plain.frames import frame
+from sim_bridge.plain.image_bounds import image_bounds
 from uav_bt.compiled import compiled
 
 _EDGE = 1e-9  # share of a triangle by which a ray may miss it, so that no gap shows at an edge
@@ -35,12 +35,12 @@ def cast_triangles(
     (place, lens), (triangles, classes) = camera, meshes
     for index in range(len(triangles)):
         corners = triangles[index]
-        first_row, end_row, first_column, end_column = frame(place, lens, corners, ids.shape)
+        first_row, end_row, first_column, end_column = image_bounds(place, lens, corners, ids.shape)
         ax, ay, az = corners[1] - corners[0]
         bx, by, bz = corners[2] - corners[0]
         tx, ty, tz = place[0] - corners[0]
         qx, qy, qz = ty * az - tz * ay, tz * ax - tx * az, tx * ay - ty * ax
-        ahead = bx * qx + by * qy + bz * qz
+        scaled_depth = bx * qx + by * qy + bz * qz
         for row in range(first_row, end_row):
             for column in range(first_column, end_column):
                 u, v = rays[row, column]
@@ -48,13 +48,13 @@ def cast_triangles(
                 y = place[1, 1] + u * place[2, 1] + v * place[3, 1]
                 z = place[1, 2] + u * place[2, 2] + v * place[3, 2]
                 px, py, pz = y * bz - z * by, z * bx - x * bz, x * by - y * bx
-                turn = ax * px + ay * py + az * pz
-                if turn == 0.0:
+                determinant = ax * px + ay * py + az * pz
+                if determinant == 0.0:
                     continue  # the ray lies in the plane of the triangle
-                one = (tx * px + ty * py + tz * pz) / turn
-                other = (x * qx + y * qy + z * qz) / turn
-                depth = ahead / turn
-                if min(one, other, 1.0 - one - other) < -_EDGE or depth <= 0.0:
+                along_a = (tx * px + ty * py + tz * pz) / determinant
+                along_b = (x * qx + y * qy + z * qz) / determinant
+                depth = scaled_depth / determinant
+                if min(along_a, along_b, 1.0 - along_a - along_b) < -_EDGE or depth <= 0.0:
                     continue
                 if depth < depth_m[row, column]:
                     depth_m[row, column] = depth

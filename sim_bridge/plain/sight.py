@@ -102,12 +102,12 @@ class PlainSight:
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame, (H, W) uint8 of `SIZE_PX`."""
-        ids, _ = self._look(frame)
+        ids, _ = self._cast_frame(frame)
         return ClassMap(ids=ids, classes=self._caster.classes, captured_s=frame.captured_s)
 
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the relative depth of a frame, (H, W) float32 of `SIZE_PX`."""
-        _, depth_m = self._look(frame)
+        _, depth_m = self._cast_frame(frame)
         generator = np.random.default_rng(child_seed(self._seed, 13, frame.index))
         unit = _UNIT * math.exp(generator.normal(0.0, self._errors.depth_share))
         depth = np.asarray(depth_m * np.float32(unit), dtype=np.float32)
@@ -116,7 +116,7 @@ class PlainSight:
     def mark(self, frame: Frame) -> MarkSighting | None:
         """Return the landing mark in a frame as a finder in images does; None without a view."""
         camera, pad = self._simulation.capture_of(frame.index).camera, self._scene.helipad
-        if pad is None or is_covered(pad, camera, self._look(frame)[1], self._caster.camera):
+        if pad is None or is_covered(pad, camera, self._cast_frame(frame)[1], self._caster.camera):
             return None
         generator = np.random.default_rng(child_seed(self._seed, 17, frame.index))
         return see_mark(pad, camera, self._mark_errors, generator)
@@ -141,7 +141,7 @@ class PlainSight:
             yaw_rad=math.remainder(begin.yaw_rad - end.yaw_rad, math.tau) + float(turn_rad),
         )
 
-    def _look(self, frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def _cast_frame(self, frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         if self._seen is None or self._seen[0] != frame.index:
             capture, rays = self._simulation.capture_of(frame.index), self._caster.rays
             start = (frame.index * _WINDOW_STEP) % _SAMPLES

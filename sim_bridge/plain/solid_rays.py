@@ -8,15 +8,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.plain.frames import frame
+from sim_bridge.plain.image_bounds import image_bounds
 from uav_bt.compiled import compiled
 
-COLUMNS: Final = 12  # of the table of solids
+RAY_COLUMNS: Final = 12  # of the table of solids
 
 
 def solid_row(
     outline: tuple[tuple[float, float], tuple[float, float, float], float],
-    papers: tuple[int, int],
+    class_ids: tuple[int, int],
     share: float = 1.0,
     *,
     is_round: bool = False,
@@ -27,7 +27,7 @@ def solid_row(
     Args:
         outline: its centre, world x and y, m; its size along its x and y, and the height of its
             top, m; its yaw, degrees counter-clockwise.
-        papers: classes of its sides and of the middle of its top.
+        class_ids: classes of its sides and of the middle of its top.
         share: side of that middle over the side of the top; the rest has the class of the sides.
         is_round: whether it is a cylinder.
         base_m: height of its underside.
@@ -35,7 +35,7 @@ def solid_row(
     position_m, (length_m, width_m, height_m), yaw_deg = outline
     cos, sin = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
     sizes_m = length_m / 2, width_m / 2, height_m
-    return [*position_m, *sizes_m, cos, sin, *papers, share, float(is_round), base_m]
+    return [*position_m, *sizes_m, cos, sin, *class_ids, share, float(is_round), base_m]
 
 
 @compiled("void(float64[::1], float64[:, ::1])")
@@ -115,7 +115,7 @@ def cast_solids(
         dx, dy = place[0, 0] - solid[0], place[0, 1] - solid[1]
         origin_m[:] = cos * dx + sin * dy, cos * dy - sin * dx, place[0, 2]
         _fill_corners(solid, corners)
-        first_row, end_row, first_column, end_column = frame(place, lens, corners, ids.shape)
+        first_row, end_row, first_column, end_column = image_bounds(place, lens, corners, ids.shape)
         for row in range(first_row, end_row):
             for column in range(first_column, end_column):
                 u, v = rays[row, column]

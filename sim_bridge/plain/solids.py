@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.plain.gaps import COLUMNS
+from sim_bridge.plain.gaps import GAP_COLUMNS
 from sim_bridge.plain.hulls import facets_of
 from sim_bridge.twin.movers import mover_names
 from sim_bridge.twin.objects import MAT_M, Vector2, Vector3, box_names
@@ -34,7 +34,7 @@ class Solids:
     """The solids of a scene: first boxes, objects and movers, in its order."""
 
     names: tuple[str, ...]  # in contacts, of each row
-    table: NDArray[np.float64]  # (S, COLUMNS), a row each
+    table: NDArray[np.float64]  # (S, GAP_COLUMNS), a row each
     facets: NDArray[np.float64]  # (F, 4, 3) of all convex hulls
     obstacles: int  # number of rows of boxes, objects and movers
     first_mover: int  # row
@@ -68,7 +68,7 @@ def solids_of(scene: Scene) -> Solids:
     _add_room(rows, scene)
     return Solids(
         names=tuple(rows.names),
-        table=np.array(rows.table).reshape(-1, COLUMNS),
+        table=np.array(rows.table).reshape(-1, GAP_COLUMNS),
         facets=np.concatenate([np.empty((0, 4, 3)), *rows.facets]),
         obstacles=obstacles,
         first_mover=first_mover,

@@ -74,8 +74,8 @@ class FlightOptions:
     drone: str | DroneConfig | Drone = field(
         default="twin",
         metadata=about(
-            "The drone that flies: twin, anafi[:HOST[:PORT]], sphinx[:HOST[:PORT]], or another "
-            "that is installed.",
+            "The drone that flies: twin, plain (the twin without images), anafi[:HOST[:PORT]], "
+            "sphinx[:HOST[:PORT]], or another that is installed.",
             "--drone",
             metavar="NAME[:ADDRESS]",
         ),

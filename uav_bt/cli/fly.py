@@ -148,7 +148,7 @@ def fly(
     the report is still written. At a terminal m takes over (the drone hovers, the mission waits)
     and hands back, l lands, and X cuts the motors in flight. A real drone is checked before it
     takes off. The twin flies about four times faster than real time on two cores, and `--drone
-    plain`, which draws no images, about eight times.
+    plain`, which draws no images, 10 to 16 times.
 
     Exits with 0 when the mission succeeded, with 1 when it did not, and with 2 when nothing was
     flown because something given was refused.

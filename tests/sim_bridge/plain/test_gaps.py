@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sim_bridge.plain.gaps import COLUMNS, clearance, find_near
+from sim_bridge.plain.gaps import GAP_COLUMNS, clearance, find_near
 from sim_bridge.plain.solids import solids_of
 from sim_bridge.twin.body import HULL_HALF_M
 from sim_bridge.twin.gl import load_mujoco
@@ -78,7 +78,7 @@ def test_the_nearest_of_several_solids_counts() -> None:
     pose = np.array([0.0, 0.0, 0.5, 0.0, 0.0, 0.0])
     both = np.vstack([CUBE, row]), NO_HULLS
     assert clearance(pose, HALF_M, both) == pytest.approx(0.28, abs=1e-4)
-    assert clearance(pose, HALF_M, (np.empty((0, COLUMNS)), NO_HULLS)) == math.inf
+    assert clearance(pose, HALF_M, (np.empty((0, GAP_COLUMNS)), NO_HULLS)) == math.inf
 
 
 @pytest.mark.parametrize(

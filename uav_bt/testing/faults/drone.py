@@ -96,9 +96,8 @@ class FaultyDrone(DroneWrapper):
         self._outer = self._own = _CALM  # disturbances by the faults around this drone, and by it
         self._past: deque[Observation] = deque(maxlen=_PAST)
         self._command: Command | None = None
-        self._shown: tuple[Frame, Frame] | None = (
-            None  # the delivered frame, and the camera's frame of the same image
-        )
+        # The delivered frame, and the camera's frame of the same image.
+        self._shown: tuple[Frame, Frame] | None = None
 
     @property
     def missed(self) -> str | None:

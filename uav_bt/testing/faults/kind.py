@@ -36,8 +36,7 @@ class FaultKind:
     level: float | None = None  # default strength; None: it has no strength
     observe: Observe | None = None  # changes the observation
     send: Send | None = None  # changes the command
-    disturb: Callable[[float], Mapping[str, tuple[float, float]]] | None = (
-        None  # disturbs the drone
-    )
+    # Disturbs the drone.
+    disturb: Callable[[float], Mapping[str, tuple[float, float]]] | None = None
     follow: Callable[[], None] | None = None  # happens in every tick
     in_image: bool = False  # only networks notice it; exact masks stay as they are
