@@ -189,8 +189,8 @@ DEFECTS: Final = (
     Defect(
         name="mover-never-dropped",
         file="perception/mapping/mover_track.py",
-        sound="life_s: float = 6.0  # the same for a mover",
-        planted="life_s: float = 6000.0  # the same for a mover",
+        sound="life_s: float = 6.0  # a mover is forgotten after this time unseen",
+        planted="life_s: float = 6000.0  # a mover is forgotten after this time unseen",
         wrong="The life of an unseen mover's track is given in milliseconds and read as seconds, "
         "so that the track is never dropped.",
     ),

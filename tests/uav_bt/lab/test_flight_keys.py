@@ -125,7 +125,9 @@ def test_an_area_that_contains_all_is_good(tmp_path: Path) -> None:
 
 def test_a_limit_of_zero_is_refused_with_its_line(tmp_path: Path) -> None:
     lab = read_lab(lab_folder(tmp_path, f"{GOOD}limits: {{speed_mps: 0}}\n"))
-    with pytest.raises(FileError, match=r"lab.yaml:7: limits: .* must be positive"):
+    with pytest.raises(
+        FileError, match=r"lab.yaml:7: limits: speed_mps must be a positive number, got 0"
+    ):
         site_of_lab(lab)
 
 
