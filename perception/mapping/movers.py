@@ -141,9 +141,13 @@ class MoverTracker:
         self._moved_s = time_s
 
     def may_be_at(self, place_m: Floats, time_s: float) -> bool:
-        """Return whether a known mover may be at a place, (2,) in the map's frame, at a time."""
+        """Return whether a known mover may be at a place, (2,) in the map's frame, at a time.
+
+        A mover that just left the view may be at any place near the drone.
+        """
         return any(
-            math.dist(place_m, (mover.x_m, mover.y_m)) <= mover.std_m + self._config.same_m
+            time_s - mover.seen_s > self._config.lost_s
+            or math.dist(place_m, (mover.x_m, mover.y_m)) <= mover.std_m + self._config.same_m
             for mover in self.movers(time_s)
         )
 

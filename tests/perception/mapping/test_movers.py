@@ -241,13 +241,12 @@ def test_a_mover_too_far_away_to_be_a_lost_one_is_another() -> None:
     assert len(tracker.movers(now_s)) == 2
 
 
-def test_a_mover_may_be_where_it_is_and_later_farther_away() -> None:
+def test_a_mover_may_be_where_it_is_and_out_of_view_anywhere() -> None:
     tracker = MoverTracker()
     *_, (time_s, (mover,), _) = follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=2.0)
     places_m = [np.array([mover.x_m, mover.y_m + off_m]) for off_m in (0.0, 1.0, 4.0)]
     assert [tracker.may_be_at(place_m, time_s) for place_m in places_m] == [True, False, False]
-    later_s = time_s + 2.0
-    assert [tracker.may_be_at(place_m, later_s) for place_m in places_m] == [True, True, False]
+    assert all(tracker.may_be_at(place_m, time_s + 0.5) for place_m in places_m)
 
 
 def test_what_slides_while_nothing_is_judged_is_no_mover_when_it_leaves_the_view() -> None:
