@@ -44,7 +44,7 @@ SIZE_PX: Final = (112, 56)
 _UNIT: Final = 0.3  # relative depth of a metre; any number
 _SAMPLES: Final = 1 << 16  # of the noise, of which each frame reads a window
 # Distance of two frames' windows, modulo `_SAMPLES`: its golden section, so that the windows of
-# four frames in a row do not overlap.
+# five frames in a row do not overlap.
 _WINDOW_STEP: Final = 40503
 
 
