@@ -6,7 +6,7 @@ r"""Plant defects in copies of the code, and measure how long random flights tak
 
 `planted_edits.py` lists the defects. For each one the code flies as `uav-bt campaign TREE
 --drone plain --faults random` does: the trees of both rules and of the survey in turn, each in all
-training and validation scenes with seeds of its own, so that no two flights have the same faults.
+training and validation scenes with different seeds, so that no two flights have the same faults.
 They explore for 30 s instead of 90 or 180 s, so that more faults and landings are flown in the
 same time. The defect is found by the first flight that
 

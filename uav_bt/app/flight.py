@@ -163,7 +163,7 @@ def fly(
 
 
 def changes_of(options: FlightOptions) -> FlightChanges:
-    """Return what is changed in tree and scene for a flight, and its faults."""
+    """Return the changes to tree and scene for a flight, and its faults."""
     given = options.parameters
     return FlightChanges(
         ports=dict(given.ports),

@@ -107,26 +107,19 @@ def test_frames_that_return_do_not_take_a_landing_back() -> None:
         assert bench.proposed == LandCommand()
 
 
-def test_telemetry_that_returns_does_not_take_an_emergency_landing_back() -> None:
-    bench = LeafBench(EmergencyLand)
-    bench.allow_stale()
-    live(bench)
-    bench.tick(advance_s=2.1)
-    live(bench, flying=FlyingState.LANDING)
-    assert bench.proposed == LandCommand()
-
-
 def test_a_drone_that_is_landing_already_makes_no_step() -> None:
     bench = bench_with_lens(0.15)
     live(bench, flying=FlyingState.LANDING, height_m=0.3)
     assert bench.proposed == LandCommand()
 
 
-def test_an_emergency_landing_does_not_wait_for_telemetry() -> None:
+def test_an_emergency_landing_does_not_wait_for_telemetry_and_is_not_taken_back() -> None:
     bench = LeafBench(EmergencyLand)
     bench.allow_stale()
     live(bench)
     bench.tick(advance_s=2.1)
+    assert bench.proposed == LandCommand()
+    live(bench, flying=FlyingState.LANDING)
     assert bench.proposed == LandCommand()
 
 
