@@ -239,7 +239,7 @@ def _run(
             profile=_profile(flight),
             stage_times_s=flight.context.stage_times_s,
             slow_leaves_s=runner.slow_leaves_s,
-            airborne_at_end=runner.descent.airborne,
+            airborne_at_end=runner.descent.airborne or _flies(flight.drone),
             lost_outputs=runner.listeners.lost,
             notes=flight.context.notes,
             objects=objects_of(last_map(flight.context.board)),
@@ -277,6 +277,14 @@ def _map_check(flight: Flight[Drone]) -> MapCheck | None:
     referee, board = flight.drone.referee, flight.context.board
     ground = None if referee is None else referee.ground()
     return None if ground is None else MapCheck(ground, lambda: board.read(SITE_MAP).value)
+
+
+def _flies(drone: Drone) -> bool:
+    """Return whether a simulated drone is in the air. False: its truth is unknown.
+
+    The runner knows only of a descent that it began.
+    """
+    return drone.referee is not None and drone.referee.truth().motors_on
 
 
 def _profile(flight: Flight[Drone]) -> str | None:

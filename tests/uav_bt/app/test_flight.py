@@ -36,9 +36,10 @@ from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
+from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.testing import ScriptedDrone, blank_frame
+from uav_bt.testing import InjectedError, ScriptedDrone, blank_frame
 from uav_bt.tree import Leaf, NodeRegistry, Status
 from uav_bt.tree.shipped import shipped_missions
 from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Observation, Truth
@@ -379,6 +380,19 @@ def test_a_lost_drone_leaves_a_report_and_a_word_about_where_it_is(
     assert (report["outcome"], report["reason"]) == ("error", "no answer")
     assert report["airborne_at_end"] is True
     assert not hangar.drone.connected
+
+
+def test_a_simulated_drone_that_nobody_landed_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The report does not depend on the code that lands the drone: it asks the simulation."""
+    monkeypatch.setattr(MissionRunner, "_stop_and_land", lambda _runner, _reason: None)
+    path = tmp_path / "report.json"
+    options = app.FlightOptions(scene="train-a", drone="plain", faults=("observe-raises@take-off",))
+    with pytest.raises(InjectedError) as caught:
+        app.fly(tree_file(tmp_path, STAY), options, report=path)
+    assert app.STILL_IN_THE_AIR in caught.value.__notes__
+    assert json.loads(path.read_text(encoding="utf-8"))["airborne_at_end"] is True
 
 
 def test_a_listener_that_breaks_is_named_and_the_mission_flies_on(
