@@ -72,7 +72,9 @@ class CourseLeaf(MovingLeaf):
         self._course = Course()
         giving_way = GivingWayConfig()
         margins = giving_way.margins.within(mission.clearances)
-        self._giving_way = GivingWay(replace(giving_way, margins=margins))
+        moving = replace(giving_way.way_out.moving, body_m=mission.airframe.radius_m)
+        way_out = replace(giving_way.way_out, moving=moving)
+        self._giving_way = GivingWay(replace(giving_way, margins=margins, way_out=way_out))
 
     def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
         """Fly ahead at a speed while the heading is controlled, without a stop between answers.
@@ -188,9 +190,9 @@ class CourseLeaf(MovingLeaf):
         camera, state = self.read(CAMERA).value, self.state()
         if site_map is None or motion is None or camera is None or state is None:
             return flight_rad
-        if site_map.movers:
-            return mover_pitch_rad(site_map, flight_rad, state.height_above_ground_m)
-        return ground_pitch_rad(site_map, camera, flight_rad, state.height_above_ground_m)
+        height_m = state.height_above_ground_m
+        low_rad = ground_pitch_rad(site_map, camera, flight_rad, height_m)
+        return mover_pitch_rad(site_map, low_rad, height_m) if site_map.movers else low_rad
 
     def _push_mps(self) -> tuple[float, float]:
         cfg, motion = self.course.keep_away, self.read(ODOMETRY).value

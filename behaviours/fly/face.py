@@ -57,7 +57,8 @@ class Face(PlaceLeaf):
         """Turn until the place is ahead."""
         if self.leaf_clock.now() - self._progress_s > self.port_value("give_up_s"):
             return self.fails("does not face it in time")
-        if self.port_value(GIVES_WAY.name) and self.give_way():
+        if self.gives_way():
+            self._faced_s = self.leaf_clock.now()
             return Status.RUNNING
         site_map = self.trusted_map()
         if site_map is None:

@@ -99,10 +99,12 @@ class GivingWay:
             self._way = None
             return None
         site_map = self._with_hidden(site_map, obstacles)
+        stale = now_s - self._decided_s > self.config.stale_s
         if site_map.captured_s > self._decided_s:
+            before = None if stale else self._way  # an older way is not being flown
             self._decided_s = site_map.captured_s
-            self._way = self._decide(site_map, obstacles, motion)
-        elif self._way is not None and now_s - self._decided_s > self.config.stale_s:
+            self._way = self._decide(site_map, obstacles, motion, before)
+        elif stale and (self._way is not None or is_threatened(site_map, self.config.way_out)):
             self._way = WayOut()  # the way may end where no new view has shown it
         if self._way is None:
             return None
@@ -167,7 +169,11 @@ class GivingWay:
         return max(-cfg.watch_radps, min(cfg.watch_radps, cfg.watch_per_s * bearing_rad))
 
     def _decide(
-        self, site_map: SiteMap, obstacles: NearObstacles | None, motion: MotionEstimate | None
+        self,
+        site_map: SiteMap,
+        obstacles: NearObstacles | None,
+        motion: MotionEstimate | None,
+        before: WayOut | None,
     ) -> WayOut | None:
         cfg = self.config
         if is_threatened(site_map, cfg.way_out):
@@ -175,7 +181,7 @@ class GivingWay:
             standing_m = recent.seen_m[~is_of_movers(site_map.movers, recent.seen_m)]
             recent = replace(recent, seen_m=standing_m)
             clearance = ClearanceMap(standing_alone(site_map), recent, cfg.margins)
-            return way_out(clearance, site_map.movers, cfg.way_out, before=self._way)
+            return way_out(clearance, site_map.movers, cfg.way_out, before=before)
         if motion is None:
             return None
         body_mps = np.array([[motion.velocity.forward_mps, motion.velocity.right_mps]])

@@ -73,7 +73,7 @@ class GoTo(PlaceLeaf):
         # Ahead of all proposals: a leaf that ends proposes nothing.
         if self.leaf_clock.now() - self._progress_s > self.port_value("blocked_s"):
             return self.fails(self._trouble)
-        if self.port_value(GIVES_WAY.name) and self.give_way():
+        if self.gives_way():
             self._planned_s = math.inf
             return Status.RUNNING
         if self.moving(state):

@@ -139,7 +139,7 @@ class SpotLandingLeaf(LandingLeaf):
     """Base of the leaves that land on the nearest surface in view that holds the hull.
 
     The surface is the ground or the top of the landing box, under the whole hull and a margin.
-    After a take-over a leaf looks for a place again.
+    After a take-over a leaf looks for a place again, and the time to look begins anew.
     """
 
     points = True
@@ -159,8 +159,12 @@ class SpotLandingLeaf(LandingLeaf):
         """Note the time; no spot is known."""
         super().initialise()
         self.write(PHASE, self.phase)
-        self._started_s = self.leaf_clock.now()
-        self._above_spot = False
+        self._look()
+
+    def _look(self) -> None:
+        """Begin to look for a place."""
+        self._started_s, self._resumed_s = self.leaf_clock.now(), self.leaf_clock.resumed_s
+        self._above_spot = self.descends = False
 
     def gimbal_pitch_rad(self) -> float:
         """Return the pitch straight down."""
@@ -172,10 +176,14 @@ class SpotLandingLeaf(LandingLeaf):
             return self.landed
         if self.descends and state.flying is FlyingState.LANDING:
             return self.descend()  # telemetry that returns does not take a landing back
+        if self.leaf_clock.resumed_s > self._resumed_s:
+            self._look()  # a pilot moved the drone
         if self.moving(state):
             return Status.RUNNING
         if self.progress is Progress.INTERRUPTED:
-            self._above_spot = False  # a pilot moved the drone: look again
+            self._above_spot = False
+        if self._above_spot and self.progress is Progress.FAILED:
+            return self.without_step()
         if self._above_spot:
             return self.descend()
         late = self.leaf_clock.now() - self._started_s > self.port_value("look_s")
@@ -185,6 +193,10 @@ class SpotLandingLeaf(LandingLeaf):
     @abstractmethod
     def without_spot(self) -> Status:
         """Do what follows when no place was found within `look_s`."""
+
+    @abstractmethod
+    def without_step(self) -> Status:
+        """Do what follows when the drone does not fly the step to a place."""
 
     def land_on(self, spot: LandingSpot | None) -> Status:
         """Move above a place; None to look on."""
@@ -220,8 +232,9 @@ class EmergencyLand(SpotLandingLeaf):
     """Land on the nearest surface in view that holds the hull; FAILURE on the ground.
 
     The leaf waits up to `look_s` for a place with a margin. Then it accepts a place that holds the
-    hull without a margin. Without one it lands where it is: unseen ground is not known to be safer,
-    and the drone may not be able to fly any longer.
+    hull without a margin. Without one, or when the drone does not fly the step there, it lands
+    where it is: unseen ground is not known to be safer, and the drone may not be able to fly any
+    longer.
     """
 
     ports = (_RADIUS, _look_s("seconds to look for such a place before landing without a margin"))
@@ -235,11 +248,16 @@ class EmergencyLand(SpotLandingLeaf):
         self._above_spot = True
         return Status.RUNNING if spot is None else self.land_on(spot)
 
+    def without_step(self) -> Status:
+        """Land where the drone is."""
+        return self.descend()
+
 
 class LandHere(SpotLandingLeaf):
     """Land on free ground near the drone as the mission plans it; SUCCESS on the ground.
 
-    FAILURE in the air when no free ground was in view for `look_s`; the tree may fly elsewhere.
+    FAILURE in the air when no free ground was in view for `look_s`, and when the drone does not fly
+    the step to it; the tree may fly elsewhere.
     """
 
     ports = (_RADIUS, _look_s("seconds to look for such a place until it fails"))
@@ -249,6 +267,11 @@ class LandHere(SpotLandingLeaf):
     def without_spot(self) -> Status:
         """Fail, and fly on."""
         self.feedback_message = "no free ground in view"
+        return Status.FAILURE
+
+    def without_step(self) -> Status:
+        """Fail, and fly on."""
+        self.feedback_message = "the drone does not fly the step to free ground"
         return Status.FAILURE
 
     def wait(self, state_age_s: float) -> Status:

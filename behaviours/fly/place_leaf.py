@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from behaviours.fly.course_leaf import CourseLeaf
+from behaviours.fly.steering import GIVES_WAY
 from uav_bt.board import FLIGHT_PITCH, ODOMETRY, SITE_MAP
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, ValueRangeError
@@ -101,7 +102,19 @@ class PlaceLeaf(CourseLeaf):
         """Begin without a goal."""
         self.drop_course()
         self._place: Place | None = None  # `body:` is replaced by where it was at the beginning
-        self._progress_s = self.leaf_clock.now()
+        self._progress_s = self._worked_s = self.leaf_clock.now()
+
+    def gives_way(self) -> bool:
+        """Give way if the port is set; that time does not count as time without progress.
+
+        The leaf calls it once in a tick.
+        """
+        now_s = self.leaf_clock.now()
+        passed_s, self._worked_s = now_s - self._worked_s, now_s
+        if not self.port_value(GIVES_WAY.name) or not self.give_way():
+            return False
+        self._progress_s += passed_s
+        return True
 
     def gimbal_pitch_rad(self) -> float | None:
         """Return the camera's pitch in flight, or a lower one to show more ground."""

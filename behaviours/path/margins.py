@@ -124,6 +124,7 @@ class Margins:
             doubt_m=self.doubt_m + wider_m,
             min_start_m=self.min_start_m + min(wider_m, 0.0),
             pad_m=self.pad_m + wider_m,
+            pad_edge_m=self.pad_edge_m + max(place.edge_m - Clearances.edge_m, 0.0),
             unknown_m=self.unknown_m + (place.unknown_m - Clearances.unknown_m),
             lane_m=self.lane_m + (place.lane_m - Clearances.lane_m),
             edge_m=self.edge_m + (place.edge_m - Clearances.edge_m),

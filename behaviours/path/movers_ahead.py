@@ -24,6 +24,8 @@ class MoversAheadConfig:
         step_s: Time between two predicted places.
         doubted_s: Time after which the uncertainty of the velocity no longer grows the place's:
             movers turn and stop.
+        doubted_m: Largest uncertainty of a place that counts. A mover that is out of view may be
+            anywhere after a few seconds, and no way leads away from all of these places.
         taken_s: Routes avoid the places that a mover reaches within this time.
         body_m: Half of the body's diagonal.
         spare_m: Least gap between body and mover.
@@ -34,6 +36,7 @@ class MoversAheadConfig:
     ahead_s: float = 3.0
     step_s: float = 0.2
     doubted_s: float = 1.5
+    doubted_m: float = 1.0
     taken_s: float = 1.0
     body_m: float = 0.2
     spare_m: float = 0.2
@@ -77,6 +80,7 @@ def gap_m(movers: Sequence[MapMover], places_m: Floats, config: MoversAheadConfi
     min_left_m = np.full(places_m.shape[:-2], math.inf)
     for mover in movers:
         doubt_m = np.hypot(mover.std_m, mover.std_mps * np.minimum(times_s, config.doubted_s))
+        doubt_m = np.minimum(doubt_m, config.doubted_m)
         apart_m = np.linalg.norm(places_m - mover.at(times_s), axis=-1)
         left_m = apart_m - mover.radius_m - doubt_m - config.body_m
         min_left_m = np.minimum(min_left_m, left_m.min(axis=-1))

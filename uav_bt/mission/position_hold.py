@@ -134,7 +134,7 @@ class PositionHold:
             self._learn(motion, passed_s)
         wanted = rotate(order.forward_mps, order.right_mps, motion.pose.yaw_rad)
         self._keep_place(wanted, motion, passed_s, goal, now_s)
-        return self._corrected(movement, order, motion, self._correction(motion))
+        return self._corrected(movement, order, motion.pose.yaw_rad, self._correction(motion))
 
     def against_drift(self, movement: Movement, state: DroneState, now_s: float) -> Movement:
         """Return a movement against the disturbance of the last seconds with ground in view.
@@ -152,10 +152,11 @@ class PositionHold:
             return movement
         order = movement if isinstance(movement, Velocity) else Velocity()
         x_mps, y_mps = self._lately.median()
-        return self._corrected(movement, order, motion, (-x_mps, -y_mps))
+        yaw_rad = state.attitude.yaw_rad + motion.turn_rad  # the drone may have turned since
+        return self._corrected(movement, order, yaw_rad, (-x_mps, -y_mps))
 
     def _corrected(
-        self, movement: Movement, order: Velocity, motion: MotionEstimate, extra: Vector
+        self, movement: Movement, order: Velocity, yaw_rad: float, extra: Vector
     ) -> Movement:
         """Return an order with a correction; a hover that needs none is left to the drone."""
         cfg = self._config
@@ -165,7 +166,7 @@ class PositionHold:
             if not self._holds:
                 return movement
         # The drone turns on until the order takes effect.
-        yaw_rad = motion.pose.yaw_rad + order.yaw_rate_radps * self._airframe.command_delay_s
+        yaw_rad += order.yaw_rate_radps * self._airframe.command_delay_s
         forward_mps, right_mps = rotate(*extra, -yaw_rad)
         return replace(
             order,

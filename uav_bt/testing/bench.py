@@ -20,6 +20,7 @@ from uav_bt.testing.drone import blank_frame, pinhole
 from uav_bt.tree import Leaf, MissionTree, Status, Variables
 from uav_bt.tree.describe import ABILITIES
 from uav_bt.types import (
+    Airframe,
     Attitude,
     BodyVelocity,
     Clearances,
@@ -52,6 +53,7 @@ class BenchWorld:
         self.outputs: FlightFolder | None = None  # such as FlightFolder(tmp_path)
         self.notes = FlightNotes()  # events and photographs
         self.mark, self.clearances = default_mark(), Clearances()
+        self.airframe = Airframe()
         self.take_off: Pose2D | None = None  # in the lab's drawing
         self.mark_pose: Pose2D | None = None  # likewise
         self.area: Area | None = None
@@ -184,6 +186,7 @@ class BenchWorld:
             notes=self.notes,
             mark=self.mark,
             clearances=self.clearances,
+            airframe=self.airframe,
             take_off=self.take_off,
             mark_pose=self.mark_pose,
             area=self.area,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from tests.behaviours.leaf_world import (
     map_with,
     steering_bench,
 )
+from tests.behaviours.path.test_ways_out import mover
 from tests.paper_lab import paper_map
 from uav_bt.answers import Advance, Done, FollowLeg, Rotate
 from uav_bt.board import (
@@ -46,6 +48,7 @@ from uav_bt.types import (
     Velocity,
 )
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.site_map import MapMover
 
 
 def stepping(policy: Says | None = None, **attributes: object) -> LeafBench:
@@ -315,12 +318,16 @@ def test_at_a_speed_it_keeps_away_from_what_is_beside_it(beside_m: float, goes: 
     assert np.sign(bench.proposed.right_mps) == goes
 
 
+@pytest.mark.parametrize("movers", [(), (mover(-1.5, 0.0),)])
 @pytest.mark.parametrize("looks_down", [True, False])
-def test_at_the_edge_the_camera_is_lowered_to_the_ground(*, looks_down: bool) -> None:
+def test_at_the_edge_the_camera_is_lowered_to_the_ground(
+    movers: tuple[MapMover, ...], *, looks_down: bool
+) -> None:
+    """Without ground in view the drone loses its place; a mover elsewhere does not change that."""
     flight_rad = math.radians(-42)
     bench = steering_bench(Explore, Says(ADVANCE), looks_down=looks_down)
     bench.board[FLIGHT_PITCH] = flight_rad
-    edge = drawn_map(pose=(0.0, 1.8, math.pi / 2))
+    edge = replace(drawn_map(pose=(0.0, 1.8, math.pi / 2)), movers=movers)
     here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
     bench.board[SITE_MAP] = edge
     bench.board[ODOMETRY] = MotionEstimate(

@@ -167,6 +167,48 @@ def test_a_way_is_not_flown_on_without_a_new_view() -> None:
     assert (bench.proposed.forward_mps, bench.proposed.right_mps) == (0.0, 0.0)
 
 
+def test_without_a_new_view_it_stops_for_a_mover_that_was_on_its_way() -> None:
+    """The view that showed it far away is old, such as while the camera looks straight down."""
+    giving_way, shown = GivingWay(), drawn_map()
+    far = replace(shown, movers=(mover(3.2, 0.0, -0.6),))
+    now_s = shown.captured_s
+    assert giving_way.velocity(far, None, None, now_s=now_s) is None
+    near = replace(shown, movers=(mover(1.4, 0.0, -0.6),))  # predicted, from the same view
+    assert giving_way.velocity(near, None, None, now_s=now_s + 0.5) is None
+    stopped = giving_way.velocity(near, None, None, now_s=now_s + 3.0)
+    assert stopped is not None
+    assert (stopped.forward_mps, stopped.right_mps) == (0.0, 0.0)
+
+
+def test_a_way_of_an_earlier_encounter_does_not_count() -> None:
+    """A mover comes from ahead and slightly from the right, where the drone once went."""
+    giving_way, shown = GivingWay(), drawn_map()
+    earlier = replace(shown, movers=(mover(1.6, -0.03, -0.6),))
+    later = replace(shown, movers=(mover(1.6, 0.03, -0.6),), captured_s=shown.captured_s + 60.0)
+    for site_map in (earlier, later):
+        way = giving_way.velocity(site_map, None, None, now_s=site_map.captured_s)
+        fresh = GivingWay().velocity(site_map, None, None, now_s=site_map.captured_s)
+        assert way == fresh
+
+
+@pytest.mark.parametrize("radius_m", [0.2, 0.35])
+def test_a_larger_airframe_gives_way_earlier(radius_m: float) -> None:
+    bench = steering_bench(Explore, Says(ADVANCE), gives_way=True)
+    side_m = math.sqrt(2.0) * radius_m
+    bench.airframe = replace(bench.airframe, body_size_m=(side_m, side_m, 0.1))
+    standing = mover(0.8 + radius_m, 0.0)
+    for _ in range(3):
+        show(bench, site_map=replace(drawn_map(), movers=(standing,)))
+        move(bench)
+        bench.tick()
+    assert not gives_way(bench)
+    for _ in range(3):
+        show(bench, site_map=replace(drawn_map(), movers=(mover(0.6 + radius_m, 0.0),)))
+        move(bench)
+        bench.tick()
+    assert gives_way(bench)
+
+
 def velocity_in(place: Clearances) -> Velocity:
     bench = steering_bench(Explore, Says(ADVANCE), gives_way=True)
     bench.clearances = place

@@ -12,6 +12,7 @@ import pytest
 from behaviours.fly.face import Face
 from behaviours.fly.go_to import GoTo
 from behaviours.fly.move_by import ClimbTo, MoveBy
+from tests.behaviours.path.test_ways_out import mover
 from uav_bt.board import FLIGHT_HEIGHT, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
@@ -140,6 +141,26 @@ def test_progress_counts_not_time() -> None:
     bench = LeafBench(GoTo, to="start:1.9,0", blocked_s=1.0)
     for step in range(12):
         assert live(bench, site_map=on(-1.5 + 0.2 * step), seconds=0.6) is Status.RUNNING
+
+
+@pytest.mark.parametrize(
+    ("leaf", "ports"),
+    [(GoTo, {"to": "start:1.9,0", "blocked_s": 2.0}), (Face, {"at": "180", "give_up_s": 2.0})],
+)
+def test_the_time_of_giving_way_does_not_count(
+    leaf: type[GoTo | Face], ports: dict[str, str | float]
+) -> None:
+    """After it the leaf has as much time left as before."""
+    bench = LeafBench(leaf, **ports)
+    for step in range(40):
+        near = replace(on(), movers=(mover(0.8, 0.0),) if step > 2 else ())
+        assert live(bench, site_map=near, seconds=0.2) is Status.RUNNING
+    assert bench.leaf.feedback_message == "gives way"
+    walled = on(walls=(0.5,))
+    ticks = 0
+    while live(bench, site_map=walled, seconds=0.2) is Status.RUNNING:
+        ticks += 1
+    assert 4 <= ticks <= 12
 
 
 def test_a_heading_is_turned_to_at_the_place() -> None:

@@ -117,7 +117,8 @@ def test_an_emergency_landing_does_not_wait_for_telemetry_and_is_not_taken_back(
     bench = LeafBench(EmergencyLand)
     bench.allow_stale()
     live(bench)
-    bench.tick(advance_s=2.1)
+    for _ in range(8):
+        bench.tick(advance_s=0.3)
     assert bench.proposed == LandCommand()
     live(bench, flying=FlyingState.LANDING)
     assert bench.proposed == LandCommand()
@@ -309,11 +310,29 @@ def test_without_ground_in_view_it_lands_after_a_while(missing: object) -> None:
     assert (bench.proposed, bench.pointed) == (None, DOWN)
     for _ in range(9):
         blind()
-    blind(60.0)  # a person flies, which does not count
+    blind(60.0)  # a person flies; the time to look begins anew
+    for _ in range(10):
+        blind()
     assert bench.proposed is None
     blind()
     blind()
 
+    assert bench.proposed == LandCommand()
+
+
+@pytest.mark.parametrize("leaf", [EmergencyLand, LandHere])
+def test_after_a_take_over_in_the_descent_it_looks_again(
+    leaf: type[EmergencyLand | LandHere],
+) -> None:
+    """The pilot has flown the drone above boxes."""
+    bench = LeafBench(leaf)
+    live(bench, gimbal_deg=-90.0)
+    live(bench, gimbal_deg=-90.0)
+    assert bench.proposed == LandCommand()
+    live(bench, seconds=10.0, gimbal_deg=-90.0, ids=0 * ground())
+    assert bench.proposed is None
+    live(bench, gimbal_deg=-90.0)
+    live(bench, gimbal_deg=-90.0)
     assert bench.proposed == LandCommand()
 
 
@@ -362,6 +381,24 @@ def test_where_no_place_has_a_margin_it_takes_one_that_holds_the_hull() -> None:
 
 
 # --- LandHere -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("leaf", [EmergencyLand, LandHere])
+def test_only_an_emergency_lands_where_the_step_to_a_place_fails(
+    leaf: type[EmergencyLand | LandHere],
+) -> None:
+    ids = ground()
+    ids[:, :20] = BACKGROUND
+    bench = LeafBench(leaf, radius_m=0.15)
+    refused: MovementStatus | None = None
+    for _ in range(100):
+        status = live(bench, gimbal_deg=-90.0, ids=ids, movement=refused)
+        if isinstance(bench.proposed, MoveBy):
+            refused = MovementStatus(id=bench.proposed.id, state=MovementState.REJECTED)
+        elif status is Status.FAILURE or bench.proposed == LandCommand():
+            break
+    assert (bench.proposed == LandCommand()) is (leaf is EmergencyLand)
+    assert (status is Status.FAILURE) is (leaf is LandHere)
 
 
 def test_without_free_ground_a_planned_landing_fails_in_the_air() -> None:

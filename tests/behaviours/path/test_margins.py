@@ -36,6 +36,12 @@ def test_margins_that_differ_from_the_default_keep_their_difference() -> None:
     assert further.within(Clearances(edge_m=0.5)).edge_m == pytest.approx(0.6)
 
 
+def test_the_last_metres_before_the_mark_keep_a_wider_edge() -> None:
+    before_m = Margins().at_pad().edge_m
+    assert Margins().within(Clearances(edge_m=0.6)).at_pad().edge_m == pytest.approx(before_m + 0.3)
+    assert Margins().within(Clearances(edge_m=0.2)).at_pad().edge_m == before_m
+
+
 def test_the_last_metres_before_the_mark_keep_more_room_as_well() -> None:
     margins = Margins().within(Clearances(obstacle_m=0.6))
     assert margins.at_pad().touch_m == pytest.approx(Margins().at_pad().touch_m + 0.2)

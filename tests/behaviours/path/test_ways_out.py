@@ -125,6 +125,13 @@ def test_what_comes_at_the_drone_threatens_it_and_what_passes_does_not() -> None
     assert not is_threatened(with_movers(), CONFIG)
 
 
+def test_a_mover_that_may_be_anywhere_threatens_nobody_far_away() -> None:
+    """It was lost from view five seconds ago; a way from where it was may lead to it."""
+    lost = replace(mover(2.5, 0.0), std_m=3.3, std_mps=0.65)
+    assert not is_threatened(with_movers(lost), CONFIG)
+    assert is_threatened(with_movers(replace(lost, x_m=1.2)), CONFIG)
+
+
 def test_a_drone_that_flies_into_the_way_of_something_runs_into_it() -> None:
     crossing = with_movers(mover(0.9, -0.9, 0.0, 0.5))
     assert runs_into(crossing, np.array([0.5, 0.0]), CONFIG)

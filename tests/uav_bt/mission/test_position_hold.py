@@ -359,6 +359,14 @@ def test_a_hover_without_frames_or_telemetry_is_held_against_the_drift_for_a_tim
     assert body.hold.against_drift(Hover(), body.state(), since_s + 1.0) == Hover()
 
 
+def test_a_drift_is_held_against_in_the_world_when_the_drone_turns_without_frames() -> None:
+    body = drifting()
+    turned = replace(body.state(), attitude=Attitude(yaw_rad=math.pi))
+    sent = body.hold.against_drift(Hover(), turned, body.now_s)
+    assert isinstance(sent, Velocity)
+    assert (sent.forward_mps, sent.right_mps) == pytest.approx((0.1, 0.0), abs=1e-2)
+
+
 def test_a_disturbance_of_the_last_moment_does_not_count_without_frames() -> None:
     """A frozen image of a moving drone looks like a drift."""
     body = drifting()
