@@ -67,8 +67,8 @@ def _fits(scene: Scene, item: PlacedObject, placed: list[PlacedObject], gap_m: f
         for other in placed
     ):
         return False
-    starts_m = [pad.position_m for pad in scene.pads] or [scene.start_m]
-    if min(math.dist(at_m, start_m) for start_m in starts_m) < reach_m + _FROM_PAD_M:
+    kept_free_m = [scene.start_m, *(pad.position_m for pad in scene.pads)]
+    if min(math.dist(at_m, place_m) for place_m in kept_free_m) < reach_m + _FROM_PAD_M:
         return False
     if layout_problem(scene.helipad, scene.boxes, scene.ground, [item]) is not None:
         return False

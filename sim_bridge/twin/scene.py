@@ -173,6 +173,11 @@ class Scene:
         return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=math.radians(self.take_off.yaw_deg))
 
     def __post_init__(self) -> None:
+        if not isinstance(self.ground, GroundSpec):
+            raise ValueRangeError(
+                f"scene '{self.name}' has no ground: expected a GroundSpec, got {self.ground!r}; "
+                "leave `ground` out for 4 x 4 m"
+            )
         problem = lab_problem(self)
         if problem is None:
             placed = self.placed if self.objects else ()

@@ -103,8 +103,8 @@ def _rounded(rng: np.random.Generator, low: float, high: float) -> float:
 
 def _fits(box: BoxSpec, placed: list[BoxSpec], scene: Scene) -> bool:
     apart = all(math.dist(box.position_m, other.position_m) >= _APART_M for other in placed)
-    pads_m = [pad.position_m for pad in scene.pads] or [scene.start_m]
-    if not apart or min(math.dist(box.position_m, at_m) for at_m in pads_m) < _FROM_PAD_M:
+    kept_free_m = [scene.start_m, *(pad.position_m for pad in scene.pads)]
+    if not apart or min(math.dist(box.position_m, at_m) for at_m in kept_free_m) < _FROM_PAD_M:
         return False
     if layout_problem(scene.helipad, (*placed, box), scene.ground) is not None:
         return False

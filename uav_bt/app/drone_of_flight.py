@@ -81,6 +81,7 @@ def _given_drone(options: FlightOptions) -> Drone:
         return drone  # type: ignore[no-any-return]  # the options have checked it
     site, known = site_of(options), _field_names(type(drone))
     settings = {} if site is None else _place_settings(site, limits_of(options))
+    settings["seed"] = options.seed
     given = {key: value for key, value in settings.items() if value is not None and key in known}
     made: Drone = (replace(drone, **given) if given else drone).create()
     return made

@@ -172,6 +172,25 @@ def check_drone(drone: object) -> None:
         refuse_incomplete(drone, expected)
 
 
+def common_seed(drone: object, seed: int) -> int:
+    """Return the seed of a flight: its own, or that of the drone's configuration.
+
+    Args:
+        drone: A drone's name, a configuration or a drone.
+        seed: Seed of the flight; 0 may be the default.
+
+    Raises:
+        InputError: Both have a seed, and they differ.
+    """
+    own = getattr(drone, "seed", 0) if is_drone_config(drone) else 0
+    if own and seed and own != seed:
+        raise InputError(
+            f"seed: expected one seed, got {seed} for the flight and {own} in the drone's "
+            f"{type(drone).__name__}: leave out the drone's"
+        )
+    return own or seed
+
+
 def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
     """Refuse a drone that lacks members of the protocol.
 
@@ -248,7 +267,18 @@ def image_size(value: object) -> tuple[int, int]:
     return width, height
 
 
+def scene_text(value: object) -> str | None:
+    """Return a scene's name or path as it was given; None for None.
+
+    Raises:
+        InputError: The value is neither text nor path.
+    """
+    expected = "the name or file of a scene (a Scene belongs to the drone, as PlainConfig(scene=))"
+    return None if as_file("scene", value, expected) is None else str(value)
+
+
 CHECKED: Final[Mapping[str, Callable[[object], Any]]] = {
+    "scene": scene_text,
     "image_size_px": image_size,
     "ports": port_values,
     "variables": variable_values,

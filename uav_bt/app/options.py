@@ -16,6 +16,7 @@ from uav_bt.app.option_values import (
     check_drone,
     check_policies,
     class_name,
+    common_seed,
     expect,
     refuse_unusable,
 )
@@ -246,16 +247,13 @@ class FlightOptions:
             )
         for each in fields(self):
             if each.name not in {"lab", "site"}:
-                known: Declared = each.metadata["declared"]
-                value = known.checked(each.name, getattr(self, each.name), each.default)
-                self._set(each.name, value)
+                known, given = each.metadata["declared"], getattr(self, each.name)
+                self._set(each.name, known.checked(each.name, given, each.default))
         if not isinstance(self.params, ParameterFile):
             params = as_file("params", self.params, "a parameter file")
             self._set("params", None if params is None else read_parameters(params))
         for name, (kind, expected) in _TYPES.items():
             expect(name, getattr(self, name), kind, expected)
-        scene = as_file("scene", self.scene)
-        self._set("scene", None if scene is None else str(self.scene))
         for name, checked in CHECKED.items():
             self._set(name, checked(getattr(self, name)))
         check_policies(self.policies)
@@ -263,6 +261,7 @@ class FlightOptions:
         if not isinstance(self.drone, str):
             who = f"{type(self.drone).__name__} is flown as it is and"
             refuse_unusable(self, who, {"seed"}, remedy=": set it there")
+            self._set("seed", common_seed(self.drone, self.seed))
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)  # as the class is frozen for all others

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from sim_bridge.twin.objects import box_names
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_names, scene_text
 from sim_bridge.twin.variation import start_pose, varied
 from sim_bridge.twin.views import sample_flight_poses
 from tests.paper_lab import BOXES
-from uav_bt.errors import SceneError, UnknownNameError
+from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError
 from uav_bt.types.ground import Footprint
 
 SCENES = Path(__file__).parents[3] / "benchmarks" / "scenes"
@@ -268,3 +269,8 @@ def test_a_random_take_off_needs_no_helipad(tmp_path: Path) -> None:
     assert start_pose(scene, seed=1) != start_pose(scene, seed=2)
     with pytest.raises(SceneError, match="to take off from: give take_off a place"):
         load_scene(written(tmp_path, "take_off: {from: helipad}"))
+
+
+def test_a_scene_in_python_has_ground_as_well() -> None:
+    with pytest.raises(ValueRangeError, match="scene 'none' has no ground: expected a GroundSpec"):
+        Scene(name="none", ground=None)  # type: ignore[arg-type]

@@ -11,8 +11,8 @@ import pytest
 from sim_bridge.twin.layout import layout_problem
 from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene, TakeOffSpec
-from sim_bridge.twin.scene_file import load_scene
-from sim_bridge.twin.variation import start_pose, varied_scene
+from sim_bridge.twin.scene_file import load_scene, scene_names
+from sim_bridge.twin.variation import start_pose, varied, varied_scene
 from uav_bt.errors import ValueRangeError
 
 SCENE = load_scene("train-a")
@@ -34,6 +34,22 @@ def test_a_drawn_layout_can_be_flown_in(seed: int) -> None:
         assert math.dist(place, scene.helipad.position_m) >= 0.95
         assert all(math.dist(place, other) >= 1.05 for other in places[:index])
     assert all(0.6 <= box.size_m[2] <= 2.2 for box in scene.boxes)
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_every_shipped_scene_can_be_varied(name: str) -> None:
+    """A take-off point apart from the mark stays free, too."""
+    for seed in range(6):
+        scene = varied(load_scene(name), seed, room=True, movers=1)
+        assert len(scene.movers) == len(load_scene(name).movers) + 1
+
+
+def test_boxes_keep_away_from_a_take_off_point_apart_from_the_mark() -> None:
+    elsewhere = replace(SCENE, boxes=(), take_off=TakeOffSpec(position_m=(-1.5, 1.5)))
+    elsewhere = replace(elsewhere, boxes=SCENE.boxes[:3])
+    for seed in range(20):
+        for box in varied(elsewhere, seed, room=True, movers=0).boxes:
+            assert math.dist(box.position_m, (-1.5, 1.5)) >= 0.95
 
 
 def test_a_drawn_layout_uses_the_whole_ground() -> None:

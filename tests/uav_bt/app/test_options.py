@@ -12,6 +12,7 @@ import pytest
 
 from sim_bridge.olympe import AnafiConfig, SphinxConfig
 from sim_bridge.olympe.config import OlympeConfig
+from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
@@ -46,7 +47,10 @@ class NotADrone:
         ({"image_size_px": (640, 360, 3)}, r"image_size_px: expected width and height"),
         ({"image_size_px": (640, -360)}, r"image_size_px: expected a whole number from 1, got -3"),
         ({"profile": 3}, r"profile: expected the name of a profile: ideal, lab or harsh, got 3"),
-        ({"scene": 3}, r"scene: expected a file, as str or Path, got 3"),
+        (
+            {"scene": 3},
+            r"scene: expected the name or file of a scene .*PlainConfig\(scene=\).*got 3",
+        ),
         ({"camera": 3}, r"camera: expected a file, as str or Path, got 3"),
         ({"record": ""}, r"record: expected a file, as str or Path, got ''"),
         ({"site": 3}, r"site: expected a site file or a Site, as str or Path, got 3"),
@@ -83,6 +87,10 @@ class NotADrone:
             {"drone": ScriptedDrone(), "profile": "harsh"},
             r"ScriptedDrone .* takes no profile, got 'harsh'",
         ),
+        (
+            {"drone": PlainConfig(seed=6), "seed": 5},
+            r"seed: expected one seed, got 5 for the flight and 6 in the drone's PlainConfig",
+        ),
     ],
 )
 def test_a_value_that_cannot_be_used_is_refused_when_it_is_given(
@@ -91,6 +99,19 @@ def test_a_value_that_cannot_be_used_is_refused_when_it_is_given(
     with pytest.raises(InputError, match=message) as caught:
         app.FlightOptions(**given)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("drone", "seed"), [(PlainConfig(seed=6), 0), (PlainConfig(), 6), (PlainConfig(seed=6), 6)]
+)
+def test_a_flight_and_its_drone_have_one_seed(drone: PlainConfig, seed: int) -> None:
+    options = app.FlightOptions(drone=drone, seed=seed)
+    assert options.seed == 6
+    named = app.FlightOptions(drone="plain", scene="train-a", seed=6)
+    one, other = (app.make_drone(each) for each in (options, named))
+    for each in (one, other):
+        each.connect()
+    assert one.observe().state == other.observe().state
 
 
 def test_files_are_texts_or_paths(tmp_path: Path) -> None:
