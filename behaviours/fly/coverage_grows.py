@@ -40,6 +40,7 @@ class CoverageGrows(Leaf):
         """Start without a history."""
         self._clock = LeafClock(mission.clock)
         self._history: deque[tuple[float, int]] = deque()  # time, s; covered cells
+        self._restarts = 0  # of the map whose cells these are
 
     def update(self) -> Status:
         """Compare the covered share with that of one window ago."""
@@ -48,6 +49,9 @@ class CoverageGrows(Leaf):
         site_map, now_s = self.read(SITE_MAP).value, self._clock.now()
         if site_map is None:
             return Status.SUCCESS
+        if site_map.restarts != self._restarts:
+            self._restarts = site_map.restarts
+            self._history.clear()
         self._history.append((now_s, int(np.count_nonzero(site_map.ground & site_map.passed))))
         while (
             len(self._history) > 1

@@ -123,7 +123,8 @@ def is_at_mark(fix: MarkFix, now_s: float, close_m: float = TRACK.close_m) -> bo
         now_s: Time of the mission clock.
         close_m: A mark out of view and nearer than this has left the view by the lower edge.
     """
-    below = now_s - fix.captured_s > TRACK.out_of_view_s and abs(fix.bearing_rad) < TRACK.ahead_rad
+    unseen = not fix.detected and now_s - fix.captured_s > TRACK.out_of_view_s
+    below = unseen and abs(fix.bearing_rad) < TRACK.ahead_rad
     return fix.range_m <= TRACK.at_mark_m or (below and fix.range_m < close_m)
 
 

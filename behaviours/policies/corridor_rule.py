@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.policies.view import nearest_ground_m
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
@@ -28,6 +29,8 @@ from uav_bt.types.projection import project
 
 _ACROSS: int = 9  # samples of the ground's width at each range
 _RANGE_STEP_M = 0.05
+_SHOWN_M = 1.0  # length of the nearest ground in view that must be ground
+_FARTHEST_M = 20.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +71,8 @@ class CorridorRuleConfig:
 def ground_reach(roles: NDArray[np.uint8], view: PolicyView, config: CorridorRuleConfig) -> float:
     """Return the length of the ground ahead of the camera, metres; inf when no end is in view.
 
+    0 if no ground within 20 m is in view.
+
     Boxes and the mark stand on the ground, so they count as ground. The floor below the image's
     lower edge counts as ground if the lowest visible rows show ground.
 
@@ -77,7 +82,8 @@ def ground_reach(roles: NDArray[np.uint8], view: PolicyView, config: CorridorRul
         config: width, share and range.
     """
     height_m = max(view.height_above_ground_m, MIN_VIEW_HEIGHT_M)
-    ranges = np.arange(_RANGE_STEP_M, config.ground_range_m, _RANGE_STEP_M)
+    shown_m = min(nearest_ground_m(view) + _SHOWN_M, _FARTHEST_M)  # of a high or level camera
+    ranges = np.arange(_RANGE_STEP_M, max(config.ground_range_m, shown_m), _RANGE_STEP_M)
     across = np.linspace(-config.ground_half_width_m, config.ground_half_width_m, _ACROSS)
     points = np.empty((ranges.size, across.size, 3))
     points[..., 0], points[..., 1], points[..., 2] = ranges[:, None], across, height_m
@@ -90,6 +96,8 @@ def ground_reach(roles: NDArray[np.uint8], view: PolicyView, config: CorridorRul
     seen = roles[rows[inside].astype(int), columns[inside].astype(int)]
     is_background[inside] = seen == OUTSIDE
     visible = inside.any(axis=1)
+    if not visible.any():
+        return 0.0
     allowed = (1.0 - config.ground_share) * np.maximum(inside.sum(axis=1), 1)
     ends = is_background.sum(axis=1) > allowed
     if not ends.any():

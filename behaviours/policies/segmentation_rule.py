@@ -33,12 +33,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.policies.view import nearest_ground_m
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.roles import GROUND, OBSTACLE, OUTSIDE
 from uav_bt.protocols import PolicyView
 from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel
-from uav_bt.types.projection import ground_points, ground_range_to_row
+from uav_bt.types.projection import ground_range_to_row
 
 _REFERENCE_PIXELS = 224 * 112  # the map size that the paper's pixel counts refer to
 
@@ -109,14 +110,6 @@ class SegmentationRuleConfig:
 
 def _count(region: NDArray[np.uint8], role: int) -> int:
     return int(np.count_nonzero(region == role))
-
-
-def _nearest_m(view: PolicyView) -> float:
-    """Return the distance ahead of the camera of the nearest ground in view; 0 without any."""
-    camera, height_m = view.camera, max(view.height_above_ground_m, MIN_VIEW_HEIGHT_M)
-    lowest = camera.cx_px, camera.height_px - 1
-    ahead_m = ground_points(lowest, camera, view.gimbal_pitch_rad, height_m)[0]
-    return max(0.0, float(np.nan_to_num(ahead_m)))
 
 
 class SegmentationRule:
@@ -197,8 +190,8 @@ class SegmentationRule:
         """Return the rectangle from the nearest ground to a range, ahead of the camera."""
         camera: CameraModel = view.camera
         height_m = max(view.height_above_ground_m, MIN_VIEW_HEIGHT_M)
-        from_m = _nearest_m(self._of_thresholds(view))
-        nearest_m = max(from_m, _nearest_m(view))
+        from_m = nearest_ground_m(self._of_thresholds(view))
+        nearest_m = max(from_m, nearest_ground_m(view))
         top, bottom = (
             ground_range_to_row(each_m, camera, view.gimbal_pitch_rad, height_m)
             for each_m in (range_m + nearest_m - from_m, nearest_m)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import numpy as np
+
 from uav_bt.answers import Answer
 from uav_bt.board import (
     CAMERA,
@@ -18,7 +20,15 @@ from uav_bt.board.blackboard import Key
 from uav_bt.errors import MissionError, PolicyFailedError
 from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import Leaf
-from uav_bt.types import CameraModel, ClassMap, Clearances, Frame, HeldTurn
+from uav_bt.types import (
+    MIN_VIEW_HEIGHT_M,
+    CameraModel,
+    ClassMap,
+    Clearances,
+    Frame,
+    HeldTurn,
+)
+from uav_bt.types.projection import ground_points
 
 VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
     FRAME,
@@ -104,3 +114,11 @@ def policy_view(
         tie_break=tie_break,
         clearances=clearances or Clearances(),
     )
+
+
+def nearest_ground_m(view: PolicyView) -> float:
+    """Return the distance ahead of the camera of the nearest ground in view; 0 without any."""
+    camera, height_m = view.camera, max(view.height_above_ground_m, MIN_VIEW_HEIGHT_M)
+    lowest = camera.cx_px, camera.height_px - 1
+    ahead_m = ground_points(lowest, camera, view.gimbal_pitch_rad, height_m)[0]
+    return max(0.0, float(np.nan_to_num(ahead_m)))

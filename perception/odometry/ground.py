@@ -31,7 +31,7 @@ from uav_bt.types import (
     rotate,
     rotate_points,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose, flown_s
+from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose
 from uav_bt.types.projection import ground_range_to_row
 
 _SPREAD_M: Final = 1.0  # of the points of a measurement that does not state it; usual in flight
@@ -98,6 +98,7 @@ class GroundOdometry:
         self._last: _Sight | None = None
         # Poses at the capture of the last frame: by telemetry alone, and corrected.
         self._seen: tuple[OdometryPose, OdometryPose] | None = None
+        self._unflown_s = 0.0  # of telemetry when that frame came
         self._tracked_s = -math.inf  # capture time of the last frame with tracked ground
         self._ground_share: float | None = None  # of the last image in which points were selected
         self._turn_radps = 0.0  # last measured on the ground
@@ -170,12 +171,12 @@ class GroundOdometry:
         before, self._last = self._last, self._sight(class_map, frame, camera)
         if self._seen is None:
             self._heading.see(raw.yaw_rad, None, 0.0)
-            self._seen = raw, raw
+            self._place(raw, raw)
             return
         then, seen = self._seen
         way, passed_s = _between(then, raw), max(0.0, frame.captured_s - seen.time_s)
         self._error.predict(passed_s)
-        missed_m = self._error.mps(seen.yaw_rad) * flown_s(passed_s)  # in the odometry's frame
+        missed_m = self._missed_m(seen.yaw_rad, raw.time_s)
         x_m, y_m = np.array([way.x_m, way.y_m]) + rotate_points(missed_m, -seen.yaw_rad)
         expected = replace(way, x_m=float(x_m), y_m=float(y_m))
         shown = self._shown(before, expected, passed_s, camera.forward_offset_m)
@@ -195,8 +196,26 @@ class GroundOdometry:
         self._heading.see(raw.yaw_rad, turned_rad, passed_s)
         x_m, y_m = np.array(seen.to_world(way.x_m, way.y_m)) + missed_m
         here = replace(raw, x_m=float(x_m), y_m=float(y_m), yaw_rad=self._heading.yaw_rad)
-        self._seen = raw, here
+        self._place(raw, here)
         self._compare()
+
+    def _place(self, raw: OdometryPose, here: OdometryPose) -> None:
+        """Note the poses at the newest frame: by telemetry alone, and corrected."""
+        self._seen, self._unflown_s = (raw, here), self._odometry.unflown_s
+
+    def _missed_m(self, yaw_rad: float, time_s: float) -> NDArray[np.float64]:
+        """Return what telemetry misses since the last frame, (2,) in the odometry's frame, metres.
+
+        Gaps of telemetry in which no velocity counts have no error of the velocity either.
+
+        Args:
+            yaw_rad: heading of the drone.
+            time_s: time of telemetry's pose.
+        """
+        if self._seen is None:
+            return np.zeros(2)
+        unflown_s = self._odometry.unflown_s - self._unflown_s
+        return self._error.mps(yaw_rad) * max(0.0, time_s - self._seen[1].time_s - unflown_s)
 
     def _raw(self, time_s: float) -> OdometryPose:
         """Return telemetry's pose at a time; the origin before the first telemetry."""
@@ -291,7 +310,7 @@ class GroundOdometry:
         then, seen = self._seen
         turn_rad = self._heading.correction_rad
         x_m, y_m = rotate(raw.x_m - then.x_m, raw.y_m - then.y_m, turn_rad)
-        missed_m = self._error.mps(raw.yaw_rad + turn_rad) * flown_s(raw.time_s - seen.time_s)
+        missed_m = self._missed_m(raw.yaw_rad + turn_rad, raw.time_s)
         return replace(
             raw,
             x_m=seen.x_m + x_m + float(missed_m[0]),

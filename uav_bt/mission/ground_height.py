@@ -26,6 +26,7 @@ from uav_bt.types.dead_reckoning import CARRY_S
 _ALTIMETER: Final = 1.0
 _RANGEFINDER: Final = 0.0
 _SAME_M: Final = 1e-6
+_CLIMBS_MPS: Final = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +41,14 @@ class GroundHeightConfig:
         walk_m: standard deviation of the integrated vertical velocity after one second, m. Least
             error of three flights of 100 s in each profile, against 0.02 and 0.04.
         gate_stds: A rangefinder further from its expected value sees another surface. An altitude
-            further off means that the vertical velocity is wrong: the height begins anew.
+            further off means that the altimeter has stepped, or that the vertical velocity is wrong
+            and the height begins anew.
+        step_m: Least change of an altitude's error from one altitude to the next that is a step of
+            the altimeter, m. A wrong vertical velocity changes it by less: 0.1 m at 0.5 m/s and
+            5 Hz. Chosen.
+        step_s: Longest time between these altitudes, s. Chosen.
+        calm_s: A second step within this time is no step: the vertical velocity is wrong, s.
+            Chosen.
         gap_s: The height also begins anew after a longer time without velocity or altitude, s.
         agree_m: Below this difference from the altimeter the rangefinder measures the ground, m,
             independent of the estimate.
@@ -55,6 +63,9 @@ class GroundHeightConfig:
     wander_s: float = 20.0
     walk_m: float = 0.03
     gate_stds: float = 4.0
+    step_m: float = 0.15
+    step_s: float = 0.3
+    calm_s: float = 1.0
     gap_s: float = 1.0
     agree_m: float = 0.1
     differ_m: float = 0.25
@@ -81,6 +92,9 @@ class GroundHeight:
         self._down_mps = 0.0  # the newest vertical velocity
         self._height_m = 0.0  # plus the integrated descent
         self._error_m = 0.0  # of the altimeter
+        self._off_m = 0.0  # the newest altitude minus its expected value
+        self._stepped_s = -math.inf  # time of the newest step of the altimeter
+        self._reports = False  # whether a vertical velocity was ever reported
         self._covariance = 0.0, 0.0, 0.0, 0.0  # of height and error, m2, row by row
         self._frame: tuple[Frame, Frame] | None = None  # the newest, original and corrected
 
@@ -138,6 +152,7 @@ class GroundHeight:
             mean_mps = 0.5 * (self._down_mps + state.velocity.down_mps)
             self._sunk_m.append((times.velocity_s, self._sunk_m[-1][1] + mean_mps * fallen_s))
             self._down_mps = state.velocity.down_mps
+            self._reports |= abs(self._down_mps) > _CLIMBS_MPS
             while self._sunk_m[0][0] < times.velocity_s - cfg.memory_s:
                 self._sunk_m.popleft()
         if passed_s > 0.0:
@@ -157,8 +172,16 @@ class GroundHeight:
             keeps * eh_m2,
             keeps * ee_m2 * keeps + cfg.wander_m**2 * (1.0 - keeps**2),
         )
-        altitude_m = self._standing_m + state.altitude_m + self._sunk_at(state.times.altitude_s)
-        if not self._measure(_ALTIMETER, altitude_m, cfg.altimeter_m):
+        altitude_s = state.times.altitude_s
+        altitude_m = self._standing_m + state.altitude_m + self._sunk_at(altitude_s)
+        before_m, self._off_m = self._off_m, altitude_m - (self._height_m + self._error_m)
+        if self._measure(_ALTIMETER, altitude_m, cfg.altimeter_m):
+            return
+        steps = abs(self._off_m - before_m) > cfg.step_m and passed_s <= cfg.step_s
+        if self._reports and steps and altitude_s - self._stepped_s > cfg.calm_s:
+            self._standing_m -= self._off_m  # the drone cannot have moved this far
+            self._off_m, self._stepped_s = 0.0, altitude_s
+        else:
             self._begin(state)
 
     def _range(self, state: DroneState) -> None:
@@ -178,7 +201,8 @@ class GroundHeight:
         self._down_mps = state.velocity.down_mps
         sunk_m = self._sunk_at(state.times.altitude_s)
         self._height_m = self._standing_m + state.altitude_m - self._error_m + sunk_m
-        self._covariance = self._config.altimeter_m**2, 0.0, 0.0, self._covariance[3]
+        self._off_m, ee_m2 = 0.0, self._covariance[3]
+        self._covariance = self._config.altimeter_m**2 + ee_m2, -ee_m2, -ee_m2, ee_m2
 
     def _measure(self, share: float, value_m: float, std_m: float, *, sure: bool = False) -> bool:
         """Correct by a measurement of the height plus a share of the altimeter's error.

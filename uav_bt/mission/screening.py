@@ -104,6 +104,8 @@ class Screening:
     def _take_frame(self, frame: Frame | None, state: DroneState, now_s: float) -> None:
         if frame is None or (frame.index, frame.captured_s) == self._newest:
             return
+        if self._frame is not None and frame.captured_s < self._frame.captured_s:
+            return  # a link may deliver frames in another order
         self._newest = frame.index, frame.captured_s
         self.frame_fault = _first(
             self._late_or_early(frame.captured_s, now_s),

@@ -19,11 +19,6 @@ TURN_SPAN_S: Final = 0.15  # s between headings for a turning rate; chosen, nois
 _TIME_SLACK_S: Final = 1e-6  # s; accuracy of differences of times
 
 
-def flown_s(passed_s: float) -> float:
-    """Return the part of the time between two velocities in which the drone moved by them, s."""
-    return min(passed_s, 2.0 * CARRY_S)
-
-
 class PoseHistory(Generic[SomePose]):
     """The poses of the last seconds, which place a late frame where it was captured.
 
@@ -139,11 +134,15 @@ class Odometry:
     In a gap of more than two `CARRY_S` each of the velocities at its ends counts for `CARRY_S`,
     because a drone without telemetry hovers.
 
+    Attributes:
+        unflown_s: time of all gaps for which no velocity counts, s.
+
     Args:
         memory_s: how long poses are kept, s.
     """
 
     def __init__(self, memory_s: float = 3.0) -> None:
+        self.unflown_s = 0.0
         self._memory_s = memory_s
         self._history: PoseHistory[OdometryPose] = PoseHistory(memory_s)  # at velocity's times
         self._headings = _Headings(memory_s)
@@ -198,7 +197,10 @@ class Odometry:
                 forward_mps=(self._velocity.forward_mps + velocity.forward_mps) / 2.0,
                 right_mps=(self._velocity.right_mps + velocity.right_mps) / 2.0,
             )
-            x_m, y_m = self._flown(last, mean, flown_s(time_s - last.time_s))
+            passed_s = time_s - last.time_s
+            flown_s = min(passed_s, 2.0 * CARRY_S)
+            self.unflown_s += passed_s - flown_s
+            x_m, y_m = self._flown(last, mean, flown_s)
         self._velocity = velocity
         pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=self._headings.at(time_s))
         self._history.add(time_s, pose)

@@ -23,12 +23,13 @@ def map_of(covered: int, captured_s: float) -> SiteMap:
     return replace(site_map, seen_s=np.zeros((10, 10)), free=cells, outside=cells, passed=passed)
 
 
-def answers(bench: LeafBench, covered: list[int]) -> list[Status]:
+def answers(bench: LeafBench, covered: list[int], *, restarts: int = 0) -> list[Status]:
     """Return the answers of ticks half a second apart."""
     result = []
     for cells in covered:
         bench.clock.advance(0.5)
-        bench.board[SITE_MAP] = map_of(cells, bench.clock.now())
+        site_map = map_of(cells, bench.clock.now())
+        bench.board[SITE_MAP] = replace(site_map, restarts=restarts)
         result.append(bench.tick())
     return result
 
@@ -53,6 +54,13 @@ def test_a_pause_restarts_the_window() -> None:
     answers(bench, [10] * 4)
     bench.clock.advance(20.0)
     assert answers(bench, [10] * 5) == [Status.SUCCESS] * 5
+
+
+def test_a_map_that_begins_anew_restarts_the_window() -> None:
+    bench = LeafBench(CoverageGrows, min_share=0.02, window_s=2.5)
+    answers(bench, [40, 42, 44, 46, 48, 50])
+    assert answers(bench, [0, 0, 0, 0, 0], restarts=1) == [Status.SUCCESS] * 5
+    assert answers(bench, [0], restarts=1) == [Status.FAILURE]
 
 
 def test_with_a_share_of_zero_it_never_fails() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from tests.behaviours.leaf_world import map_with
 from tests.behaviours.policies.cast_world import CAMERA, cast, view
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import ValueRangeError
+from uav_bt.lab.roles import GROUND, OUTSIDE
 from uav_bt.types import Corridor, NearObstacles
 
 # Fixed here, so that tuning the defaults does not change what these tests ask.
@@ -219,6 +221,22 @@ def test_the_reach_is_where_the_ground_ends(ground_m: float) -> None:
     seen = view(cast(ground_m=ground_m))
 
     assert ground_reach(seen.class_map.roles, seen, CONFIG) == pytest.approx(ground_m, abs=0.1)
+
+
+@pytest.mark.parametrize(("pitch_deg", "height_m"), [(0, 1.8), (-10, 2.4), (-30, 1.5), (30, 1.5)])
+def test_where_no_ground_is_in_view_it_reaches_nowhere(pitch_deg: float, height_m: float) -> None:
+    """The nearest floor in view is several metres away, or there is none."""
+    pitch_rad = math.radians(pitch_deg)
+    seen = replace(view(cast()), gimbal_pitch_rad=pitch_rad, height_above_ground_m=height_m)
+    outside = np.full_like(seen.class_map.roles, OUTSIDE)
+    assert ground_reach(outside, seen, CONFIG) == 0.0
+
+
+def test_ground_farther_than_the_range_of_the_rule_is_flown_to() -> None:
+    """A level camera shows the floor from several metres on."""
+    seen = replace(view(cast()), gimbal_pitch_rad=0.0, height_above_ground_m=1.8)
+    ground = np.full_like(seen.class_map.roles, GROUND)
+    assert ground_reach(ground, seen, CONFIG) == math.inf
 
 
 def test_boxes_stand_on_ground() -> None:

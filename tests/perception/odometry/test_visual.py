@@ -356,3 +356,29 @@ def test_the_share_of_ground_is_stated_with_and_without_texture() -> None:
         assert motion.ground_share is not None
         assert motion.ground_share > 0.2
         assert (motion.tracked_s == motion.seen.time_s) is not blind
+
+
+@pytest.mark.parametrize("telemetry", [True, False])
+def test_without_frames_the_known_error_of_the_velocity_is_still_corrected(
+    *, telemetry: bool
+) -> None:
+    """The drone stands and reports 0.1 m/s. In a gap of telemetry both count for a second."""
+    odometry = GroundOdometry(measure=lambda _first, _second: STILL)
+    for index in range(400):
+        time_s, lost = index * STEP_S, 200 <= index < 300
+        if telemetry or not lost:
+            velocity = BodyVelocity(forward_mps=0.1)
+            odometry.predict(
+                DroneState(captured_s=time_s, flying=FlyingState.FLYING, velocity=velocity)
+            )
+        if not lost:
+            frame = Frame(
+                image=np.zeros((9, 16, 3), dtype=np.uint8),
+                index=index,
+                captured_s=time_s,
+                gimbal_pitch_rad=PITCH_RAD,
+                height_above_ground_m=HEIGHT_M,
+            )
+            odometry.see(paper_map(ids=np.full((9, 16), CARPET), captured_s=time_s), frame, CAMERA)
+    assert odometry.now is not None
+    assert abs(odometry.now.x_m) < 0.4

@@ -121,6 +121,34 @@ def test_a_climb_is_followed_at_once_and_late_frames_are_placed_where_they_were(
         assert corrected.frame.height_above_ground_m == pytest.approx(1.0 + 0.5 * captured_s)
 
 
+@pytest.mark.parametrize("step_m", [0.24, 0.45, 1.0, -0.6])
+@pytest.mark.parametrize("both", [True, False])
+def test_a_step_of_the_altimeter_is_no_climb(step_m: float, *, both: bool) -> None:
+    """The vertical velocity shows that the drone stays, whatever the rangefinder says."""
+    height, seen_m = GroundHeight(), []
+    for tick in range(300):
+        climbs, wrong_m = tick < 10, step_m if 100 <= tick < 200 else 0.0
+        height_m = FLYING_M - 0.05 * max(0, 10 - tick)
+        report = observed(
+            tick * TICK_S,
+            height_m,
+            altimeter_m=wrong_m,
+            surface_m=-wrong_m if both else 0.0,
+            down_mps=-0.5 if climbs else 0.0,
+        )
+        seen_m.append(height.corrected(report).state.height_above_ground_m)
+    assert seen_m[20:] == pytest.approx([FLYING_M] * 280, abs=0.06)
+
+
+def test_a_wrong_vertical_velocity_is_no_step_of_the_altimeter() -> None:
+    """The drone climbs on, and reports that it stands."""
+    height = GroundHeight()
+    for tick in range(30):
+        down_mps = -0.5 if tick < 5 else 0.0
+        corrected = height.corrected(observed(tick * TICK_S, 0.05 * tick, down_mps=down_mps))
+        assert corrected.state.height_above_ground_m == pytest.approx(0.05 * tick, abs=0.25)
+
+
 def test_a_drone_that_reports_no_vertical_velocity_is_measured_anew() -> None:
     height = GroundHeight()
     height.corrected(observed(0.0, 0.1))

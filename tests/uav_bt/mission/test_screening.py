@@ -129,6 +129,14 @@ def test_a_frame_that_cannot_be_leaves_the_last_good_one(changes: dict[str, Any]
     assert screening.refused == ()
 
 
+def test_a_frame_older_than_the_last_one_is_not_used() -> None:
+    """A link may deliver frames in another order."""
+    screening = Screening(CAMERA)
+    newest = screening.usable(observed(STATE, index=5), 1.0).frame
+    older = observed(replace(STATE, captured_s=0.9), index=4)
+    assert screening.usable(older, 1.1).frame is newest
+
+
 def test_each_image_is_judged_once() -> None:
     asked: list[int] = []
 
