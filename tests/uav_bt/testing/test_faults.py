@@ -103,9 +103,10 @@ def test_a_fault_is_written_as_it_was_read(text: str) -> None:
         ("blakc", UnknownNameError, "did you mean 'black'"),
         ("late=old", ValueRangeError, "fault 'late=old': expected a number as level, got 'old'"),
         ("late@", ValueRangeError, r"is written KIND\[=LEVEL\]"),
-        ("late~-1", ValueRangeError, "must be 0 s or more"),
-        ("late@explore+nan", ValueRangeError, "must be 0 s or more"),
-        ("late~nan", ValueRangeError, "must be 0 s or more"),
+        ("late~-1", ValueRangeError, "expected a duration of more than 0 s, got -1; a fault with"),
+        ("late~0", ValueRangeError, "expected a duration of more than 0 s, got 0"),
+        ("late~nan", ValueRangeError, "expected a duration of more than 0 s, got nan"),
+        ("late@explore+nan", ValueRangeError, "expected a delay of 0 s or more, got nan"),
         ("black=3", ValueRangeError, "takes no level, got 3"),
     ],
 )
@@ -121,6 +122,28 @@ def test_a_fault_begins_and_ends_by_the_clock() -> None:
     assert drone.began_s == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize(
+    ("time", "count"),
+    [("+0.1~1.1", 11), ("+0.1~0.2", 2), ("+0.3~0.3", 3), ("~0.1", 1), ("+0.02~0.05", 1)],
+)
+def test_a_fault_lasts_as_long_as_it_says(time: str, count: int) -> None:
+    """One that is shorter than a tick lasts a tick."""
+    drone, world = faulty(f"battery-low@start{time}")
+    seen = ticks(drone, world, *go(*[Hover()] * 20))
+    assert sum(each.state.battery == 0.05 for each in seen) == count
+
+
+def test_a_fault_lasts_from_its_first_tick_on() -> None:
+    drone, world = faulty("battery-low@land~0.2")
+    charges = []
+    for _ in range(4):
+        seen = drone.observe()
+        charges.append(seen.state.battery)
+        drone.on_tick(tick_of("land", seen, world.clock.now()))
+        world.clock.advance(0.1)
+    assert charges == [1.0, 0.05, 0.05, 1.0]
+
+
 def test_a_fault_waits_for_its_phase() -> None:
     drone, world = faulty("battery-low@explore+0.1")
     for phase in ("take-off", "explore", "explore", "land"):
@@ -132,6 +155,50 @@ def test_a_fault_waits_for_its_phase() -> None:
 
 
 # --- observations ---------------------------------------------------------------------------------
+
+
+def test_a_jump_of_the_position_happens_in_the_tick_after_its_phase_began() -> None:
+    drone, world = faulty("position-jump=1@center")
+    speeds = []
+    for _ in range(4):
+        seen = drone.observe()
+        speeds.append(seen.state.velocity.forward_mps)
+        drone.send(Command(movement=Hover()))
+        drone.on_tick(tick_of("center", seen, world.clock.now()))
+        world.clock.advance(0.1)
+    assert speeds == [0.0, 10.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("kind", ["no-telemetry", "link-lost"])
+def test_telemetry_that_is_lost_from_the_start_stays_the_first(kind: str) -> None:
+    drone, world = faulty(kind)
+    seen = ticks(drone, world, *go(*[Hover()] * 100))
+    assert {each.state.captured_s for each in seen} == {0.0}
+
+
+@pytest.mark.parametrize("kind", ["video-lost", "link-lost"])
+def test_video_that_is_lost_from_the_start_stays_the_first_frame(kind: str) -> None:
+    drone, world = faulty(kind)
+    frames = [each.frame for each in ticks(drone, world, *go(*[Hover()] * 100))]
+    assert {None if frame is None else frame.index for frame in frames} == {0}
+
+
+def test_images_that_are_frozen_from_the_start_are_all_the_first() -> None:
+    """The first observation of a twin has no frame yet."""
+    drone = FaultyDrone(TwinConfig(image_size_px=(32, 18)).create(), Fault.parse("frozen@start"))
+    drone.connect()
+    images, frames = [], []
+    for _ in range(100):
+        frame = drone.observe().frame
+        if frame is not None:
+            images.append(frame.image)
+            frames.append(drone.source_of(frame).index)
+        drone.send(Command(movement=TakeOff()))
+        drone.clock.sleep_until(drone.clock.now() + 0.1)
+    drone.disconnect()
+    assert len(images) > 80
+    assert all(image is images[0] for image in images)
+    assert set(frames) == {frames[0]}
 
 
 @pytest.mark.parametrize("phase", ["go to", "go_to"])

@@ -28,6 +28,7 @@ from uav_bt.types import ClassMap, Command, DepthMap, Frame, Observation, Pose2D
 from uav_bt.types.ground import Ground
 
 _PAST: Final = 64  # kept observations for late frames: 6 s at the usual tick; chosen
+_SLACK_S: Final = 1e-6  # rounding of times
 
 
 @runtime_checkable
@@ -93,6 +94,7 @@ class FaultyDrone(DroneWrapper):
         super().__init__(drone)
         self._phase_s: float | None = None
         self._before: Observation | None = None
+        self._still: Frame | None = None
         self._outer = self._own = _CALM  # disturbances by the faults around this drone, and by it
         self._past: deque[Observation] = deque(maxlen=_PAST)
         self._command: Command | None = None
@@ -106,6 +108,8 @@ class FaultyDrone(DroneWrapper):
             return None
         if self._phase_s is None:
             return f"the flight did not enter the phase '{self.fault.phase}'"
+        if not self.fault.delay_s:
+            return f"the flight ended in the first tick of '{self.fault.phase}'"
         return f"the flight ended before {self.fault.delay_s:g} s of '{self.fault.phase}'"
 
     @property
@@ -143,13 +147,14 @@ class FaultyDrone(DroneWrapper):
         """
         seen = self._drone.observe()
         self._past.append(seen)
+        self._before, self._still = self._before or seen, self._still or seen.frame
         at, kind = self._moment(), self.fault.kind
         if kind.disturb is not None:
             self._own = _Disturbance(**({} if at is None else kind.disturb(at.level)))
             self._pass_on()
         shown = seen
         if at is None:
-            self._before = seen
+            self._before, self._still = seen, seen.frame or self._still
         elif kind.observe is not None:
             shown = kind.observe(seen, at)
         self._shown = None if shown.frame is None else (shown.frame, self._source(shown.frame))
@@ -177,7 +182,9 @@ class FaultyDrone(DroneWrapper):
             InjectedError: the fault raises here.
         """
         self._command = command
-        at, kind = self._moment(), self.fault.kind
+        kind = self.fault.kind
+        # The first moment is that of an effect: kinds that change observations begin there.
+        at = None if kind.send is None else self._moment()
         if at is None or kind.send is None:
             return self._drone.send(command)
         changed = kind.send(command, at)
@@ -192,8 +199,8 @@ class FaultyDrone(DroneWrapper):
         """
         if self._phase_s is None and _same_phase(record.phase, self.fault.phase):
             self._phase_s = record.time_s
-        at, kind = self._moment(), self.fault.kind
-        if at is not None and kind.follow is not None:
+        kind = self.fault.kind
+        if kind.follow is not None and self._moment() is not None:
             kind.follow()
 
     def source_of(self, frame: Frame) -> Frame:
@@ -204,8 +211,8 @@ class FaultyDrone(DroneWrapper):
 
     def _source(self, shown: Frame) -> Frame:
         frames = [past.frame for past in self._past if past.frame is not None]
-        if self._before is not None and self._before.frame is not None:
-            frames.append(self._before.frame)
+        if self._still is not None:
+            frames.append(self._still)
         same = (frame for frame in frames if frame.image is shown.image)
         return next(same, self._past[-1].frame or shown)
 
@@ -214,16 +221,18 @@ class FaultyDrone(DroneWrapper):
         fault, now_s = self.fault, self.clock.now()
         if self._phase_s is None:
             return None
-        late_s = now_s - self._phase_s - fault.delay_s
-        if not -1e-6 <= late_s < fault.duration_s or not self._past:
+        if now_s < self._phase_s + fault.delay_s - _SLACK_S or self._before is None:
             return None
         if self.began_s is None:
             self.began_s = now_s
+        if now_s >= self.began_s + fault.duration_s - _SLACK_S:
+            return None
         level = fault.kind.level if fault.level is None else fault.level
         return FaultMoment(
             level=math.nan if level is None else level,
             since_s=now_s - self.began_s,
-            before=self._before or self._past[0],
+            before=self._before,
+            still=self._still,
             past=tuple(self._past),
             command=self._command,
         )

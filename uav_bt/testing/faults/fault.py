@@ -26,19 +26,24 @@ class Fault:
     """A kind of fault with its level and its time.
 
     Raises:
-        ValueRangeError: the delay or the duration is negative, the level is not finite, or a kind
-            without a level has one.
+        ValueRangeError: the delay is negative, the duration is not positive, the level is out of
+            the kind's range, or a kind without a level has one.
     """
 
     kind: FaultKind
     level: float | None = None  # None: the kind's default
     phase: str = START  # it begins with the first tick of this phase of the mission
     delay_s: float = 0.0  # time from the start of the phase to the fault
-    duration_s: float = math.inf
+    duration_s: float = math.inf  # from its first effect on
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0 and self.duration_s >= 0.0):
-            raise ValueRangeError("delay and duration must be 0 s or more")
+        if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0):
+            raise ValueRangeError(f"expected a delay of 0 s or more, got {self.delay_s:g}")
+        if not self.duration_s > 0.0:
+            raise ValueRangeError(
+                f"expected a duration of more than 0 s, got {self.duration_s:g}; a fault without a "
+                "duration stays"
+            )
         if self.level is not None and self.kind.level is None:
             raise ValueRangeError(f"{self.kind.name} takes no level, got {self.level:g}")
         if self.level is not None and not math.isfinite(self.level):

@@ -25,8 +25,8 @@ def image(change: Callable[[Frame, FaultMoment], Image]) -> Observe:
 
 
 def frozen(frame: Frame, at: FaultMoment) -> Image:
-    """Return the image from before the fault."""
-    return frame.image if at.before.frame is None else at.before.frame.image
+    """Return the last image from before the fault, or else the first one."""
+    return frame.image if at.still is None else at.still.image
 
 
 def noisy(frame: Frame, at: FaultMoment) -> Image:

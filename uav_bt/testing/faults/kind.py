@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from uav_bt.types import Command, Observation
+from uav_bt.types import Command, Frame, Observation
 
 
 class InjectedError(RuntimeError):
@@ -18,7 +18,8 @@ class FaultMoment:
 
     level: float  # strength, in the kind's unit; NaN for a kind without a level
     since_s: float  # time since the fault's first effect
-    before: Observation  # the last observation without the fault
+    before: Observation  # the last observation without the fault, or else the first one
+    still: Frame | None  # the last frame without the fault, or else the first one
     past: tuple[Observation, ...]  # without the fault, oldest first, up to the present one
     command: Command | None  # the mission's latest command
 
