@@ -232,7 +232,7 @@ def run(args: argparse.Namespace) -> int:
     """Fly and print the table; return the exit code."""
     if args.list:
         for kind in KINDS.values():
-            level = "" if kind.level is None else f" [{kind.level:g}]"
+            level = "" if kind.level is None else f" [{kind.level:g} {kind.unit}]"
             print(f"{kind.name:18s}{kind.what}{level}")
         return 0
     if args.workers > 1 and loopback_address(args.drone) is not None:

@@ -108,6 +108,14 @@ def test_a_fault_is_written_as_it_was_read(text: str) -> None:
         ("late~nan", ValueRangeError, "expected a duration of more than 0 s, got nan"),
         ("late@explore+nan", ValueRangeError, "expected a delay of 0 s or more, got nan"),
         ("black=3", ValueRangeError, "takes no level, got 3"),
+        ("noise=-1", ValueRangeError, "expected a level from 0 to 255 grey levels, got -1"),
+        ("slow=0", ValueRangeError, "expected a level from 0.2 to 30 frames/s, got 0"),
+        ("slow=-1", ValueRangeError, "expected a level from 0.2 to 30 frames/s, got -1"),
+        ("late=-1", ValueRangeError, "expected a level from 0 to 6 s, got -1"),
+        ("covered=9", ValueRangeError, "expected a level from 0 to 1 of the light, got 9"),
+        ("battery-low=6", ValueRangeError, "expected a level from 0 to 1 of the charge, got 6"),
+        ("battery-low=-0.1", ValueRangeError, "from 0 to 1 of the charge, got -0.1"),
+        ("battery-drains=-1", ValueRangeError, "from 0 to 1 of the charge per s, got -1"),
     ],
 )
 def test_other_texts_are_refused(text: str, error: type[Exception], said: str) -> None:
@@ -240,7 +248,7 @@ def test_noise_is_the_same_for_the_same_frame() -> None:
 
 @pytest.mark.parametrize(
     ("text", "index"),
-    [("late=0.2", 1), ("late=9", 0), ("slow=5@start", 2), ("video-lost@start+0.2", 1)],
+    [("late=0.2", 1), ("late=6", 0), ("slow=5@start", 2), ("video-lost@start+0.2", 1)],
 )
 def test_frames_come_late(text: str, index: int) -> None:
     seen = last(text)
@@ -293,7 +301,7 @@ def test_telemetry_of_state_and_frame_change_alike(kind: str, what: str, expecte
         ("position-jump@start+0.3", "velocity.forward_mps", 10.0),
         ("position-jump@start+0.2", "velocity.forward_mps", 0.0),
         ("battery-nan", "battery", math.nan),
-        ("battery-drains=2@start+0.2", "battery", 0.8),
+        ("battery-drains=1@start+0.2", "battery", 0.9),
         ("no-telemetry@start+0.2", "captured_s", 0.1),
         ("link-lost@start+0.2", "captured_s", 0.1),
         ("emergency-state", "flying", FlyingState.EMERGENCY),
@@ -467,6 +475,14 @@ def test_every_kind_has_words_and_an_effect() -> None:
     for name, kind in FAULTS.items():
         assert name == kind.name
         assert kind.what
+        assert bool(kind.unit) == (kind.level is not None)
+        assert kind.level is None or kind.least <= kind.level <= kind.most
         assert kind != FaultKind(
-            name=name, what=kind.what, level=kind.level, in_image=kind.in_image
+            name=name,
+            what=kind.what,
+            level=kind.level,
+            unit=kind.unit,
+            least=kind.least,
+            most=kind.most,
+            in_image=kind.in_image,
         )

@@ -48,6 +48,11 @@ class Fault:
             raise ValueRangeError(f"{self.kind.name} takes no level, got {self.level:g}")
         if self.level is not None and not math.isfinite(self.level):
             raise ValueRangeError(f"expected a finite level, got {self.level:g}")
+        least, most = self.kind.least, self.kind.most
+        if self.level is not None and not least <= self.level <= most:
+            raise ValueRangeError(
+                f"expected a level from {least:g} to {most:g} {self.kind.unit}, got {self.level:g}"
+            )
 
     @classmethod
     def parse(cls, text: str, kinds: Mapping[str, FaultKind] = FAULTS) -> Self:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -35,6 +36,9 @@ class FaultKind:
     name: str
     what: str  # description for people
     level: float | None = None  # default strength; None: it has no strength
+    unit: str = ""  # of the level
+    least: float = -math.inf  # levels from here
+    most: float = math.inf  # to here can be given
     observe: Observe | None = None  # changes the observation
     send: Send | None = None  # changes the command
     # Disturbs the drone.
