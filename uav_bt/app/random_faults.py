@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.options import FlightOptions
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.protocols import Drone
@@ -41,11 +42,17 @@ def drawn(options: FlightOptions) -> FlightOptions:
     Args:
         options: with `RANDOM` among the faults, the room varies, and movers and faults are added;
             without it they are returned as they are.
+
+    Raises:
+        InputError: the drone refuses the options.
     """
     if RANDOM not in options.faults:
         return options
     # Other faults in each scene, and the same for each tree, so that trees can be compared.
-    rng = np.random.default_rng([options.seed, *f"{RANDOM} {options.scene}".encode()])
+    # The scene's name, because one file has many paths.
+    scene = make_drone(options).scene
+    name = None if scene is None else scene.name
+    rng = np.random.default_rng([options.seed, *f"{RANDOM} {name}".encode()])
     movers = options.movers + int(rng.choice(_MOVERS))
     faults = [_drawn_fault(rng) for _ in range(int(rng.choice(_COUNTS)))]
     given = [text for text in options.faults if text != RANDOM]

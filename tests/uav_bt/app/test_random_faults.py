@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from sim_bridge.twin.scene_file import shipped_scenes
 from uav_bt import app
 from uav_bt.app.random_faults import drawn, with_faults
 from uav_bt.errors import FileError, InputError, UnknownNameError
 from uav_bt.testing import Fault, ScriptedDrone
 
 
-def options(seed: int, scene: str = "val-a") -> app.FlightOptions:
+def options(seed: int, scene: str | None = "val-a") -> app.FlightOptions:
     return drawn(app.FlightOptions(drone="plain", seed=seed, scene=scene, faults=["random"]))
 
 
@@ -24,6 +25,38 @@ def test_room_movers_and_faults_come_from_seed_and_scene() -> None:
     assert {len(one.faults) for one in many} == {0, 1, 2, 3}
     assert len({one.faults for one in many}) > 20
     assert options(1, "val-b") != options(1)
+
+
+def test_the_draws_of_a_scene_do_not_depend_on_how_its_file_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = shipped_scenes()["val-a"].read_text(encoding="utf-8")
+    for folder in (tmp_path, tmp_path / "elsewhere"):
+        folder.mkdir(exist_ok=True)
+        (folder / "mine.yaml").write_text(text, encoding="utf-8")
+    paths = ["mine.yaml", "./mine.yaml", "elsewhere/mine.yaml", str(tmp_path / "mine.yaml")]
+    assert len({options(4, path).faults for path in paths}) == 1
+    assert options(4, None).faults == options(4, "train-a").faults
+
+
+@pytest.mark.parametrize(
+    ("scene", "faults"),
+    [
+        ("train-a", ("velocity-bias=-0.11@explore+20.4~10.6",)),
+        (
+            "val-b",
+            (
+                "drift=0.15@explore+6.7~9.2",
+                "attitude-nan@center+0.5~8.1",
+                "battery-drains=0.071@explore+2.2~14.1",
+            ),
+        ),
+    ],
+)
+def test_the_draws_of_shipped_scenes_stay(scene: str, faults: tuple[str, ...]) -> None:
+    """Campaigns of before can be flown again."""
+    assert options(0, scene).faults == faults
 
 
 def test_drawn_faults_leave_the_drone_a_chance() -> None:

@@ -50,9 +50,8 @@ class Fault:
             raise ValueRangeError(f"expected a finite level, got {self.level:g}")
         least, most = self.kind.least, self.kind.most
         if self.level is not None and not least <= self.level <= most:
-            raise ValueRangeError(
-                f"expected a level from {least:g} to {most:g} {self.kind.unit}, got {self.level:g}"
-            )
+            limits = f"{least:g} to {most:g} {self.kind.unit}".rstrip()
+            raise ValueRangeError(f"expected a level from {limits}, got {self.level:g}")
 
     @classmethod
     def parse(cls, text: str, kinds: Mapping[str, FaultKind] = FAULTS) -> Self:
