@@ -186,7 +186,7 @@ def fly(case: Case, folder: Path) -> dict[str, Any]:
     report, error, began_s = None, None, time.perf_counter()
     with case.served(), _warnings(drone.events), _unlimited_files():
         try:
-            report = app.fly(case.tree, options, report=path, listeners=[lambda _: [drone]])
+            report = app.fly(case.tree, options, report=path)
         except Exception as raised:
             if isinstance(raised, InputError) and not drone.phases:
                 raise  # nothing was flown: the case is wrong, not the reaction

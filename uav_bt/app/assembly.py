@@ -24,7 +24,7 @@ from uav_bt.app.place_of_flight import (
     mark_pose_of,
     site_of,
 )
-from uav_bt.app.random_faults import with_faults
+from uav_bt.app.random_faults import check_phases, with_faults
 from uav_bt.app.rules import area_of, check_mark, judge_of, rules_of, take_off_pose
 from uav_bt.app.site import Site, check_clearances
 from uav_bt.board import MISSION_KEYS
@@ -43,7 +43,7 @@ from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, Imageless, LeafPolicy, Segmenter
 from uav_bt.still_camera import Photographing
-from uav_bt.testing.faults import FaultyDrone
+from uav_bt.testing.faults import faults_in
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types.area import Area
 
@@ -64,14 +64,13 @@ class Flight(Generic[DroneT]):
         judge: Decides when the flight has ended. Default: from the options.
         segmenter: Source of class maps in place of a network. Default: from the options.
         classes: Classes of the place. Default: those of the lab.
-        followers: Listeners that belong to the drone, before all others.
         area: Area of the flight. Default: of the mission's rules and the site.
         make_runner: Makes the runner, with the parameters of `MissionRunner`.
         outputs: Folder that leaves write files to.
 
     Raises:
-        InputError: Site and scene state different landing marks, the scene is of another lab, or
-            the mission's rules cannot be kept there.
+        InputError: Site and scene state different landing marks, the scene is of another lab, the
+            mission's rules cannot be kept there, or a fault is of a phase that it cannot have.
     """
 
     def __init__(
@@ -83,7 +82,6 @@ class Flight(Generic[DroneT]):
         judge: Judge | None = None,
         segmenter: Segmenter | None = None,
         classes: LabClasses | None = None,
-        followers: Sequence[TickListener] = (),
         area: Area | None = None,
         make_runner: Callable[..., MissionRunner] = MissionRunner,
         outputs: FlightFolder | None = None,
@@ -92,7 +90,8 @@ class Flight(Generic[DroneT]):
         self.drone = drone
         self.options = options
         self._segmenter = segmenter
-        self._followers = followers
+        self._faults = faults_in(drone)
+        check_phases(mission, [one.fault for one in self._faults])
         self._make_runner = make_runner
         self.outputs = outputs
         self._clock = TickClock(drone.clock)
@@ -109,11 +108,10 @@ class Flight(Generic[DroneT]):
         self._judge = judge or Judge(self.judge_config, self.mark)
 
     def missed_faults(self) -> list[str]:
-        """Return a warning for each fault of the options that the flight did not have."""
-        faults = [one for one in self._followers if isinstance(one, FaultyDrone)]
+        """Return a warning for each fault of the drone that the flight did not have."""
         return [
             f"the fault {one.fault} had no effect: {one.missed}"
-            for one in faults
+            for one in self._faults
             if one.missed is not None
         ]
 
@@ -219,6 +217,7 @@ class Flight(Generic[DroneT]):
             next_tree: Called between ticks; returns a tree that replaces the present one.
         """
         config, tick_s = self.options.runner, self.drone.tick_s
+        others = [one for one in listeners if one not in self._faults]
         return self._make_runner(
             self.drone,
             self.mission,
@@ -226,7 +225,7 @@ class Flight(Generic[DroneT]):
             self._judge,
             limits=limits_of(self.options),
             config=config if tick_s is None else replace(config, tick_s=tick_s),
-            listeners=[*self._followers, *listeners],
+            listeners=[*self._faults, *others],
             # A rehearsed drone moves in numbers only: its images rightly stay the same.
             judge_frame=None if self.options.rehearse else frame_judge(self.drone),
             clock=self._clock,
@@ -274,9 +273,9 @@ def join(
     Raises:
         InputError: Drone or site was refused.
     """
-    drone, faults = with_faults(make_drone(options), options.faults)
+    drone = with_faults(make_drone(options), options.faults)
     check_clearances(site_of(options) or Site(), drone.airframe)
-    return Flight(mission, drone, options, followers=faults, outputs=outputs)
+    return Flight(mission, drone, options, outputs=outputs)
 
 
 def frame_judge(drone: Drone) -> FrameJudge:

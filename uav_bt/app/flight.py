@@ -25,7 +25,7 @@ from uav_bt.app.loading import Mission, load_mission, read_mission
 from uav_bt.app.option_values import as_file
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place_of_flight import site_of
-from uav_bt.app.random_faults import check_phases, drawn
+from uav_bt.app.random_faults import drawn
 from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
@@ -119,7 +119,6 @@ def fly(
     _check_listeners(listeners)
     options = drawn(given_options(options, how))
     mission = load_mission(tree, options, registry)
-    check_phases(mission, options.faults)
     out, report = as_file("out", out, "a folder"), as_file("report", report)
     if out is not None and report is None:
         report = out / REPORT_FILE

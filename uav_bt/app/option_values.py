@@ -77,7 +77,12 @@ def fault_texts(faults: object) -> tuple[str, ...]:
         FileError: A line of a file is not a fault.
     """
     if not isinstance(faults, (tuple, list)) or not all(isinstance(one, str) for one in faults):
-        refuse("faults", "a list of faults, such as ['video-lost@explore+1~3']", faults)
+        refuse(
+            "faults",
+            "a list of faults as texts, such as ['video-lost@explore+1~3'] (a Fault, also of your "
+            "own FaultKind, flies with drone=FaultyDrone(drone, fault))",
+            faults,
+        )
     return tuple(text for one in faults for text in _fault_lines(one))
 
 

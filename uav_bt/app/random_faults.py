@@ -10,6 +10,7 @@ import numpy as np
 
 from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.options import FlightOptions
+from uav_bt.board import PHASE
 from uav_bt.errors import InputError, UnknownNameError
 from uav_bt.protocols import Drone
 from uav_bt.testing.faults import FAULTS, RANDOM, Fault, FaultKind, FaultyDrone
@@ -85,26 +86,27 @@ def check_faults(texts: Sequence[str]) -> list[Fault]:
     return [Fault.parse(text) for text in texts if text != RANDOM]
 
 
-def check_phases(mission: MissionTree, texts: Sequence[str]) -> None:
-    """Refuse faults of phases that no leaf has.
+def check_phases(mission: MissionTree, faults: Sequence[Fault]) -> None:
+    """Refuse faults of phases that a mission cannot have.
 
     Args:
         mission: The mission that is flown with the faults.
-        texts: faults as texts.
+        faults: Its faults.
 
     Raises:
-        InputError: a fault is unknown or malformed, or its phase is unknown.
+        UnknownNameError: a phase is unknown.
     """
     members = {str(phase) for kind in Phase.__subclasses__() for phase in kind}
-    leaves = {name for leaf in mission.leaves() for name in (leaf.name, type(leaf).__name__)}
+    # A moving leaf that writes no phase is one by its own name.
+    leaves = {leaf.name for leaf in mission.leaves() if leaf.moves and PHASE not in leaf.writes}
     known = {name.replace("_", " ") for name in (START, *members, *leaves)}
-    for fault in check_faults(texts):
+    for fault in faults:
         if fault.phase.replace("_", " ") not in known:
             raise UnknownNameError(f"phase of the fault '{fault}':", fault.phase, known)
 
 
-def with_faults(drone: Drone, texts: Sequence[str]) -> tuple[Drone, list[FaultyDrone]]:
-    """Return a drone with faults, and the wrappers, which must follow the flight as listeners.
+def with_faults(drone: Drone, texts: Sequence[str]) -> Drone:
+    """Return a drone with faults.
 
     Args:
         drone: not connected yet.
@@ -116,8 +118,6 @@ def with_faults(drone: Drone, texts: Sequence[str]) -> tuple[Drone, list[FaultyD
     faults = check_faults(texts)
     if faults and drone.live:
         raise InputError("faults are for simulated drones; a real one must not get them")
-    wrappers: list[FaultyDrone] = []
     for fault in faults:
         drone = FaultyDrone(drone, fault)
-        wrappers.append(drone)
-    return drone, wrappers
+    return drone

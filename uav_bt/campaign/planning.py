@@ -15,7 +15,7 @@ from uav_bt.app import provenance
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place_of_flight import lab_of, scene_of
-from uav_bt.app.random_faults import check_phases
+from uav_bt.app.random_faults import check_faults, check_phases
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.planned_trees import planned_trees
 from uav_bt.campaign.store import read_plan
@@ -65,7 +65,7 @@ def make_plan(
     flown = [one for tree in trees for one in planned_trees(tree, options)]
     missions = [mission for mission, _ in flown]
     for mission in missions:
-        check_phases(mission, options.faults)
+        check_phases(mission, check_faults(options.faults))
     common = options.parameters
     places = [_planned_scene(name, options) for name in _scenes(scenes, options)]
     options = replace(options, ports=common.ports, variables=common.variables, params=None)
@@ -94,7 +94,7 @@ def plan_of(folder: Path) -> CampaignPlan:
     before, _ = read_plan(folder)
     missions = [load_mission(tree.path, tree.options(before.options)) for tree in before.trees]
     for mission in missions:
-        check_phases(mission, before.options.faults)
+        check_phases(mission, check_faults(before.options.faults))
     places = [_planned_scene(scene.path, before.options) for scene in before.scenes]
     return replace(
         before,

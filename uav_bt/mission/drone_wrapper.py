@@ -18,6 +18,11 @@ class DroneWrapper:
         self._drone = drone
 
     @property
+    def inner(self) -> Drone:
+        """The inner drone."""
+        return self._drone
+
+    @property
     def clock(self) -> Clock:
         """The inner drone's clock."""
         return self._drone.clock

@@ -53,7 +53,7 @@ def test_a_fault_of_the_velocity_moves_the_drone_by_decimetres_only(fault: str) 
         exact_masks=True,
         judge=JudgeConfig(time_limit_s=40.0, land_on=LandOn.ANY),
     )
-    report = app.fly(TREE, options, listeners=[lambda _: [drone, places]])
+    report = app.fly(TREE, options, listeners=[lambda _: [places]])
 
     assert report.outcome == "success", report.reason
     assert len(places.hovering) > 90

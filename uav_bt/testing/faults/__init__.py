@@ -1,8 +1,17 @@
 """Faults of drones, to test how missions react to them."""
 
-from uav_bt.testing.faults.drone import FaultyDrone
+from uav_bt.testing.faults.drone import FaultyDrone, faults_in
 from uav_bt.testing.faults.fault import RANDOM, Fault
 from uav_bt.testing.faults.kind import FaultKind, FaultMoment, InjectedError
 from uav_bt.testing.faults.table import FAULTS
 
-__all__ = ["FAULTS", "RANDOM", "Fault", "FaultKind", "FaultMoment", "FaultyDrone", "InjectedError"]
+__all__ = [
+    "FAULTS",
+    "RANDOM",
+    "Fault",
+    "FaultKind",
+    "FaultMoment",
+    "FaultyDrone",
+    "InjectedError",
+    "faults_in",
+]

@@ -1,10 +1,8 @@
 """A wrapper that adds one fault to any drone, from a phase of the mission on.
 
-Fly it in place of the wrapped drone, and make it a listener of the flight, so that it knows the
-phase::
+Fly it in place of the wrapped drone; it follows the flight, so that it knows the phase::
 
-    drone = FaultyDrone(twin, Fault.parse("video-lost@explore+1~30"))
-    app.fly(tree, app.FlightOptions(drone=drone), listeners=[lambda _: [drone]])
+    app.fly(tree, drone=FaultyDrone(twin, Fault.parse("video-lost@explore+1~30")))
 """
 
 from __future__ import annotations
@@ -111,11 +109,6 @@ class FaultyDrone(DroneWrapper):
         if not self.fault.delay_s:
             return f"the flight ended in the first tick of '{self.fault.phase}'"
         return f"the flight ended before {self.fault.delay_s:g} s of '{self.fault.phase}'"
-
-    @property
-    def inner(self) -> Drone:
-        """The drone that the fault is added to."""
-        return self._drone
 
     @property
     def referee(self) -> Referee | None:
@@ -236,6 +229,16 @@ class FaultyDrone(DroneWrapper):
             past=tuple(self._past),
             command=self._command,
         )
+
+
+def faults_in(drone: Drone) -> list[FaultyDrone]:
+    """Return the drones with a fault among a drone and those that it wraps, innermost first."""
+    found: list[FaultyDrone] = []
+    while isinstance(drone, DroneWrapper):
+        if isinstance(drone, FaultyDrone):
+            found.insert(0, drone)
+        drone = drone.inner
+    return found
 
 
 def _same_phase(phase: str, wanted: str) -> bool:
