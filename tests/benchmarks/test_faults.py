@@ -128,7 +128,7 @@ def test_all_kinds_are_listed(run: Callable[..., Done]) -> None:
     done = run("--list")
     assert done.returncode == 0
     assert "disk-full" in done.stdout
-    assert "late              late frames, age in s [1]" in done.stdout
+    assert "late              late frames, of this age [1 s]" in done.stdout
 
 
 @pytest.mark.parametrize(

@@ -210,6 +210,7 @@ def summary(report: FlightReport, mark: LandingMark) -> Table:
     table.add_row("outcome", outcome)
     flight = describe_flight(report.tree, scene=report.scene, drone=report.drone, seed=report.seed)
     table.add_row("mission", Text(flight))
+    _add_changes(table, report)
     for name, value, unit, digits in _numbers(report, mark):
         if value is not None:
             table.add_row(name, f"{value:.{digits}f} {unit}")
@@ -223,6 +224,16 @@ def summary(report: FlightReport, mark: LandingMark) -> Table:
     for stage, times in report.perception_ms.items():
         table.add_row(Text(f"  {stage}"), _milliseconds(times))
     return table
+
+
+def _add_changes(table: Table, report: FlightReport) -> None:
+    """Add what was given or drawn for the flight: the room, movers and faults."""
+    if report.vary_room:
+        table.add_row("room", f"boxes placed and sized by the seed {report.seed}")
+    if report.movers:
+        table.add_row("movers", f"{report.movers} added to those of the scene")
+    for index, fault in enumerate(report.faults):
+        table.add_row("" if index else "faults", Text(fault))
 
 
 def _add_events(table: Table, report: FlightReport) -> None:

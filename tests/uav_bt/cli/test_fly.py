@@ -95,6 +95,21 @@ def test_a_fault_in_a_leaf_is_printed_in_a_line_and_reported(
     assert "Traceback" in run("--debug", "fly", tree, *PLAIN).stderr
 
 
+def test_an_error_of_an_injected_fault_is_named_as_one(tmp_path: Path) -> None:
+    fault = "observe-raises@take-off"
+    result = run("fly", tree_file(tmp_path, HOP), "--drone", "plain", "--faults", fault)
+    assert result.exit_code == 1
+    assert f"the injected fault {fault} raised this error" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_the_summary_names_the_faults(tmp_path: Path) -> None:
+    tree, faults = tree_file(tmp_path, HOP), ("--faults", "late=0.1@take-off~0.2")
+    result = run("fly", tree, "--drone", "plain", "--movers", "1", *faults)
+    assert "late=0.1@take-off~0.2" in result.stdout
+    assert "1 added to those of the scene" in result.stdout
+
+
 def test_a_scene_file_of_ones_own_can_be_flown(tmp_path: Path) -> None:
     scene = tmp_path / "mine.yaml"
     scene.write_text(SCENE, encoding="utf-8")

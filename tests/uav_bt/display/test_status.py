@@ -260,6 +260,16 @@ def test_the_summary_tells_how_it_went() -> None:
     assert rows["segmentation"].startswith("0.8 ms median")
 
 
+def test_the_summary_names_what_was_drawn_for_the_flight() -> None:
+    drawn = {"movers": 1, "vary_room": True, "faults": ["wind=0.1@explore", "black@land~2"]}
+    rows = rows_of(replace(flight_report(), **drawn))
+    assert rows["room"] == "boxes placed and sized by the seed 3"
+    assert rows["movers"] == "1 added to those of the scene"
+    assert rows["faults"] == "wind=0.1@explore"
+    assert "black@land~2" in rows.values()
+    assert not {"room", "movers", "faults"} & rows_of(flight_report()).keys()
+
+
 def mapped(**fields: Any) -> FlightReport:
     known = {"objects_found": 5, "objects_total": 6, "map_drift_m": 0.11, "map_restarts": 0}
     return replace(flight_report(), **known | fields)

@@ -392,6 +392,15 @@ def test_drones_and_listeners_raise() -> None:
         drone.on_tick(tick_of("land", seen, 0.0))
 
 
+def test_an_error_of_a_fault_names_it() -> None:
+    """Other faults of the drone are not named."""
+    drone = FaultyDrone(faulty("observe-raises@start~3")[0], Fault.parse("black"))
+    with pytest.raises(InjectedError) as caught:
+        drone.observe()
+    notes = caught.value.__notes__
+    assert notes == ["the injected fault observe-raises@start~3 raised this error"]
+
+
 # --- with an ANAFI --------------------------------------------------------------------------------
 
 

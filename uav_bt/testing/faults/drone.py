@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Final, Protocol, runtime_checkable
 
@@ -149,7 +151,8 @@ class FaultyDrone(DroneWrapper):
         if at is None:
             self._before, self._still = seen, seen.frame or self._still
         elif kind.observe is not None:
-            shown = kind.observe(seen, at)
+            with self._named():
+                shown = kind.observe(seen, at)
         self._shown = None if shown.frame is None else (shown.frame, self._source(shown.frame))
         return shown
 
@@ -180,7 +183,8 @@ class FaultyDrone(DroneWrapper):
         at = None if kind.send is None else self._moment()
         if at is None or kind.send is None:
             return self._drone.send(command)
-        changed = kind.send(command, at)
+        with self._named():
+            changed = kind.send(command, at)
         sent = self._drone.send(changed)
         return sent if changed == command else command
 
@@ -194,7 +198,17 @@ class FaultyDrone(DroneWrapper):
             self._phase_s = record.time_s
         kind = self.fault.kind
         if kind.follow is not None and self._moment() is not None:
-            kind.follow()
+            with self._named():
+                kind.follow()
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        """Note the fault on an error that its effect raises."""
+        try:
+            yield
+        except Exception as error:
+            error.add_note(f"the injected fault {self.fault} raised this error")
+            raise
 
     def source_of(self, frame: Frame) -> Frame:
         """Return the camera's frame whose image a delivered frame has."""
