@@ -43,7 +43,7 @@ from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, Imageless, LeafPolicy, Segmenter
 from uav_bt.still_camera import Photographing
-from uav_bt.testing.faults import faults_in
+from uav_bt.testing.faults import find_faulty_drones
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types.area import Area
 
@@ -90,8 +90,8 @@ class Flight(Generic[DroneT]):
         self.drone = drone
         self.options = options
         self._segmenter = segmenter
-        self._faults = faults_in(drone)
-        check_phases(mission, [one.fault for one in self._faults])
+        self._faulty = find_faulty_drones(drone)
+        check_phases(mission, [one.fault for one in self._faulty])
         self._make_runner = make_runner
         self.outputs = outputs
         self._clock = TickClock(drone.clock)
@@ -111,7 +111,7 @@ class Flight(Generic[DroneT]):
         """Return a warning for each fault of the drone that the flight did not have."""
         return [
             f"the fault {one.fault} had no effect: {one.missed}"
-            for one in self._faults
+            for one in self._faulty
             if one.missed is not None
         ]
 
@@ -217,7 +217,7 @@ class Flight(Generic[DroneT]):
             next_tree: Called between ticks; returns a tree that replaces the present one.
         """
         config, tick_s = self.options.runner, self.drone.tick_s
-        others = [one for one in listeners if one not in self._faults]
+        others = [one for one in listeners if one not in self._faulty]
         return self._make_runner(
             self.drone,
             self.mission,
@@ -225,7 +225,7 @@ class Flight(Generic[DroneT]):
             self._judge,
             limits=limits_of(self.options),
             config=config if tick_s is None else replace(config, tick_s=tick_s),
-            listeners=[*self._faults, *others],
+            listeners=[*self._faulty, *others],
             # A rehearsed drone moves in numbers only: its images rightly stay the same.
             judge_frame=None if self.options.rehearse else frame_judge(self.drone),
             clock=self._clock,

@@ -132,7 +132,14 @@ def test_a_fault_begins_and_ends_by_the_clock() -> None:
 
 @pytest.mark.parametrize(
     ("time", "count"),
-    [("+0.1~1.1", 11), ("+0.1~0.2", 2), ("+0.3~0.3", 3), ("~0.1", 1), ("+0.02~0.05", 1)],
+    [
+        ("+0.1~1.1", 11),
+        ("+0.1~0.2", 2),
+        ("+0.3~0.3", 3),
+        ("~0.1", 1),
+        ("+0.02~0.05", 1),
+        ("~1e-9", 1),
+    ],
 )
 def test_a_fault_lasts_as_long_as_it_says(time: str, count: int) -> None:
     """One that is shorter than a tick lasts a tick."""

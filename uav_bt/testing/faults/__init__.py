@@ -1,6 +1,6 @@
 """Faults of drones, to test how missions react to them."""
 
-from uav_bt.testing.faults.drone import FaultyDrone, faults_in
+from uav_bt.testing.faults.drone import FaultyDrone, find_faulty_drones
 from uav_bt.testing.faults.fault import RANDOM, Fault
 from uav_bt.testing.faults.kind import FaultKind, FaultMoment, InjectedError
 from uav_bt.testing.faults.table import FAULTS
@@ -13,5 +13,5 @@ __all__ = [
     "FaultMoment",
     "FaultyDrone",
     "InjectedError",
-    "faults_in",
+    "find_faulty_drones",
 ]

@@ -179,7 +179,7 @@ class FaultyDrone(DroneWrapper):
         """
         self._command = command
         kind = self.fault.kind
-        # The first moment is that of an effect: kinds that change observations begin there.
+        # `_moment` begins the fault, and a change of observations must not begin before one.
         at = None if kind.send is None else self._moment()
         if at is None or kind.send is None:
             return self._drone.send(command)
@@ -232,12 +232,13 @@ class FaultyDrone(DroneWrapper):
             return None
         if self.began_s is None:
             self.began_s = now_s
-        if now_s >= self.began_s + fault.duration_s - _SLACK_S:
+        since_s = now_s - self.began_s
+        if since_s > 0.0 and since_s >= fault.duration_s - _SLACK_S:
             return None
         level = fault.kind.level if fault.level is None else fault.level
         return FaultMoment(
             level=math.nan if level is None else level,
-            since_s=now_s - self.began_s,
+            since_s=since_s,
             before=self._before,
             still=self._still,
             past=tuple(self._past),
@@ -245,7 +246,7 @@ class FaultyDrone(DroneWrapper):
         )
 
 
-def faults_in(drone: Drone) -> list[FaultyDrone]:
+def find_faulty_drones(drone: Drone) -> list[FaultyDrone]:
     """Return the drones with a fault among a drone and those that it wraps, innermost first."""
     found: list[FaultyDrone] = []
     while isinstance(drone, DroneWrapper):
