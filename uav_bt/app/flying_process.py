@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Final, NoReturn
@@ -71,10 +71,26 @@ def interruptible() -> Iterator[None]:
 
     Used inside `landing_on_signals`. Outside the main thread this does nothing.
     """
+    with _handling({signal.SIGINT: signal.default_int_handler, signal.SIGTERM: _interrupt}):
+        yield
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """End the process on SIGTERM and SIGHUP: the flight of a worker is lost, and not landed.
+
+    Used inside `landing_on_signals`. Outside the main thread this does nothing.
+    """
+    with _handling({signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}):
+        yield
+
+
+@contextmanager
+def _handling(handlers: Mapping[signal.Signals, Any]) -> Iterator[None]:
+    """Handle signals so inside; ignored signals stay ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    handlers = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: _interrupt}
     before = {
         number: signal.signal(number, handler)
         for number, handler in handlers.items()

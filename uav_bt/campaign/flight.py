@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from uav_bt import app
 from uav_bt.app.flight_outputs import OBJECTS_FILES
+from uav_bt.app.flying_process import ended_by_signals
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.mission.tick import TickRecord
 
@@ -44,6 +45,7 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
                 out=outputs,
                 report=written,
                 listeners=[lambda _: [keeper]],
+                controls=lambda _: ended_by_signals(),
             ).to_json()
         except Exception:
             if not written.exists():  # nothing flew

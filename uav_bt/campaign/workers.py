@@ -25,7 +25,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any, Final
 
-from pebble import CONSTS, ProcessExpired, ProcessPool
+from pebble import ProcessExpired, ProcessPool
 
 from uav_bt.errors import InputError, UavBtError
 
@@ -37,8 +37,6 @@ FAILED: Final = "failed"  # answer: the error that the flight ended with
 Answer = dict[str, Any]
 
 _OUTPUT_TAIL: Final = 4000  # characters of a lost process's output that are kept; chosen
-# Seconds from SIGTERM to SIGKILL; chosen. On SIGTERM a flight would land its drone first.
-CONSTS.term_timeout = 0.0
 
 
 class WorkerPool:
@@ -123,6 +121,8 @@ def _answer_of(flight: Future[Answer], output: Path, timeout_s: float) -> Answer
         reason = f"no end after {timeout_s:g} s of wall time; its process was stopped"
     except ProcessExpired as error:
         reason = _exit_reason(error.exitcode)
+    except BaseException as error:  # noqa: BLE001 - without an answer the campaign waits for ever
+        reason = f"its answer was lost: {type(error).__name__}: {error}"
     finally:
         text = output.read_text("utf-8", "replace") if output.exists() else ""
         output.unlink(missing_ok=True)
@@ -145,6 +145,8 @@ def _exit_reason(code: int) -> str:
 
 def _begin(folder: str) -> None:
     """Put the process's temporary files into a folder, and end with the campaign."""
+    # Pebble's own handler exits with a code, which would not name the signal.
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     tempfile.tempdir = folder
     # The process waits for this thread when its pipe closes, so that the folder is removed.
     threading.Thread(target=_end_with_campaign, args=(folder,)).start()
@@ -172,7 +174,7 @@ def _fly(function: str, task: dict[str, Any], output: str) -> Answer:
         return {FLOWN: fly(task)}
     except InputError as error:
         return {REFUSED: str(error)}
-    except Exception as error:  # noqa: BLE001 - part of the answer
+    except BaseException as error:  # noqa: BLE001 - part of the answer; a leaf may call sys.exit
         known = isinstance(error, UavBtError)
         reason = str(error) if known else f"{type(error).__name__}: {error}"
         return {FAILED: reason, "details": traceback.format_exc()}

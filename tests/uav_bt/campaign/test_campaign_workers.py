@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 
 from tests.uav_bt.campaign.campaign_world import FLY, plan
+from uav_bt.app.options import FlightOptions
+from uav_bt.campaign import make_plan, run
 from uav_bt.campaign.workers import FAILED, FLOWN, REFUSED, WorkerPool
 
 HERE = Path(__file__).parents[3]
@@ -56,6 +58,48 @@ def test_a_fault_is_reported_with_its_traceback(worker: WorkerPool) -> None:
     answer = flown(worker, "raises")
     assert answer[FAILED] == "RuntimeError: out of luck"
     assert "campaign_world.py" in answer["details"]
+
+
+@pytest.mark.parametrize(
+    ("fate", "reason"),
+    [
+        ("calls sys.exit", "SystemExit: 3"),
+        ("has an answer that cannot be sent", "its answer was lost: "),
+    ],
+)
+def test_a_flight_that_ends_unusually_fails_and_the_next_one_flies(
+    worker: WorkerPool, fate: str, reason: str
+) -> None:
+    assert flown(worker, fate)[FAILED].startswith(reason)
+    assert FLOWN in flown(worker, "lands")
+
+
+TERMINATED = """
+import os, signal
+from uav_bt.tree import Leaf, Status
+
+class Stop(Leaf):
+    def update(self):
+        os.kill(os.getpid(), signal.{})
+        return Status.RUNNING
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_signal_to_a_worker_in_flight_is_an_error_of_its_flight(
+    name: str, tmp_path: Path
+) -> None:
+    leaves, tree = tmp_path / "leaves.py", tmp_path / "tree.xml"
+    leaves.write_text(TERMINATED.format(name))
+    tree.write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence>'
+        "<TakeOff/><Stop/><Land/></Sequence></BehaviorTree></root>"
+    )
+    options = FlightOptions(drone="plain", leaves=[leaves])
+    done = run(make_plan([str(tree)], options, scenes=["val-a"], flights=1), tmp_path / "out")
+    (flight,) = done.flights
+    assert flight["outcome"] == "error"
+    assert flight["reason"] == f"its process was ended by {name}"
 
 
 def test_refused_input_is_no_failed_flight(worker: WorkerPool) -> None:
