@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,6 +90,13 @@ def key_of(flight: Mapping[str, Any]) -> FlightKey:
     return flight["tree"], flight["scene"], flight["seed"]
 
 
+def file_stem(key: FlightKey) -> str:
+    """Return the name of a flight's files, without its ending; two flights may have the same."""
+    tree, scene, seed = key
+    # A scene may be called anything.
+    return re.sub(r"[^\w.-]+", "_", f"{Path(tree).stem}-{scene}-{seed}")
+
+
 def comparable(flight: Mapping[str, Any]) -> dict[str, Any]:
     """Return a flight without the lab's name and without what depends on the machine's speed.
 
@@ -133,8 +141,9 @@ def _check_changes(flight: dict[str, Any]) -> None:
     movers = flight.get("movers") or 0
     if not isinstance(movers, int) or isinstance(movers, bool) or movers < 0:
         raise InputError(f"'movers' must be a whole number from 0, got {movers!r}")
-    if not isinstance(flight.get("vary_room") or False, bool):
-        raise InputError(f"'vary_room' must be true or false, got {flight['vary_room']!r}")
+    for name in ("vary_room", "on_mark"):
+        if not isinstance(flight.get(name) or False, bool):
+            raise InputError(f"'{name}' must be true or false, got {flight[name]!r}")
     faults = flight.get("faults") or []
     if not isinstance(faults, list) or not all(isinstance(fault, str) for fault in faults):
         raise InputError(f"'faults' must be a list of texts, got {faults!r}")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
+import hashlib
 import platform
-import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.app import provenance
-from uav_bt.campaign.flight_lines import key_of
+from uav_bt.campaign.flight_lines import file_stem, key_of
 from uav_bt.campaign.plan import CampaignPlan, FlightTask
 from uav_bt.campaign.runner import Backend, LocalBackend, flown_line
 from uav_bt.campaign.store import OUTPUTS_FOLDER, RECORDS_FOLDER, CampaignStore, read_plan
@@ -101,9 +102,11 @@ def _with_outputs(
     records, outputs = (folder.resolve() / name for name in (RECORDS_FOLDER, OUTPUTS_FOLDER))
     if plan.record and tasks:
         records.mkdir(exist_ok=True)
+    stems = Counter(file_stem(task.key) for task in plan.tasks())
     for task in tasks:
-        # A scene may be called anything.
-        name = re.sub(r"[^\w.-]+", "_", f"{Path(task.tree).stem}-{task.scene}-{task.seed}")
+        name = file_stem(task.key)
+        if stems[name] > 1:
+            name += "-" + hashlib.sha256(repr(task.key).encode()).hexdigest()[:8]
         record = str(records / f"{name}.mcap") if plan.record else None
         yield replace(task, record=record, folder=str(outputs / name))
 

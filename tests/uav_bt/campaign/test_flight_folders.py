@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.uav_bt.campaign.campaign_world import line, plan
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign import fly as campaign
@@ -63,3 +65,31 @@ def write(values: dict[str, Any]) -> dict[str, Any]:
 def test_the_flights_name_their_folders(tmp_path: Path) -> None:
     done = campaign.run(plan(), tmp_path, fly=f"{__name__}:write")
     assert [flight.get("folder") for flight in done.flights] == ["flights/one-lab-0", None]
+
+
+def write_each(values: dict[str, Any]) -> dict[str, Any]:
+    """Write a file for each flight, in a worker's process."""
+    Path(values["folder"]).mkdir(parents=True)
+    record = Path(values["record"])
+    record.write_text(values["scene"], encoding="utf-8")
+    return line(values["seed"], tree=values["tree"], scene=values["scene"])
+
+
+@pytest.mark.parametrize(
+    ("trees", "scenes"),
+    [
+        (("one.xml",), ("room 1", "room_1", "room 2")),
+        (("survey.xml", "survey-val.xml"), ("val-a", "a")),
+    ],
+)
+def test_each_flight_has_files_of_its_own(
+    tmp_path: Path, trees: tuple[str, ...], scenes: tuple[str, ...]
+) -> None:
+    planned = plan(trees=trees, scenes=scenes, flights=1, record=True)
+    flights = campaign.run(planned, tmp_path, fly=f"{__name__}:write_each").flights
+    for name in ("folder", "record"):
+        assert len({flight[name] for flight in flights}) == len(flights)
+    for flight in flights:
+        assert (tmp_path / flight["record"]).read_text(encoding="utf-8") == flight["scene"]
+    alone = [flight for flight in flights if flight["scene"] == "room 2"]
+    assert all(flight["folder"] == "flights/one-room_2-0" for flight in alone)
