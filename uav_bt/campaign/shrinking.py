@@ -27,7 +27,8 @@ from uav_bt.mission.judge import Outcome
 Part = TypeVar("Part")
 
 _DETAILS: Final = "details"  # key of a line whose flight did not end by itself
-_OF_THE_LINE: Final = ("drone", "profile", "ports", "variables")  # options as they were flown
+# Options as they were flown.
+_OF_THE_LINE: Final = ("drone", "profile", "ports", "variables", "exact_masks")
 _BOX: Final = "box"
 _OBJECT: Final = "object"
 _MOVER: Final = "mover"

@@ -156,6 +156,13 @@ def test_a_flight_of_a_variant_keeps_its_values() -> None:
     assert failed.options.variables == {"laps": 3}
 
 
+def test_a_flight_on_exact_masks_is_shrunk_on_exact_masks() -> None:
+    for exact in (True, False):
+        flown = flight(drone="twin", exact_masks=exact)
+        failed = FailedFlight.of(flown, "land_only", "val-a", FlightOptions())
+        assert failed.options.exact_masks is exact
+
+
 def test_a_flight_that_succeeded_or_no_longer_fails_is_refused(tmp_path: Path) -> None:
     options = FlightOptions(drone="plain")
     with pytest.raises(InputError, match="this flight succeeded"):
