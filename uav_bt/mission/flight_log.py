@@ -182,7 +182,9 @@ class FlightLog:
             objects: objects of the map at the end; None without a map.
         """
         notes = notes or FlightNotes()
-        marks, truth = self._marks, self._last_truth
+        marks, stands = self._marks, self._last_truth
+        if stands is not None and (stands.motors_on or stands.landing_error_m is None):
+            stands = None
         start = marks.take_off_s
         explored, found = (self._travelled_at(t) for t in (marks.explored_s, marks.found_s))
         return FlightReport(
@@ -204,9 +206,8 @@ class FlightLog:
             ),
             time_to_find_mark_s=_span(marks.explored_s, marks.found_s),
             time_to_land_s=_span(marks.found_s, marks.landed_s),
-            landing_error_m=_rounded(
-                truth.landing_error_m if truth is not None and not truth.motors_on else None
-            ),
+            landing_error_m=None if stands is None else _rounded(stands.landing_error_m),
+            on_mark=None if stands is None else stands.on_mark,
             min_clearance_m=_rounded(
                 self._min_clearance_m if math.isfinite(self._min_clearance_m) else None
             ),

@@ -68,6 +68,7 @@ class FlightReport(FlightChanges):
     time_to_find_mark_s: float | None  # over the same span
     time_to_land_s: float | None  # from there until motors off
     landing_error_m: float | None  # horizontal, body centre to pad centre
+    on_mark: bool | None = None  # stands above the mark; None: in the air, no mark, or unknown
     min_clearance_m: float | None  # from the hull to the nearest box or mover
     # Shares of the free ground, 0 to 1, 90 s after the take-off command and at the
     # end: within 0.5 m of the flown path, and in view within 3 m.

@@ -60,7 +60,8 @@ class Tale:
         dy_m: float = 0.0,
         motors_on: bool = True,
         clearance_m: float = math.inf,
-        error_m: float = 3.0,
+        error_m: float | None = 3.0,
+        on_mark: bool = False,
         compute_s: float = 0.001,
         status: Status = Status.RUNNING,
         override: Override | None = None,
@@ -82,7 +83,7 @@ class Tale:
             contacts=(),
             clearance_m=clearance_m,
             inside_ground=True,
-            on_mark=False,
+            on_mark=on_mark,
             landing_error_m=error_m,
             motors_on=motors_on,
             gimbal_pitch_rad=-0.5,
@@ -225,6 +226,25 @@ def test_a_search_without_a_find_has_no_time_to_find() -> None:
     assert report.search_distance_m is None
     assert report.time_to_land_s is None
     assert report.landing_error_m == 1.5
+
+
+@pytest.mark.parametrize(
+    ("motors_on", "error_m", "on_mark", "expected"),
+    [
+        (False, 0.09, True, True),
+        (False, 1.5, False, False),
+        (True, 0.09, True, None),
+        (False, None, False, None),
+    ],
+)
+def test_a_drone_stands_on_the_mark_or_elsewhere_once_its_motors_are_off(
+    *, motors_on: bool, error_m: float | None, on_mark: bool, expected: bool | None
+) -> None:
+    """In the air, and in a scene without a mark, neither is known."""
+    tale = Tale()
+    tale.take_off()
+    tale.tick("land", motors_on=motors_on, error_m=error_m, on_mark=on_mark)
+    assert tale.report().on_mark is expected
 
 
 def test_a_pad_that_is_in_view_from_the_first_has_no_search() -> None:
@@ -424,8 +444,9 @@ FIELDS = {
     "faults", "drone", "profile", "outcome", "reason",
     "duration_s",
     "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_mark_s",
-    "time_to_land_s", "landing_error_m", "min_clearance_m", "coverage_passed_90s",
-    "coverage_passed", "coverage_seen_90s", "coverage_seen", "coverage_curve",
+    "time_to_land_s", "landing_error_m", "on_mark", "min_clearance_m",
+    "coverage_passed_90s", "coverage_passed", "coverage_seen_90s", "coverage_seen",
+    "coverage_curve",
     "objects_found", "objects_total", "object_errors_m", "false_objects",
     "map_drift_90s_m", "map_drift_180s_m", "map_drift_m", "map_restarts",
     "objects", "photos", "events",

@@ -17,8 +17,11 @@ _CONFIDENCE: Final = 0.95
 
 
 def _landed_elsewhere(flight: Mapping[str, Any]) -> bool:
-    ended = {Outcome.ABORTED.value, Outcome.TIMEOUT.value}
-    return flight["outcome"] in ended and flight.get("landing_error_m") is not None
+    if flight["outcome"] not in {Outcome.ABORTED.value, Outcome.TIMEOUT.value}:
+        return False
+    if "on_mark" in flight:
+        return flight["on_mark"] is False
+    return flight.get("landing_error_m") is not None  # a line of before
 
 
 _EVENTS: Final[Mapping[str, Callable[[Mapping[str, Any]], bool]]] = {
