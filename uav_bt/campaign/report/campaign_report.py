@@ -212,6 +212,8 @@ def _sections(
         sections.append(
             Section(title="Times and distances", images=numbers, tables=(tables["metrics"],))
         )
+    if tables["rates"].rows:
+        sections.append(Section(title=tables["rates"].title, tables=(tables["rates"],)))
     if "coverage" in images:
         sections.append(
             Section(

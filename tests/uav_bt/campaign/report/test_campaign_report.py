@@ -301,6 +301,32 @@ def test_events_are_counted_per_hour_with_an_interval(tmp_path: Path) -> None:
     assert (row["exits"], row["exits, to"]) == ("0", "599.1")
 
 
+@pytest.mark.parametrize(
+    ("fields", "count"),
+    [
+        ({"on_mark": False}, "1"),
+        ({"on_mark": True}, "0"),
+        ({"on_mark": None}, "0"),
+        ({}, "1"),  # a line of before
+        ({"on_mark": False, "outcome": "success"}, "0"),
+    ],
+)
+def test_a_landing_elsewhere_is_one_beside_the_mark(
+    tmp_path: Path, fields: dict[str, Any], count: str
+) -> None:
+    ended = {"outcome": "aborted", "reason": "critical battery: 6 %", "landing_error_m": 0.09}
+    folder = campaign(tmp_path / "c", flight(0, **(ended | fields)))
+    (row,) = rows(write(tmp_path / "r.html", folder), "rates")
+    assert row["landings elsewhere"] == count
+
+
+def test_the_page_has_the_events_per_hour_and_how_their_interval_is_made(tmp_path: Path) -> None:
+    page = Page(write(tmp_path / "r.html", campaign(tmp_path / "c", flight(0))).page.read_text())
+    assert "Events per 100 hours" in page.texts
+    assert "landings elsewhere" in page.texts
+    assert any("exact 95 % interval of the rate" in text for text in page.texts)
+
+
 def test_trees_stand_side_by_side_also_under_one_name(tmp_path: Path) -> None:
     one = campaign(tmp_path / "one", *(flight(seed) for seed in range(3)))
     two = jsonl(tmp_path / "two.jsonl", flight(0), flight(1, tree="other.xml"))
