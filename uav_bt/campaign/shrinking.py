@@ -86,7 +86,10 @@ class FailedFlight:
                 read.
         """
         if flight["outcome"] == Outcome.SUCCESS.value:
-            raise InputError("this flight succeeded; there is nothing to shrink")
+            raise InputError(
+                f"the flight of {flight['tree']} in {flight['scene']}, seed {flight['seed']}, "
+                "succeeded; there is nothing to shrink"
+            )
         if _DETAILS in flight:
             raise InputError(
                 "the process of this flight hung or crashed, which a shrunk flight would do, too; "

@@ -22,6 +22,7 @@ from uav_bt.mission.judge import Outcome
 SCENE_FILE: Final = "scene.yaml"
 FAULTS_FILE: Final = "faults.txt"
 _NAMED: Final = 5  # flights that an error names, at most
+_TWIN: Final = "twin"
 
 
 @click.command("shrink", cls=Command)
@@ -55,18 +56,22 @@ def shrink_command(
     DIR is the folder of a `uav-bt campaign`, or a file with one flight per line. The first flight
     that failed is taken, unless --tree, --scene and --seed name another. Boxes, movers and faults
     are left out as long as the flight ends with the same outcome and reason; numbers may differ.
-    The rest is written as a scene file and a fault file, with the command that flies them in the
-    twin with images.
+    The rest is written as a scene file and a fault file, with the commands that fly them: with the
+    drone that failed, and in the twin with images.
 
     \b
     Example:
       uav-bt campaign land_only --drone plain --faults random --out runs/soak
       uav-bt shrink runs/soak --out runs/soak/smallest
+
+    Exits with 0 when the flight was reduced, with 1 when it was stopped or does not fail in the
+    twin (--twin), and with 2 when something given was refused.
     """  # noqa: D301  (click needs the backspace)
     check_empty_folder(out, "shrink")
     flight = _failed(source, {"tree": tree_name, "scene": scene, "seed": seed})
-    click.echo(f"{flight.ending}; {len(flight.parts())} objects, movers and faults")
-    small = shrink(flight, lambda count, ending: click.echo(f"  {count}: {ending}"))
+    click.echo(f"{flight.ending}; {len(flight.parts())} parts: boxes, objects, movers and faults")
+    click.echo("  parts  end of the flight")
+    small = shrink(flight, lambda count, ending: click.echo(f"  {count:>5}  {ending}"))
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
     write_whole(out / SCENE_FILE, scene_text(small.scene))
@@ -89,10 +94,15 @@ def shrink_command(
         "ports": options.ports,
         "variables": options.variables,
     }
-    click.echo(fly_command(small.tree, str(out / SCENE_FILE), flown, options))
+    for drone in dict.fromkeys((options.drone_name, _TWIN)):
+        changes = flown | {"drone": drone}
+        file, folder = str(out / SCENE_FILE), str(out / drone)
+        command = fly_command(small.tree, file, changes, options, out=folder)
+        images = ", with images" if drone == _TWIN else ""
+        click.echo(f"command to repeat it, drone {drone}{images}:\n  {command}")
     if not twin:
         return
-    ending = small.fly("twin")
+    ending = small.fly(_TWIN)
     click.echo(f"in the twin: {ending}")
     if not ending.agrees(small.ending):
         ctx.exit(MissionError.exit_code)
@@ -105,22 +115,26 @@ def _failed(source: Path, wanted: dict[str, object]) -> FailedFlight:
         InputError: no flight failed so.
     """
     named = {name: value for name, value in wanted.items() if value is not None}
-    failed = []
+    others: dict[str, list[str]] = {"succeeded": [], "failed": []}
     for one in read_sources([source]).sets:
         for line in one.flights:
-            if line["outcome"] != Outcome.SUCCESS.value:
-                failed.append(f"{line['tree']} in {line['scene']}, seed {line['seed']}")
-            elif "seed" not in named:
-                continue
-            if any(_plain(line[name]) != _plain(value) for name, value in named.items()):
-                continue
-            plan = one.source.plan
-            options = FlightOptions() if plan is None else plan.options
-            return FailedFlight.of(
-                line, one.tree_path(), one.scene_path(str(line["scene"])), options
-            )
+            is_wanted = all(_plain(line[name]) == _plain(value) for name, value in named.items())
+            which = f"{line['tree']} in {line['scene']}, seed {line['seed']}"
+            if line["outcome"] == Outcome.SUCCESS.value:
+                if named and is_wanted:
+                    others["succeeded"].append(which)
+            elif not is_wanted:
+                others["failed"].append(which)
+            else:
+                plan = one.source.plan
+                options = FlightOptions() if plan is None else plan.options
+                return FailedFlight.of(
+                    line, one.tree_path(), one.scene_path(str(line["scene"])), options
+                )
     asked = ", ".join(f"{name} {value}" for name, value in named.items())
-    known = f"; failed: {'; '.join(failed[:_NAMED])}" if failed else ""
+    known = "".join(
+        f"; {kind}: {'; '.join(some[:_NAMED])}" for kind, some in others.items() if some
+    )
     raise InputError(f"{source} has no failed flight{f' with {asked}' if asked else ''}{known}")
 
 

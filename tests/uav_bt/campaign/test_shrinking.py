@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -17,6 +19,7 @@ from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.report.repeat import fly_command
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.shrinking import FailedFlight, least
+from uav_bt.cli.fly import fly
 from uav_bt.cli.shrink import shrink_command
 from uav_bt.errors import InputError
 from uav_bt.mission.judge import JudgeConfig
@@ -60,7 +63,17 @@ def test_a_flight_is_reduced_to_its_fault_and_can_be_flown_again(tmp_path: Path)
     assert "remaining: faults 1, movers 0, boxes 0" in done.output
     assert (plain / "faults.txt").read_text() == "battery-low=0.06@center+0.3\n"
     assert load_scene(plain / "scene.yaml").boxes == ()
-    assert f"uav-bt fly land_only --scene {plain}/scene.yaml --seed 3" in done.output
+    assert "  parts  end of the flight\n" in done.output
+    again, twin = re.findall(r"drone (\w+)(.*):\n  uav-bt (fly .*)", done.output)
+    assert twin[:2] == ("twin", ", with images")
+    assert twin[2] == (
+        f"fly land_only --scene {plain}/scene.yaml --seed 3 --profile lab "
+        f"--faults @{plain}/faults.txt --out {plain}/twin"
+    )
+    assert again[:2] == ("plain", "")
+    flown = CliRunner().invoke(fly, shlex.split(again[2])[1:])
+    assert "critical battery: 6 %" in flown.output
+    assert (plain / "plain" / "report.json").exists()
 
 
 def test_a_flight_that_ends_for_another_reason_is_no_reproduction(tmp_path: Path) -> None:
@@ -83,6 +96,7 @@ def test_a_signal_stops_shrinking_and_nothing_is_written(tmp_path: Path, number:
     ) as run:
         assert run.stdout is not None
         assert "objects, movers and faults" in run.stdout.readline()
+        run.stdout.readline()  # the heading
         run.stdout.readline()  # the first flight has ended, the second one flies
         run.send_signal(number)
         assert run.wait(60.0) == 1
@@ -134,6 +148,35 @@ def test_a_variant_with_a_dot_is_found_and_other_flights_are_named(tmp_path: Pat
     assert "failed: land_only[v1.5].xml in no-such, seed 3" in str(other.exception)
 
 
+def test_flights_that_succeeded_are_named_when_none_failed_with_this_seed(tmp_path: Path) -> None:
+    source = tmp_path / "flights.jsonl"
+    lines = [
+        *(flight(seed=100, scene=scene, outcome="success") for scene in ("val-a", "val-b")),
+        flight(),
+    ]
+    source.write_text("".join(f"{json.dumps(one)}\n" for one in lines))
+    words = [str(source), "--seed", "100", "--out", str(tmp_path / "small")]
+    done = CliRunner().invoke(shrink_command, words)
+    assert isinstance(done.exception, InputError)
+    assert str(done.exception).endswith(
+        "has no failed flight with seed 100; succeeded: land_only.xml in val-a, seed 100; "
+        "land_only.xml in val-b, seed 100; failed: land_only.xml in val-a, seed 3"
+    )
+
+
+def test_a_failed_flight_is_found_beside_one_that_succeeded_with_its_seed(tmp_path: Path) -> None:
+    source = tmp_path / "flights.jsonl"
+    lines = [flight(outcome="success"), flight(scene="no-such")]
+    source.write_text("".join(f"{json.dumps(one)}\n" for one in lines))
+    words = [str(source), "--seed", "3", "--out", str(tmp_path / "small")]
+    assert "unknown scene 'no-such'" in str(CliRunner().invoke(shrink_command, words).exception)
+
+
+def test_the_help_names_the_exit_codes() -> None:
+    text = " ".join(CliRunner().invoke(shrink_command, ["--help"]).output.split())
+    assert "Exits with 0 when the flight was reduced, with 1 when it was stopped" in text
+
+
 def test_the_command_has_the_options_of_the_campaign() -> None:
     options = FlightOptions(
         drone="plain",
@@ -141,10 +184,11 @@ def test_the_command_has_the_options_of_the_campaign() -> None:
         judge=JudgeConfig(time_limit_s=5.0),
         image_size_px=(320, 180),
     )
-    command = fly_command("land_only", "s.yaml", {"seed": 3, "profile": "harsh"}, options)
+    flown = {"seed": 3, "profile": "harsh"}
+    command = fly_command("land_only", "s.yaml", flown, options, out="o")
     assert command == (
         "uav-bt fly land_only --scene s.yaml --seed 3 --exact-masks --profile harsh "
-        "--image-size 320x180 --time-limit 5"
+        "--image-size 320x180 --time-limit 5 --out o"
     )
 
 
@@ -165,7 +209,7 @@ def test_a_flight_on_exact_masks_is_shrunk_on_exact_masks() -> None:
 
 def test_a_flight_that_succeeded_or_no_longer_fails_is_refused(tmp_path: Path) -> None:
     options = FlightOptions(drone="plain")
-    with pytest.raises(InputError, match="this flight succeeded"):
+    with pytest.raises(InputError, match=r"land_only\.xml in val-a, seed 3, succeeded"):
         FailedFlight.of(flight(outcome="success"), "land_only", "val-a", options)
     source = tmp_path / "flights.jsonl"
     source.write_text(json.dumps(flight(faults=[])) + "\n")

@@ -8,6 +8,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from uav_bt.app.options import FlightOptions
+from uav_bt.campaign.flight_lines import file_stem, key_of
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address
@@ -23,11 +24,13 @@ def repeat_command(one: FlightSet, flight: Mapping[str, Any]) -> str:
     """
     scene = None if flight["scene"] is None else one.scene_path(flight["scene"])
     options = FlightOptions() if one.source.plan is None else one.source.plan.options
-    return fly_command(one.tree_path(), scene, flight, options)
+    folder = flight.get("folder")
+    out = PurePosixPath(folder).name if folder else file_stem(key_of(flight))
+    return fly_command(one.tree_path(), scene, flight, options, out=out)
 
 
 def fly_command(
-    tree: str, scene: str | None, flight: Mapping[str, Any], options: FlightOptions
+    tree: str, scene: str | None, flight: Mapping[str, Any], options: FlightOptions, *, out: str
 ) -> str:
     """Return the `uav-bt fly` command of a flight.
 
@@ -36,12 +39,13 @@ def fly_command(
         scene: The scene file or the name of a shipped scene; None without one.
         flight: What was drawn or changed for the flight, by the names in a flight's line.
         options: How the campaign was flown.
+        out: Its output folder. Leaves that write files need one, and have one in a campaign.
     """
     words = ["uav-bt", "fly", tree, *(() if scene is None else ("--scene", scene))]
     words += ["--seed", str(flight["seed"])]
     if flight.get("exact_masks") or options.exact_masks:
         words.append("--exact-masks")
-    words += [*_changes(flight), *_shared(options)]
+    words += [*_changes(flight), *_shared(options), "--out", out]
     return shlex.join(words)
 
 
@@ -74,8 +78,6 @@ def _changes(flight: Mapping[str, Any]) -> Iterator[str]:
         yield from ("--movers", str(flight["movers"]))
     for fault in flight.get("faults") or ():
         yield from ("--faults", fault)
-    if flight.get("folder"):
-        yield from ("--out", PurePosixPath(flight["folder"]).name)
     for port, value in (flight.get("ports") or {}).items():
         yield from ("--set", f"{port}={value}")
     for variable, value in (flight.get("variables") or {}).items():

@@ -263,7 +263,7 @@ def test_every_failure_has_its_reason_its_record_and_a_way_to_see_it_again(tmp_p
     assert second["record"] == ""
     assert first["command to repeat"] == (
         "uav-bt fly /missions/one.xml --scene '/labs/my lab.yaml' --seed 3 --profile lab "
-        "--policy Explore=mine"
+        "--policy Explore=mine --out one-lab-3"
     )
     assert 'href="c/records/a%20b.mcap"' in written.page.read_text()
 
@@ -274,7 +274,7 @@ def test_flights_on_exact_masks_are_seen_again_with_exact_masks(tmp_path: Path) 
     (row,) = rows(write(tmp_path / "r.html", folder), "failures")
     assert row["command to repeat"] == (
         "uav-bt fly /missions/one.xml --scene '/labs/my lab.yaml' --seed 3 --exact-masks "
-        "--profile lab --image-size 160x90"
+        "--profile lab --image-size 160x90 --out one-lab-3"
     )
 
 
