@@ -221,14 +221,21 @@ def _missing(protocol: type, value: object) -> Iterator[str]:
             yield name
 
 
-def refuse_unusable(options: Any, drone: str, usable: Collection[str], *, remedy: str = "") -> None:
+def refuse_unusable(
+    options: Any,
+    drone: str,
+    usable: Collection[str],
+    *,
+    remedy: str = "leave it out, as this drone has no such setting",
+) -> None:
     """Refuse options that this drone does not support.
 
     Args:
-        options: A `FlightOptions`. Defaults are never refused.
+        options: A `FlightOptions`. Defaults are never refused. The flag of an option is named, too,
+            if the drone is, as a command may have given both.
         drone: Subject of the message.
         usable: Names of the options that the drone supports.
-        remedy: End of the message with the remedy.
+        remedy: End of the message: what to do.
 
     Raises:
         InputError: The drone does not support an option.
@@ -236,7 +243,10 @@ def refuse_unusable(options: Any, drone: str, usable: Collection[str], *, remedy
     for each in fields(options):
         value = getattr(options, each.name)
         if each.name in _OF_THE_DRONE.difference(usable) and value != each.default:
-            raise InputError(f"{drone} takes no {each.name}, got {value!r}{remedy}")
+            flag = each.metadata["declared"].flag
+            is_named = isinstance(options.drone, str)
+            name = f"{flag} ({each.name} in Python)" if is_named else each.name
+            raise InputError(f"{drone} takes no {name}, got {value!r}: {remedy}")
 
 
 def whole_number(name: str, value: object, least: int) -> int:

@@ -260,7 +260,7 @@ class FlightOptions:
         check_drone(self.drone)
         if not isinstance(self.drone, str):
             who = f"{type(self.drone).__name__} is flown as it is and"
-            refuse_unusable(self, who, {"seed"}, remedy=": set it there")
+            refuse_unusable(self, who, {"seed"}, remedy="set it there")
             self._set("seed", common_seed(self.drone, self.seed))
 
     def _set(self, name: str, value: object) -> None:

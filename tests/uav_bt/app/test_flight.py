@@ -206,7 +206,7 @@ def test_a_drone_gets_its_address_and_what_it_may_need(hangar: Hangar) -> None:
 
 
 def test_movers_are_for_the_twin() -> None:
-    with pytest.raises(InputError, match="drone 'anafi' takes no movers, got 2"):
+    with pytest.raises(InputError, match=r"drone 'anafi' takes no --movers .*, got 2"):
         app.make_drone(app.FlightOptions(drone="anafi", movers=2))
     with pytest.raises(InputError, match="movers: expected a whole number from 0, got -1"):
         app.FlightOptions(movers=-1)
@@ -221,21 +221,25 @@ def test_movers_are_for_the_twin() -> None:
 
 
 @pytest.mark.parametrize(
-    ("drone", "option", "value"),
+    ("drone", "flag", "option", "value"),
     [
-        ("anafi", "scene", "val-a"),
-        ("anafi:127.0.0.1:1", "profile", "harsh"),
-        ("anafi", "seed", 9),
-        ("sphinx", "realtime", True),
-        ("scripted", "image_size_px", (320, 180)),
-        ("scripted", "profile", "ideal"),
+        ("anafi", "--scene", "scene", "val-a"),
+        ("anafi:127.0.0.1:1", "--profile", "profile", "harsh"),
+        ("anafi", "--seed", "seed", 9),
+        ("sphinx", "--realtime", "realtime", True),
+        ("scripted", "--image-size", "image_size_px", (320, 180)),
+        ("plain", "--image-size", "image_size_px", (320, 180)),
+        ("scripted", "--profile", "profile", "ideal"),
     ],
 )
 def test_an_option_that_a_drone_cannot_use_is_refused(
-    hangar: Hangar, drone: str, option: str, value: Any
+    hangar: Hangar, drone: str, flag: str, option: str, value: Any
 ) -> None:
-    words = f"drone '{drone.partition(':')[0]}' takes no {option}, got {re.escape(repr(value))}"
-    with pytest.raises(InputError, match=words):
+    words = (
+        f"drone '{drone.partition(':')[0]}' takes no {flag} ({option} in Python), got {value!r}: "
+        "leave it out, as this drone has no such setting"
+    )
+    with pytest.raises(InputError, match=re.escape(words)):
         app.make_drone(app.FlightOptions(drone=drone, **{option: value}))
     assert hangar.asked == []
 
