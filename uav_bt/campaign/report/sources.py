@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -130,9 +131,25 @@ def _read(path: Path, notes: list[str]) -> tuple[Provenance, tuple[dict[str, Any
             plan, runs = read_plan(path)
     lines = read_flights(file)
     if not lines.flights:
-        more = f"; the first of them: {lines.damaged[0]}" if lines.damaged else ""
-        raise FileError(file, f"no flights, {len(lines.damaged)} damaged lines{more}")
+        raise _without_flights(path, file, plan, lines.damaged)
     notes += [f"left out: {line}" for line in lines.damaged]
     if plan is not None and len(lines.flights) < len(plan):
         notes.append(f"{path}: {len(lines.flights)} of {len(plan)} planned flights were flown")
     return Provenance(path=path, plan=plan, runs=tuple(runs)), lines.flights
+
+
+def _without_flights(
+    path: Path, file: Path, plan: CampaignPlan | None, damaged: Sequence[str]
+) -> FileError:
+    """Return what is wrong with a folder or file that has no flight, and what to do."""
+    if damaged:
+        count = "1 damaged line" if len(damaged) == 1 else f"{len(damaged)} damaged lines"
+        return FileError(file, f"no flights, {count}; the first of them: {damaged[0]}")
+    if plan is None:
+        return FileError(file, "no flights; expected a file of `uav-bt campaign`, one in a line")
+    folder = shlex.quote(str(path))
+    return FileError(
+        path,
+        f"this campaign has no flight yet; `uav-bt campaign --resume {folder}` flies it, and "
+        f"`uav-bt campaign TREE... --out {folder}` flies another one in its place",
+    )
