@@ -62,6 +62,16 @@ def is_simulated(options: FlightOptions) -> bool:
     return named and "scene" in _field_names(_config_class(options.drone_name, options))
 
 
+def draws_images(options: FlightOptions) -> bool:
+    """Return whether the drone is named, and its images have a size that can be chosen.
+
+    Raises:
+        UnknownNameError: no drone has that name.
+    """
+    named = isinstance(options.drone, str)
+    return named and "image_size_px" in _field_names(_config_class(options.drone_name, options))
+
+
 def _config_class(name: str, options: FlightOptions) -> type[DroneConfig]:
     """Return the configuration class of a named drone: registered, or from a file of leaves.
 

@@ -555,12 +555,31 @@ def test_damaged_lines_and_missing_flights_are_listed_first(tmp_path: Path) -> N
     assert "1 of 5 planned flights were flown" in text
 
 
-@pytest.mark.parametrize("content", [None, "", "rubbish\n"])
-def test_a_folder_without_flights_is_refused(tmp_path: Path, content: str | None) -> None:
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "no flights in this folder; `uav-bt campaign` keeps them in flights.jsonl"),
+        ("", "no flights; expected a file of `uav-bt campaign`, one in a line"),
+        ("rubbish\n", "no flights, 1 damaged line; the first of them: "),
+    ],
+)
+def test_a_folder_without_flights_is_refused(
+    tmp_path: Path, content: str | None, message: str
+) -> None:
     if content is not None:
         (tmp_path / "flights.jsonl").write_text(content)
-    with pytest.raises(FileError, match="no flights"):
+    with pytest.raises(FileError, match=message):
         read_sources([tmp_path])
+
+
+def test_a_campaign_that_was_refused_says_how_it_is_flown(tmp_path: Path) -> None:
+    folder = campaign(tmp_path / "c", planned=5)
+    with pytest.raises(FileError) as refused:
+        read_sources([folder])
+    assert str(refused.value) == (
+        f"{folder}: this campaign has no flight yet; `uav-bt campaign --resume {folder}` flies it, "
+        f"and `uav-bt campaign TREE... --out {folder}` flies another one in its place"
+    )
 
 
 def test_a_page_that_cannot_be_written_raises(tmp_path: Path) -> None:
@@ -604,3 +623,20 @@ def test_the_origin_of_a_campaign_names_what_was_changed_for_it(tmp_path: Path) 
     assert words.startswith("uav-bt fly land_only --scene")
     assert "--set A.b=1 --var laps=3" in words
     assert ("time limit", "60 s") in rows
+
+
+def test_the_origin_of_flights_without_images_names_drone_and_faults(tmp_path: Path) -> None:
+    options = FlightOptions(drone="plain", faults=["random"], vary_room=True, movers=1)
+    plan = make_plan(["land_only"], options, scenes=["val-a"], flights=1)
+    found = dict(origin_table(Provenance(path=tmp_path, plan=plan, runs=())).rows)
+    assert (found["drone"], found["faults"], found["movers"]) == ("plain", "random", "1")
+    assert found["room"] == "boxes placed and sized by the seed"
+    assert not [name for name in found if str(name).startswith(("weights", "images", "masks"))]
+
+
+def test_the_origin_of_flights_in_the_twin_names_images_and_weights(tmp_path: Path) -> None:
+    plan = make_plan(["land_only"], scenes=["val-a"], flights=1)
+    found = dict(origin_table(Provenance(path=tmp_path, plan=plan, runs=())).rows)
+    assert (found["images"], found["masks"]) == ("640x360", "the network's")
+    assert [name for name in found if str(name).startswith("weights")]
+    assert not {"drone", "faults", "room"} & set(found)
