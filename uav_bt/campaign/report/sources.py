@@ -146,7 +146,7 @@ def _without_flights(
         count = "1 damaged line" if len(damaged) == 1 else f"{len(damaged)} damaged lines"
         return FileError(file, f"no flights, {count}; the first of them: {damaged[0]}")
     if plan is None:
-        return FileError(file, "no flights; expected a file of `uav-bt campaign`, one in a line")
+        return FileError(file, "no flights; expected lines that `uav-bt campaign` wrote")
     folder = shlex.quote(str(path))
     return FileError(
         path,

@@ -559,7 +559,7 @@ def test_damaged_lines_and_missing_flights_are_listed_first(tmp_path: Path) -> N
     ("content", "message"),
     [
         (None, "no flights in this folder; `uav-bt campaign` keeps them in flights.jsonl"),
-        ("", "no flights; expected a file of `uav-bt campaign`, one in a line"),
+        ("", "no flights; expected lines that `uav-bt campaign` wrote"),
         ("rubbish\n", "no flights, 1 damaged line; the first of them: "),
     ],
 )
