@@ -47,7 +47,7 @@ class GroundHeightConfig:
             the altimeter, m. A wrong vertical velocity changes it by less: 0.1 m at 0.5 m/s and
             5 Hz. Chosen.
         step_s: Longest time between these altitudes, s. Chosen.
-        calm_s: A second step within this time is no step: the vertical velocity is wrong, s.
+        calm_s: After a second step within this time the vertical velocity counts as wrong, s.
             Chosen.
         gap_s: The height also begins anew after a longer time without velocity or altitude, s.
         agree_m: Below this difference from the altimeter the rangefinder measures the ground, m,
