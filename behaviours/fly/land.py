@@ -181,7 +181,7 @@ class SpotLandingLeaf(LandingLeaf):
         if self.moving(state):
             return Status.RUNNING
         if self.progress is Progress.INTERRUPTED:
-            self._above_spot = False
+            self._above_spot = False  # the step has not ended at the spot
         if self._above_spot and self.progress is Progress.FAILED:
             return self.without_step()
         if self._above_spot:

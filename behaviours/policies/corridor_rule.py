@@ -30,7 +30,7 @@ from uav_bt.types.projection import project
 _ACROSS: int = 9  # samples of the ground's width at each range
 _RANGE_STEP_M = 0.05
 _SHOWN_M = 1.0  # length of the nearest ground in view that must be ground
-_FARTHEST_M = 20.0
+_FARTHEST_M = 20.0  # ground further away is not looked at; bounds the number of samples
 
 
 @dataclass(frozen=True, kw_only=True)

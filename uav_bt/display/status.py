@@ -227,7 +227,7 @@ def summary(report: FlightReport, mark: LandingMark) -> Table:
 
 
 def _add_changes(table: Table, report: FlightReport) -> None:
-    """Add what was given or drawn for the flight: the room, movers and faults."""
+    """Add the room, movers and faults that were given or drawn for the flight."""
     if report.vary_room:
         table.add_row("room", f"boxes placed and sized by the seed {report.seed}")
     if report.movers:

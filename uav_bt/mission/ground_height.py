@@ -26,7 +26,7 @@ from uav_bt.types.dead_reckoning import CARRY_S
 _ALTIMETER: Final = 1.0
 _RANGEFINDER: Final = 0.0
 _SAME_M: Final = 1e-6
-_CLIMBS_MPS: Final = 0.1
+_CLIMBS_MPS: Final = 0.1  # least vertical velocity of a drone that reports one; chosen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,6 +178,7 @@ class GroundHeight:
         if self._measure(_ALTIMETER, altitude_m, cfg.altimeter_m):
             return
         steps = abs(self._off_m - before_m) > cfg.step_m and passed_s <= cfg.step_s
+        # Each climb of a drone that reports no vertical velocity looks like steps.
         if self._reports and steps and altitude_s - self._stepped_s > cfg.calm_s:
             self._standing_m -= self._off_m  # the drone cannot have moved this far
             self._off_m, self._stepped_s = 0.0, altitude_s

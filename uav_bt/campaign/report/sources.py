@@ -141,7 +141,7 @@ def _read(path: Path, notes: list[str]) -> tuple[Provenance, tuple[dict[str, Any
 def _without_flights(
     path: Path, file: Path, plan: CampaignPlan | None, damaged: Sequence[str]
 ) -> FileError:
-    """Return what is wrong with a folder or file that has no flight, and what to do."""
+    """Return the error of a folder or file without a flight, with its remedy."""
     if damaged:
         count = "1 damaged line" if len(damaged) == 1 else f"{len(damaged)} damaged lines"
         return FileError(file, f"no flights, {count}; the first of them: {damaged[0]}")
