@@ -1,7 +1,7 @@
 """A simulated drone without images, for mission tests and many flights.
 
-Autopilot, telemetry, movers and noise are the twin's. Class maps, depth and the motion over the
-ground come from ray casting, with the errors of the networks. Neither MuJoCo nor OpenGL is needed.
+Physics, autopilot, telemetry, movers and noise are the twin's. Class maps, depth and the motion
+over the ground come from ray casting, with the errors of the networks. OpenGL is not needed.
 """
 
 from __future__ import annotations

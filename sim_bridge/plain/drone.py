@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from sim_bridge.plain.airframe import PlainBody
 from sim_bridge.plain.sight import PlainSight
+from sim_bridge.twin.gl import load_physics
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.referee import TwinReferee
@@ -17,6 +17,11 @@ from sim_bridge.twin.simulated_drone import Running, SimulatedDrone
 from sim_bridge.twin.simulation import Capture, Simulation
 from sim_bridge.twin.variation import start_pose
 from uav_bt.types import Frame, Observation
+
+load_physics()  # before the modules below, which import MuJoCo
+
+from sim_bridge.twin.flying_body import FlyingBody  # noqa: E402  (after load_physics)
+from sim_bridge.twin.model import build_model  # noqa: E402  (after load_physics)
 
 _SIZE_PX: Final = (112, 63)  # of the frames, 16:9 as the video
 # The frames show noise, grey levels: they differ from each other as a camera's do, so that a frozen
@@ -66,7 +71,8 @@ class PlainDrone(SimulatedDrone):
         """Build the lab, and put the drone at its take-off point."""
         if self._flight is not None:
             return
-        body = PlainBody(self.scene, lag_s=self.profile.thrust_lag_s)
+        lab = build_model(self.scene, drawn=False)
+        body = FlyingBody(lab, lag_s=self.profile.thrust_lag_s)
         start = start_pose(self.scene, self._seed)
         simulation = Simulation(self.scene, body, self.profile, self._seed, start)
         sight = PlainSight(self.scene, simulation, self._seed)

@@ -79,6 +79,27 @@ def load_mujoco() -> None:
     _import_for(choose_gl(), "mujoco")
 
 
+def load_physics() -> None:
+    """Import MuJoCo for a drone without images; it also works where OpenGL does not.
+
+    Drawing is turned off only there, so that a twin of the same process can draw elsewhere.
+
+    Raises:
+        MissingDependencyError: MuJoCo is not installed.
+    """
+    try:
+        load_mujoco()
+    except (MissingDependencyError, UnknownNameError):
+        asked = os.environ.pop("MUJOCO_GL", None)
+        os.environ["MUJOCO_GL"] = "disable"
+        try:
+            _import_for("disable", "mujoco")
+        finally:
+            del os.environ["MUJOCO_GL"]
+            if asked is not None:
+                os.environ["MUJOCO_GL"] = asked
+
+
 def open_context(width_px: int, height_px: int) -> Any:
     """Return a new GL context of MuJoCo's selected backend.
 

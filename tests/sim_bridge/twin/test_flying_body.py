@@ -1,0 +1,154 @@
+"""The drone's body in MuJoCo: what it touches, what stops it, and how far it is from obstacles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sim_bridge.twin.body import CONTROL_STEP_S, Motion
+from sim_bridge.twin.flying_body import FlyingBody
+from sim_bridge.twin.model import build_model
+from sim_bridge.twin.movers import MoverSpec
+from sim_bridge.twin.objects import BoxSpec, Helipad
+from sim_bridge.twin.routes import Traffic
+from sim_bridge.twin.scene import GroundSpec, Scene, TakeOffSpec
+from sim_bridge.twin.scene_file import load_scene
+from tests.sim_bridge.twin.room_world import LAB, alone, scene_of, write_lab
+
+OUTLINE = "outline_m: [[-3, -2], [3, -2], [3, 0], [0, 0], [0, 2], [-3, 2]]"
+STANDING_M = 0.05
+AT_REST = TakeOffSpec(position_m=(0.0, 0.0))
+OPEN = Scene(name="open", ground=GroundSpec(size_m=(12.0, 12.0)), take_off=AT_REST)
+BOXES = replace(
+    OPEN,
+    ground=GroundSpec(size_m=(4.0, 4.0)),
+    boxes=(
+        BoxSpec(pattern=1, position_m=(1.0, 0.0), size_m=(0.4, 1.0, 2.0), yaw_deg=20.0),
+        BoxSpec(pattern=2, position_m=(-1.0, 0.0), size_m=(0.5, 0.5, 0.5)),
+    ),
+)
+PAD = replace(BOXES, take_off=TakeOffSpec(), helipad=Helipad(position_m=(0.0, 0.0)))
+
+
+def body_in(scene: Scene) -> FlyingBody:
+    return FlyingBody(build_model(scene, drawn=False), lag_s=0.12)
+
+
+def advance(
+    body: FlyingBody, seconds: float, push_mps2: tuple[float, float, float] | None
+) -> Motion:
+    """Advance with a demanded acceleration; None: motors off."""
+    for _ in range(round(seconds / CONTROL_STEP_S)):
+        if push_mps2 is None:
+            body.drop()
+        else:
+            body.fly(body.motion(), push_mps2, 0.0, (0.0, 0.0, 0.0))
+        body.advance()
+    return body.motion()
+
+
+@pytest.mark.parametrize(
+    ("scene", "push_mps2", "contact"),
+    [
+        (OPEN, (1.0, 0.0, 0.0), "wall-east"),
+        (OPEN, (0.0, -1.0, 0.0), "wall-south"),
+        (OPEN, (0.0, 0.0, 1.0), "ceiling"),
+        (load_scene("depot-train-b"), (0.0, 0.0, 1.0), "ceiling"),
+        (load_scene("depot-train-b"), None, "ground"),
+    ],
+)
+def test_the_room_stops_it(
+    scene: Scene, push_mps2: tuple[float, float, float] | None, contact: str
+) -> None:
+    body = body_in(scene)
+    body.place(0.0, 0.3, 1.0, 0.0)
+    end = advance(body, 6.0, push_mps2)
+    assert body.contacts() == (contact,)
+    assert math.hypot(end.vx_mps, end.vy_mps, end.vz_mps) < 0.01
+
+
+def test_a_box_stops_it_and_the_contact_ends_with_the_retreat() -> None:
+    body = body_in(BOXES)
+    body.place(0.0, 0.0, 1.0, math.radians(20.0))
+    assert advance(body, 3.0, (1.0, 0.0, 0.0)).x_m < 0.75
+    assert body.contacts() == ("box-1",)
+    assert body.clearance_m() < 0.005
+    advance(body, 1.0, (-1.0, 0.0, 0.0))
+    assert body.contacts() == ()
+    assert body.clearance_m() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("place", "contact", "rests_m"),
+    [
+        ((0.1, 0.1), "mark", 0.4),
+        ((-0.95, 0.0), "box-2", 0.5),
+        ((0.0, -1.0), "ground", 0.0),
+        ((0.0, -2.5), "floor", -0.004),
+    ],
+)
+def test_with_motors_off_it_falls_and_rests_on_what_is_below(
+    place: tuple[float, float], contact: str, rests_m: float
+) -> None:
+    body = body_in(PAD)
+    body.place(*place, 1.0, 0.3)
+    advance(body, 0.1, (1.0, 0.0, 0.0))
+    end = advance(body, 2.0, None)
+    assert body.contacts() == (contact,)
+    assert end.z_m == pytest.approx(rests_m + STANDING_M, abs=2e-3)
+    assert max(abs(end.roll_rad), abs(end.pitch_rad)) < 1e-2
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder"])
+def test_a_mover_pushes_a_standing_drone_away(shape: str) -> None:
+    mover = MoverSpec(path_m=((-1.0, 0.0), (3.0, 0.0)), speed_mps=1.0, shape=shape)
+    scene = replace(OPEN, movers=(mover,), take_off=replace(OPEN.take_off, position_m=(0.0, 3.0)))
+    body, traffic = body_in(scene), Traffic(scene.movers, 0)
+    body.place(0.0, 0.0, STANDING_M, 0.0)
+    touched: set[str] = set()
+    for step in range(200):
+        body.place_movers(traffic.at(CONTROL_STEP_S * step))
+        advance(body, CONTROL_STEP_S, None)
+        touched |= set(body.contacts())
+    assert touched == {"ground", "mover-1"}
+    assert body.motion().x_m > 0.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "level_m"),
+    [("drum", 0.6), ("crate", 0.3), ("table", 0.78), ("rack", 1.96), ("cone", 0.3)],
+)
+def test_every_shape_of_a_lab_is_touched_by_its_name(
+    tmp_path: Path, kind: str, level_m: float
+) -> None:
+    """From above and from two sides."""
+    scene = alone(write_lab(tmp_path / "hall"), kind)
+    body = body_in(scene)
+    for place, push in (
+        ((0.1, -0.1, scene.placed[0].shape.kind.size_m[2] + 0.15), None),
+        ((-1.2, -0.1, level_m), (0.5, 0.0, 0.0)),
+        ((0.1, 1.2, level_m), (0.0, -0.5, 0.0)),
+    ):
+        body.place(*place, 0.4)
+        while not body.contacts():
+            advance(body, CONTROL_STEP_S, push)
+        assert body.contacts() == (f"{kind}-1",)
+        assert body.clearance_m() < 0.02
+
+
+def test_a_ground_with_an_outline_carries_it(tmp_path: Path) -> None:
+    folder = write_lab(tmp_path / "hall", LAB.replace("size_m: [6, 4]", OUTLINE))
+    body = body_in(scene_of(folder, "take_off: {from: [-2.0, -1.0]}\n"))
+    for place_m in ((-1.0, 1.0), (2.0, -1.0)):
+        body.place(*place_m, 0.5, 0.3)
+        assert advance(body, 1.5, None).z_m == pytest.approx(STANDING_M, abs=2e-3)
+        assert body.contacts() == ("ground",)
+
+
+def test_without_boxes_the_clearance_is_infinite() -> None:
+    body = body_in(OPEN)
+    body.place(0.0, 0.0, 1.0, 0.0)
+    assert body.clearance_m() == math.inf
