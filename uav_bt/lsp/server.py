@@ -70,8 +70,10 @@ class _Session:
         items = []
         for name in names:
             edit = types.TextEdit(part, name.text + name.more)
-            doc = _markdown(name.doc)
-            items.append(types.CompletionItem(name.text, documentation=doc, text_edit=edit))
+            # Neovim 0.11 filters by `filter_text` alone.
+            item = types.CompletionItem(name.text, filter_text=name.text, text_edit=edit)
+            item.documentation = _markdown(name.doc)
+            items.append(item)
         return items
 
     def hover(self, params: types.HoverParams) -> types.Hover | None:
