@@ -25,7 +25,6 @@ from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.loader import check_text, findings_of
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.parameters import Parameters
-from uav_bt.tree.loading.sarif import sarif_log
 from uav_bt.tree.loading.source import MAX_BYTES, read_source
 from uav_bt.tree.loading.together import FilesTogether
 from uav_bt.tree.shipped import STARTERS, resolve_tree, tree_files, write_starter
@@ -40,12 +39,7 @@ _STDIN: Final = "-"  # as a TREE
 @tree_folders_option
 @parameter_options
 @lab_option
-@format_option(
-    "text",
-    "json",
-    "sarif",
-    help_="json: one object a line and file, with its findings. sarif: for code review tools.",
-)
+@format_option("text", "json", help_="json: one object a line and file, with its findings.")
 @click.pass_context
 def check(
     ctx: click.Context,
@@ -75,11 +69,8 @@ def check(
                 (error or warning) and rule, a name that stays; path is
                 that of an included file if the mistake is there, line and
                 column count from 1 and are null for the file as a whole
-
-    sarif is one log of SARIF 2.1.0 with a run for all files; their paths are relative to the folder
-    in which the command is called.
     """  # noqa: D301  (click needs the backspace)
-    reports = []
+    refused = False
     lookup = tree_folders.lookup()
     one = bool(parameters or lab)
     if one and (len(trees) > 1 or Path(trees[0]).is_dir()):
@@ -100,14 +91,12 @@ def check(
             else _reports(tree, registry, tree_id, lookup)
         )
         for path, findings in found:
-            reports.append((path, findings))
+            refused |= bool(errors_of(findings))
             if format_ == "json":
                 click.echo(_as_json(path, findings))
-            elif format_ == "text":
+            else:
                 _print(path, findings)
-    if format_ == "sarif":
-        click.echo(sarif_log(reports, Path.cwd()))
-    if any(errors_of(findings) for _, findings in reports):
+    if refused:
         ctx.exit(InputError.exit_code)
 
 
@@ -215,7 +204,7 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
                     "node": finding.node,
                     "message": finding.message,
                     "severity": finding.severity,
-                    "rule": finding.rule.id,
+                    "rule": finding.rule.value,
                 }
                 for finding in findings
             ],

@@ -15,7 +15,6 @@ _INSTEAD: Final = {
     "net export segmentation": "'uav-bt lab train LAB' writes the network in 8-bit integers",
     "net evaluate segmentation": "'uav-bt lab check LAB' scores a network on picks, and "
     "benchmarks/segmentation.py on the twin's exact classes",
-    "tree diff": "run 'uav-bt tree format --write' on both files and compare them with 'git diff'",
     "tree migrate": "use convert_v3_to_v4.py, which comes with BehaviorTree.CPP",
     "net pick": "'uav-bt lab pick LAB' picks on the images in the folder frames/ of a lab",
     "view --video": "'uav-bt fly --video FILE' makes the film in flight, and in Python "

@@ -16,7 +16,7 @@ from uav_bt.tree.loading.palette import read_palette, with_palette
 _LEAVES: Final[Decorator] = click.option(
     LEAVES_FLAG, "leaves", metavar="FILE.py", type=INPUT, multiple=True, help=WHICH_LEAVES
 )
-palette_option: Final[Decorator] = click.option(
+_PALETTE: Final[Decorator] = click.option(
     "--palette",
     metavar="FILE",
     type=INPUT,
@@ -47,4 +47,4 @@ def registry_with(leaves: tuple[Path, ...], palette: Path | None) -> NodeRegistr
 
 
 leaves_option: Final = grouped("registry", _with_leaves, leaves=_LEAVES)
-registry_options: Final = grouped("registry", registry_with, leaves=_LEAVES, palette=palette_option)
+registry_options: Final = grouped("registry", registry_with, leaves=_LEAVES, palette=_PALETTE)

@@ -163,12 +163,11 @@ class _Root(LazyGroup):
 
 _TREE: Final = LazyGroup(
     "tree",
-    help="List nodes; draw and format tree files, write their schema.",
+    help="List nodes; draw tree files, write their schema.",
     lazy={
         "nodes": ("uav_bt.cli.tree:nodes", "List the nodes that tree files can use."),
         "render": ("uav_bt.cli.tree:render", "Draw a tree file, with its subtrees in place."),
         "schema": ("uav_bt.cli.tree:schema", "Write an XML Schema of tree files."),
-        "format": ("uav_bt.cli.tree_text:format_trees", "Lay tree files out."),
     },
 )
 _RECORD: Final = LazyGroup(

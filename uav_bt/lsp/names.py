@@ -1,213 +1,174 @@
-"""Names of trees, variables and board keys in a document, for definitions and renaming."""
+"""Names that can stand at a cursor: nodes, attributes, trees, variables, board keys, policies."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum
-from functools import lru_cache
-from typing import Final
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
-from uav_bt.lsp.page import Page, node_id_of, tree_of
+from uav_bt.board import Key
+from uav_bt.lsp.markup import Attribute, Tag, place, tags
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.editing.markup import Attribute, Branch, resolve
-from uav_bt.tree.expanded import ExpandedNode
-from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
-from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
+from uav_bt.tree.loading.builder import POLICY_PORT
+from uav_bt.tree.loading.elements import KIND_TAGS
+from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.models import PORT_DIRECTIONS
+from uav_bt.tree.loading.source import walk
+from uav_bt.tree.loading.variable_checker import key_fits
+from uav_bt.tree.node import NodeKind
+from uav_bt.tree.node_page import section
+from uav_bt.tree.port import Port, port_text
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.script import SCRIPTS, ScriptError, parse_script, parse_text
-from uav_bt.tree.script.expressions import Assignment
-from uav_bt.tree.script.parser import tokenize
-from uav_bt.tree.script.text import names_in_text
+from uav_bt.tree.script import SCRIPTS, parse_text
 
-SUBTREE: Final = NodeKind.SUBTREE.value
-_FIXED: Final = frozenset({"ID", "name", "_autoremap", *EDITOR_ATTRIBUTES})
-_REFERENCE: Final = re.compile(r"\s*\{\s*(@?)([A-Za-z_][A-Za-z0-9_.\-]*|=)\s*\}\s*")
-# Ports whose text is a variable's name, without braces.
-_NAMING: Final = {
-    SetBlackboard.node_id: SetBlackboard.OUTPUT_KEY.name,
-    UnsetBlackboard.node_id: UnsetBlackboard.KEY.name,
-}
-
-# Names in a script: name, offset, whether on the board, whether written there.
-_Names = tuple[tuple[str, int, bool, bool], ...]
+_SUBTREE: Final = NodeKind.SUBTREE.value
+_GENERIC: Final = ("name", *sorted(CONDITION_ATTRIBUTES))
+_NO_NODES: Final = {"root": ("BTCPP_format", "main_tree_to_execute"), "BehaviorTree": ("ID",)}
+# A variable stands between braces, is assigned in a script, or is named by SetBlackboard.
+_VARIABLE: Final = re.compile(
+    r"\{\s*([A-Za-z_][\w.\-]*)\s*\}|\b([A-Za-z_]\w*)\s*:=|\boutput_key\s*=\s*[\"'](\w+)"
+)
 
 
-class What(Enum):
-    """Kinds of things that have names."""
+class Name(NamedTuple):
+    """A name that can stand at the cursor."""
 
-    TREE = "tree"
-    VARIABLE = "variable"
-    KEY = "board key"
-
-
-@dataclass(frozen=True, slots=True)
-class Use:
-    """One place where something is named."""
-
-    what: What
-    name: str
-    tree: str  # the tree whose variable it is, or that stands around; empty for none
-    start: int  # of the name in the text
-    end: int
-    branch: Branch
-    attribute: str
-    defines: bool = False  # the ID of a BehaviorTree, or a variable that is written here
-    entry: bool = False  # the name of a SubTree's entry, which is a variable of the tree inside
-    same: bool = False  # written as `{=}`
+    text: str
+    doc: str = ""  # Markdown
+    more: str = ""  # what completion writes behind it
 
 
-class _Text:
-    """An attribute's text, and the offset of each of its characters in the document."""
+@dataclass(frozen=True)
+class Names:
+    """Finds the names of a registry, of other files, and of a document's text."""
 
-    def __init__(self, found: Attribute) -> None:
-        self.attribute = found.name
-        self.text, self._start = found.value, found.value_start
-        self._places: list[int] | None = None  # None: as they follow each other
-        if "&" in found.value:
-            self.text, self._places = resolve(found.value)
+    registry: NodeRegistry
+    lookup: Lookup
+    path: Path  # of the document
+    text: str
 
-    def place(self, start: int, end: int) -> tuple[int, int]:
-        """Return the offsets of a part of the text in the document."""
-        places = self._places
-        if places is None:
-            return self._start + start, self._start + end
-        return self._start + places[start], self._start + places[end]
+    def at(self, offset: int) -> tuple[int, int, list[Name]]:
+        """Return the part of the text that a cursor is in, and the names that can stand there."""
+        tag, around = place(self.text, offset)
+        if tag is None:
+            return offset, offset, []
+        if tag.is_end:
+            more = "" if tag.closing else ">"
+            return tag.start + 2, tag.name_end, [Name(one, more=more) for one in around[-1:]]
+        if offset <= tag.name_end:
+            return tag.start + 1, tag.name_end, [*self._elements(around)]
+        found = tag.attribute_at(offset)
+        if found is not None and 0 < found.value_start <= offset:
+            return self._in_value(tag, found, offset)
+        start, end = (offset, offset) if found is None else (found.start, found.name_end)
+        more = '=""' if found is None or found.value_start < 0 else ""
+        given = {one.name for one in tag.attributes if one is not found}
+        names = self._attributes(tag).items()
+        return start, end, [Name(name, doc, more) for name, doc in names if name not in given]
 
+    def _elements(self, around: list[str]) -> Iterator[Name]:
+        if "BehaviorTree" in around:
+            yield from self._nodes()
+            yield from (Name(f'{_SUBTREE} ID="{tree_id}"') for tree_id in self._trees())
+        else:
+            yield from map(Name, ("BehaviorTree", "include") if around else ("root",))
 
-def node_of(branch: Branch, registry: NodeRegistry) -> type[Node] | None:
-    """Return the class of a node, None for an unknown one."""
-    if branch.tag.name == SUBTREE:
-        node = registry.get(branch.text("ID"))
-        if node is not None and issubclass(node, ExpandedNode):
-            return node
-    return registry.get(node_id_of(branch))
+    def _nodes(self, kind: str = "") -> Iterator[Name]:
+        for node in (self.registry[node_id] for node_id in self.registry):
+            if kind in {"", node.kind.value}:
+                yield Name(node.node_id, "\n\n".join(section(node, self.registry)))
 
+    def _trees(self) -> list[str]:
+        own = [tag.value("ID") for tag in tags(self.text) if tag.name == "BehaviorTree"]
+        return sorted({*own, *self.lookup.library.trees, *self.lookup.shipped.trees} - {""})
 
-def uses_of(page: Page, registry: NodeRegistry) -> list[Use]:
-    """Return all names of a document, in the order of its elements."""
-    return [use for branch in page.walk() for use in _of_branch(branch, registry)]
+    def _ports(self, tag: Tag) -> dict[str, Port[Any]]:
+        explicit = tag.name in KIND_TAGS and tag.name != _SUBTREE
+        node = self.registry.get(tag.value("ID") if explicit else tag.name)
+        return {} if node is None else {port.name: port for port in node.ports}
 
+    def _attributes(self, tag: Tag) -> dict[str, str]:
+        """Return the attributes that an element can have, with their documentation."""
+        if tag.name in _NO_NODES:
+            return dict.fromkeys(_NO_NODES[tag.name], "")
+        found = {name: _of_port(port) for name, port in self._ports(tag).items()}
+        if tag.name == _SUBTREE:
+            found |= {**self._entries(tag.value("ID")), "_autoremap": ""}
+        explicit = {"ID": ""} if tag.name in KIND_TAGS else {}
+        return found | explicit | dict.fromkeys(_GENERIC, "")
 
-def _of_branch(branch: Branch, registry: NodeRegistry) -> Iterator[Use]:
-    tag, parent = branch.tag.name, branch.parent
-    if tag == "BehaviorTree":
-        yield from _tree(branch, "ID", defines=True)
-    elif tag == "root":
-        yield from _tree(branch, "main_tree_to_execute")
-    elif parent is not None and parent.tag.name == "TreeNodesModel":
-        yield from _tree(branch, "ID") if tag == SUBTREE else ()
-    elif parent is not None and parent.tag.name == SUBTREE:
-        name = branch.attribute("name")  # a port of a described subtree
-        if name is not None:
-            yield _entry(branch, name, parent.text("ID"), name.value_start, name.value_end)
-    elif (around := tree_of(branch)) is not None:
-        yield from _of_node(branch, around.text("ID"), registry)
+    def _entries(self, tree_id: str) -> dict[str, str]:
+        """Return the ports of a subtree that another file describes."""
+        files = [file for _, file in self.lookup.find(tree_id, self.path)]
+        return {
+            port.attributes.get("name", ""): port.text
+            for model in (one for file in files for one in walk(file.root))
+            if (model.tag, model.attributes.get("ID")) == (_SUBTREE, tree_id)
+            for port in model.children
+            if port.tag in PORT_DIRECTIONS
+        }
 
+    def _in_value(self, tag: Tag, attribute: Attribute, at: int) -> tuple[int, int, list[Name]]:
+        before = self.text[attribute.value_start : at]
+        after = self.text[at : attribute.value_end]
+        port = self._ports(tag).get(attribute.name)
+        check = None if port is None else port.check
+        if attribute.name not in CONDITION_ATTRIBUTES and check not in SCRIPTS:
+            # With a blank in it, the value is rather an open quote that reaches too far.
+            end = at if re.search(r"\s", after) else attribute.value_end
+            return attribute.value_start, end, [*self._literals(tag, attribute.name, port, at)]
+        if check is parse_text and "{" not in before.rpartition("}")[2]:
+            return at, at, []  # the names in a text are between braces
+        start = at - len(re.split(r"[^\w@]", before)[-1])
+        end = at + len(re.split(r"\W", after)[0])
+        keys = self.registry.board_keys.values()
+        plain = (key for key in keys if issubclass(key.type, (int, float, str)))
+        on_board = (Name(f"@{key.name}", _of_key(key)) for key in plain)
+        return start, end, [*map(Name, self._variables(at)), *on_board]
 
-def _tree(branch: Branch, attribute: str, *, defines: bool = False) -> Iterator[Use]:
-    found = branch.attribute(attribute)
-    if found is not None:
-        name = resolve(found.value)[0]
-        place = (found.value_start, found.value_end)
-        yield Use(What.TREE, name, name, *place, branch, attribute, defines=defines)
+    def _literals(self, tag: Tag, name: str, port: Port[Any] | None, at: int) -> Iterator[Name]:
+        if (tag.name, name) in {("root", "main_tree_to_execute"), (_SUBTREE, "ID")}:
+            yield from map(Name, self._trees())
+        elif name == "ID" and tag.name in KIND_TAGS:
+            yield from self._nodes(tag.name)
+        elif port is not None or tag.name == _SUBTREE:
+            yield from () if port is None else map(Name, self._choices(port))
+            yield from (Name(f"{{{one}}}") for one in self._variables(at))
+            keys = self.registry.board_keys.values()
+            fitting = (key for key in keys if port is None or key_fits(port, key))
+            yield from (Name(f"{{@{key.name}}}", _of_key(key)) for key in fitting)
 
+    def _choices(self, port: Port[Any]) -> list[str]:
+        if port.name == POLICY_PORT:
+            return sorted(self.registry.policies or ())
+        if port.type is bool:
+            return ["true", "false"]
+        default = () if port.default is Port.REQUIRED else (port.default,)
+        return [port_text(value) for value in port.choices or default]
 
-def _entry(branch: Branch, found: Attribute, tree: str, start: int, end: int) -> Use:
-    name = found.name if start == found.start else resolve(found.value)[0]
-    return Use(What.VARIABLE, name, tree, start, end, branch, found.name, entry=True)
-
-
-def _of_node(branch: Branch, tree: str, registry: NodeRegistry) -> Iterator[Use]:
-    node = node_of(branch, registry)
-    is_subtree = branch.tag.name == SUBTREE
-    if is_subtree:
-        yield from _tree(branch, "ID")
-        # The ports of a node that is made of a tree are those of its class.
-        is_subtree = node is None or not issubclass(node, ExpandedNode)
-    for found in branch.tag.attributes:
-        if found.name in _FIXED:
-            continue
-        text = _Text(found)
-        if found.name in CONDITION_ATTRIBUTES or is_script(node, found.name):
-            if _REFERENCE.fullmatch(text.text) is None:
-                names = _in_placeholders if is_text(node, found.name) else _names_in
-                yield from _script(branch, text, tree, names(text.text))
-                continue
-        elif is_subtree:
-            end = found.start + len(found.name)
-            yield _entry(branch, found, branch.text("ID"), found.start, end)
-        yield from _value(branch, node, text, tree)
-
-
-def is_script(node: type[Node] | None, attribute: str) -> bool:
-    """Return whether a port of a node takes a script."""
-    ports = () if node is None else node.ports
-    return any(port.name == attribute and port.check in SCRIPTS for port in ports)
-
-
-def is_text(node: type[Node] | None, attribute: str) -> bool:
-    """Return whether a port of a node takes a text with placeholders."""
-    ports = () if node is None else node.ports
-    return any(port.name == attribute and port.check is parse_text for port in ports)
-
-
-def _value(branch: Branch, node: type[Node] | None, value: _Text, tree: str) -> Iterator[Use]:
-    attribute, text = value.attribute, value.text
-    ports = () if node is None else node.ports
-    port = next((one for one in ports if one.name == attribute), None)
-    match = _REFERENCE.fullmatch(text)
-    if match is None:
-        if node is not None and _NAMING.get(node.node_id) == attribute and text:
-            place = value.place(0, len(text))
-            yield Use(What.VARIABLE, text, tree, *place, branch, attribute, defines=True)
-        return
-    same = match[2] == "="
-    name = attribute if same else match[2]
-    what = What.KEY if match[1] else What.VARIABLE
-    written = port is not None and port.direction != "input"
-    place = value.place(*match.span(2))
-    yield Use(what, name, tree, *place, branch, attribute, defines=written, same=same)
-
-
-def _script(branch: Branch, value: _Text, tree: str, names: _Names) -> Iterator[Use]:
-    for name, start, on_board, written in names:
-        what = What.KEY if on_board else What.VARIABLE
-        place = value.place(start, start + len(name))
-        yield Use(what, name, tree, *place, branch, value.attribute, defines=written)
+    def _variables(self, at: int) -> list[str]:
+        """Return the variables of the document, without the name that is being typed."""
+        subtrees = (tag for tag in tags(self.text) if tag.name == _SUBTREE)
+        found = {one.name for tag in subtrees for one in tag.attributes}
+        uses = (one for one in _VARIABLE.finditer(self.text) if not one.start() < at <= one.end())
+        found.update(name for one in uses for name in one.groups() if name)
+        return sorted(found - {"ID", "_autoremap", *_GENERIC})
 
 
-def _in_placeholders(text: str) -> _Names:
-    """Return the names in a text's placeholders, as `_names_in` does."""
-    return tuple(
-        (name.removeprefix("@"), start + name.startswith("@"), name.startswith("@"), False)
-        for name, start in names_in_text(text)
-    )
+def _of_port(port: Port[Any]) -> str:
+    kind = " or ".join(map(port_text, port.choices)) or port.type.__name__
+    direction = "" if port.direction == "input" else port.direction
+    default = "" if port.default is Port.REQUIRED else f"default {port_text(port.default)}"
+    required = "required" if port.required else ""
+    facts = ", ".join(filter(None, (kind, port.range, direction, default, required)))
+    return f"`{port.name}` ({facts}): {port.doc}"
 
 
-@lru_cache(maxsize=4096)  # of the scripts of a document, a keystroke changes one
-def _names_in(text: str) -> _Names:
-    """Return the names of a script: name, offset, whether on the board, whether written here."""
-    try:
-        tokens = tokenize(text)
-    except ScriptError:
-        return ()
-    written = _assigned(text)
-    found = []
-    for token in tokens:
-        if token.kind == "name" and token.text not in {"true", "false"}:
-            on_board = token.text.startswith("@")
-            name = token.text.removeprefix("@")
-            defines = not on_board and name in written
-            found.append((name, token.column - 1 + on_board, on_board, defines))
-    return tuple(found)
-
-
-def _assigned(text: str) -> frozenset[str]:
-    try:
-        parts = parse_script(text).walk()
-        return frozenset(part.name for part in parts if isinstance(part, Assignment))
-    except ScriptError:
-        return frozenset()
+def _of_key(key: Key[Any]) -> str:
+    age = "" if key.max_age_s == math.inf else f"at most {key.max_age_s:g} s old"
+    writer = f"written by {key.writer}" if key.writer else ""
+    facts = ", ".join(filter(None, (key.type.__name__, key.unit, age, writer)))
+    return f"`@{key.name}` ({facts}): {key.doc}"

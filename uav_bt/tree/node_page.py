@@ -24,7 +24,7 @@ def node_page(registry: NodeRegistry) -> str:
     nodes = [registry[name] for name in registry if registry[name] not in BUILTIN_NODES]
     links = ", ".join(f"[{node.node_id}](#{node.node_id.lower()})" for node in nodes)
     sections = [f"# Nodes\n\n{links}"]
-    sections += ["\n\n".join(_section(node, registry)) for node in nodes]
+    sections += ["\n\n".join(section(node, registry)) for node in nodes]
     return "\n\n".join(sections) + "\n"
 
 
@@ -34,7 +34,8 @@ def example(info: NodeInfo) -> str:
     return f"<{info.node_id}{given}/>"
 
 
-def _section(node: type[Node], registry: NodeRegistry) -> Iterator[str]:
+def section(node: type[Node], registry: NodeRegistry) -> Iterator[str]:
+    """Yield the paragraphs about a node, in Markdown."""
     info = describe(node, registry)
     yield f"## {info.node_id}"
     # The attributes of a class have a table here.

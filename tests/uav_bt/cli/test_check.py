@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -147,83 +146,6 @@ def test_json_tells_where_the_xml_breaks(tmp_path: Path) -> None:
     (line,) = run("check", broken, "--format", "json").stdout.splitlines()
     (finding,) = json.loads(line)["findings"]
     assert (finding["line"], finding["message"][:19]) == (4, "not well-formed XML")
-
-
-# --- SARIF ----------------------------------------------------------------------------------------
-
-
-def sarif(*args: object, code: int = 2) -> dict[str, Any]:
-    """Check, and return the one run of the log."""
-    result = run("check", *args, "--format", "sarif")
-    assert (result.exit_code, result.stderr) == (code, "")
-    log = json.loads(result.stdout)
-    assert log["version"] == "2.1.0"
-    (only,) = log["runs"]
-    assert isinstance(only, dict)
-    return only
-
-
-def test_sarif_has_rule_level_and_place_of_each_finding(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    body = '<Sequence>\n<TakOff/>\n<Land\n  _skpIf="true"/>\n</Sequence>'
-    tree_file(tmp_path, body, "my mission.xml")
-    log = sarif("my mission.xml")
-    driver = log["tool"]["driver"]
-    assert driver["name"] == "uav-bt check"
-    rules = driver["rules"]
-    assert len({rule["id"] for rule in rules}) == len(rules)
-    assert all(rule["shortDescription"]["text"] for rule in rules)
-    unknown, meaningless = log["results"]
-    assert unknown == {
-        "ruleId": "unknown-node",
-        "ruleIndex": [rule["id"] for rule in rules].index("unknown-node"),
-        "level": "error",
-        "message": {"text": "TakOff: unknown node 'TakOff'; did you mean 'TakeOff'?"},
-        "locations": [
-            {
-                "physicalLocation": {
-                    "artifactLocation": {"uri": "my%20mission.xml", "uriBaseId": "%SRCROOT%"},
-                    "region": {"startLine": 4, "startColumn": 1},
-                }
-            }
-        ],
-    }
-    assert (meaningless["ruleId"], meaningless["level"]) == ("no-meaning", "warning")
-    where = meaningless["locations"][0]["physicalLocation"]["region"]
-    assert where == {"startLine": 6, "startColumn": 3}
-    assert "%SRCROOT%" in log["originalUriBaseIds"]
-
-
-def test_sarif_of_a_folder_names_good_and_refused_files_in_one_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    home = tmp_path / "home"
-    (home / "trees").mkdir(parents=True)
-    monkeypatch.chdir(home)
-    tree_file(home / "trees", HOP, "a.xml")
-    tree_file(home / "trees", "<Sequence>", "b.xml")
-    outside = tree_file(tmp_path, "<TakOff/>", "outside.xml")
-    log = sarif("trees", outside, "absent.xml")
-    uris = [artifact["location"]["uri"] for artifact in log["artifacts"]]
-    assert uris == ["trees/a.xml", "trees/b.xml", f"file://{outside}", "absent.xml"]
-    found = [
-        (each["ruleId"], each["locations"][0]["physicalLocation"]["artifactLocation"]["uri"])
-        for each in log["results"]
-    ]
-    assert found == [
-        ("file", "trees/b.xml"),
-        ("unknown-node", f"file://{outside}"),
-        ("file", "absent.xml"),
-    ]
-    # A missing file has no lines, but viewers hide results without a line.
-    assert log["results"][2]["locations"][0]["physicalLocation"]["region"] == {"startLine": 1}
-
-
-def test_sarif_of_good_files_has_no_results(tmp_path: Path) -> None:
-    log = sarif(tree_file(tmp_path, HOP), code=0)
-    assert (log["results"], len(log["artifacts"])) == ([], 1)
 
 
 @pytest.mark.parametrize(

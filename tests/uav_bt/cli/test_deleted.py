@@ -14,7 +14,6 @@ from tests.uav_bt.cli.cli_world import run
         ("net train segmentation", "net train segmentation", "uav-bt lab train LAB"),
         ("net export segmentation", "net export segmentation", "uav-bt lab train LAB"),
         ("net evaluate segmentation", "net evaluate segmentation", "uav-bt lab check LAB"),
-        ("tree diff a.xml b.xml", "tree diff", "compare them with 'git diff'"),
         ("tree migrate old.xml --out new.xml", "tree migrate", "use convert_v3_to_v4.py, which"),
         ("net pick photos", "net pick", "'uav-bt lab pick LAB' picks on the images"),
         ("serve-anafi --media-name x", "serve-anafi --media-name", "called as on the real device"),

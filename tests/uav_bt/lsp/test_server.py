@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from urllib.parse import quote
 
 import pytest
 from lsprotocol import types
-from pygls.exceptions import JsonRpcException
 
-from tests.uav_bt.lsp.editor import Editor, applied
+from tests.uav_bt.lsp.editor import Editor
 from uav_bt.tree.loading.loader import check_file
-from uav_bt.tree.loading.lookup import Lookup
 
 MISSION = """\
 <root BTCPP_format="4" main_tree_to_execute="Mission">
@@ -20,315 +18,261 @@ MISSION = """\
   <BehaviorTree ID="Mission">
     <Sequence name="all">
       <Script code="speed := 0.5; goal := 1"/>
-      <SubTree ID="Round" count="{goal}" limit="{=}"/>
+      <SubTree ID="Round" count="{goal}"/>
       <Explore policy="corridor"/>
       <AlwaysSuccess _skipIf="speed &gt; 1 &amp;&amp; @height_above_ground_m &lt; 2"/>
       <SubTree ID="Lib"/>
     </Sequence>
   </BehaviorTree>
   <BehaviorTree ID="Round">
-    <Sequence>
-      <Script code="count += 1; limit := 2"/>
-      <SubTree ID="Deep" _autoremap="true"/>
-    </Sequence>
-  </BehaviorTree>
-  <BehaviorTree ID="Deep">
-    <ScriptCondition code="count &gt; 2"/>
+    <Script code="count += 1"/>
   </BehaviorTree>
 </root>
 """
 LIB = '<root BTCPP_format="4">\n<BehaviorTree ID="Lib"><AlwaysSuccess/></BehaviorTree>\n</root>\n'
+USER = '<root BTCPP_format="4"><BehaviorTree ID="User"><SubTree ID="Part"/></BehaviorTree></root>'
+PART = '<root BTCPP_format="4"><BehaviorTree ID="Part"><AlwaysSuccess/></BehaviorTree></root>'
 
 
 @pytest.fixture(scope="module")
-def editor() -> Iterator[Editor]:
-    running = Editor()
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the editor's folder, whose name has a blank and a hash."""
+    path = tmp_path_factory.mktemp("My Missions #1").resolve()
+    (path / "parts").mkdir()
+    return path
+
+
+@pytest.fixture(scope="module")
+def editor(folder: Path) -> Iterator[Editor]:
+    running = Editor(folder)
     yield running
     assert running.close() == 0
 
 
 class Document:
-    """A document in a folder with its included files."""
+    """An open document."""
 
-    def __init__(self, editor: Editor, folder: Path, text: str = MISSION) -> None:
-        (folder / "lib.xml").write_text(LIB, encoding="utf-8")
+    def __init__(self, editor: Editor, path: Path, text: str) -> None:
         self.editor = editor
-        self.path = folder / "mission.xml"
-        self.uri = self.path.as_uri()
+        self.path = path
+        self.uri = path.as_uri()
         self.text = text
-        self.path.write_text(text, encoding="utf-8", errors="surrogatepass")
-        editor.open(self.uri, text)
-        self.found = editor.diagnostics(self.uri)
+        path.write_text(text, encoding="utf-8")
+        self.found = editor.open(self.uri, text)
 
-    def place(self, words: str, shift: int = 0) -> tuple[int, int]:
-        """Return the line and the character of the words in the text."""
-        before = self.text[: self.text.index(words) + shift]
-        return before.count("\n"), len(before.rpartition("\n")[2])
+    def place(self, words: str, shift: int) -> tuple[str, int, int]:
+        """Return a line and a character, by words in the text."""
+        before = self.text[: self.text.rindex(words) + shift]
+        return self.uri, before.count("\n"), len(before.rpartition("\n")[2])
 
     def complete(self, words: str) -> dict[str, types.CompletionItem]:
-        return self.editor.complete(self.uri, *self.place(words, len(words)))
+        return self.editor.complete(*self.place(words, len(words)))
+
+    def hover(self, words: str, shift: int = 1) -> str:
+        return self.editor.hover(*self.place(words, shift))
 
     def part(self, range_: types.Range) -> str:
+        assert range_.start.line == range_.end.line
         line = self.text.splitlines()[range_.start.line]
         return line[range_.start.character : range_.end.character]
 
 
 @pytest.fixture
-def mission(editor: Editor, tmp_path: Path) -> Iterator[Document]:
-    document = Document(editor, tmp_path)
+def mission(editor: Editor, folder: Path) -> Iterator[Document]:
+    (folder / "lib.xml").write_text(LIB, encoding="utf-8")
+    document = Document(editor, folder / "mission.xml", MISSION)
+    yield document
+    assert editor.close_document(document.uri) == []
+
+
+@pytest.fixture
+def typed(editor: Editor, folder: Path) -> Iterator[Document]:
+    """Return a document with a tree that is still being typed."""
+    document = Document(editor, folder / "typed.xml", "")
     yield document
     editor.close_document(document.uri)
-    assert editor.diagnostics(document.uri) == []
 
 
-def typed(editor: Editor, folder: Path, body: str) -> Document:
-    """Open a mission with this body of the tree, which ends at the cursor."""
-    return Document(editor, folder, f'<root BTCPP_format="4">\n<BehaviorTree ID="M">\n{body}')
+def write(typed: Document, body: str) -> list[types.Diagnostic]:
+    typed.text = f'<root BTCPP_format="4">\n<BehaviorTree ID="M">\n{body}'
+    return typed.editor.change(typed.uri, typed.text)
 
 
-# --- diagnostics and quick fixes ------------------------------------------------------------------
+# --- diagnostics ----------------------------------------------------------------------------------
 
 
 def test_findings_are_those_of_check_while_one_types(mission: Document) -> None:
     assert mission.found == []
-    wrong = MISSION.replace("<Explore ", "<Explor ").replace('ID="Deep" _auto', 'ID="Dep" _auto')
-    mission.editor.change(mission.uri, wrong)
-    found = mission.editor.diagnostics(mission.uri)
+    wrong = MISSION.replace("<Explore ", "<Explor ").replace('ID="Round" c', 'ID="Rond" c')
+    found = mission.editor.change(mission.uri, MISSION.replace("<Explore ", "<Expl "), wrong)
     mission.text = wrong
     mission.path.write_text(wrong, encoding="utf-8")
     said = [f"{f.node}: {f.message}" for f in check_file(mission.path)]
     assert [d.message for d in found] == said
-    assert [mission.part(d.range) for d in found] == ["<Explor", 'ID="Dep"']
-    mission.editor.change(mission.uri, MISSION)
-    assert mission.editor.diagnostics(mission.uri) == []
+    assert [mission.part(d.range) for d in found] == ['ID="Rond"', "<Explor"]
+    assert {d.severity for d in found} == {types.DiagnosticSeverity.Error}
+    assert mission.editor.change(mission.uri, MISSION) == []
 
 
-def test_a_keystroke_may_come_as_a_part(mission: Document) -> None:
-    line, character = mission.place("Explore ", 7)
-    where = types.Range(types.Position(line, character - 1), types.Position(line, character))
-    mission.editor.change(mission.uri, types.TextDocumentContentChangePartial(where, ""))
-    (found,) = mission.editor.diagnostics(mission.uri)
-    assert "unknown node 'Explor'; did you mean 'Explore'?" in found.message
-
-
-FIXED = [
-    ("<Lnad/>", "<Land/>"),
-    ('<Action ID="Lnad"/>', '<Action ID="Land"/>'),
-    ('<Explore polcy="corridor"/>', '<Explore policy="corridor"/>'),
-    ('<Explore policy="coridor"/>', '<Explore policy="corridor"/>'),
-    ('<SubTree ID="Mm"/>', '<SubTree ID="M"/>'),
-    ('<AlwaysSuccess _skpIf="1"/>', '<AlwaysSuccess _skipIf="1"/>'),
-    ('<AlwaysSuccess _skipIf="@phas == 1"/>', '<AlwaysSuccess _skipIf="@phase == 1"/>'),
-    ('<Precondition if="1" else="SUCESS"><Land/></Precondition>', 'else="SUCCESS"'),
-    ('<SetBlackboard value="{@mrk}" output_key="x"/>', '"{@mark}"'),
-]
-
-
-@pytest.mark.parametrize(("wrong", "right"), FIXED, ids=[wrong for wrong, _ in FIXED])
-def test_a_suggestion_is_a_quick_fix(
-    editor: Editor, tmp_path: Path, wrong: str, right: str
-) -> None:
-    ends = "\n</BehaviorTree></root>"
-    document = typed(editor, tmp_path, f"<Sequence>{wrong}</Sequence>{ends}")
-    meant = [one for one in document.found if "did you mean" in one.message]
-    (action,) = editor.fixes(document.uri, *meant)
-    assert action.kind == types.CodeActionKind.QuickFix
-    assert right in applied(document.text, action.edit.changes[document.uri])
-
-
-def test_a_fault_in_an_included_file_is_shown_there(mission: Document) -> None:
+def test_a_finding_in_an_included_file_is_shown_in_the_first_line(mission: Document) -> None:
     library = mission.path.parent / "lib.xml"
     library.write_text(LIB.replace("AlwaysSuccess", "AlwaysSucces"), encoding="utf-8")
-    mission.editor.change(mission.uri, MISSION)
-    assert mission.editor.diagnostics(mission.uri) == []
-    (found,) = mission.editor.diagnostics(library.as_uri())
-    assert "did you mean 'AlwaysSuccess'" in found.message
+    (found,) = mission.editor.change(mission.uri, MISSION)
+    assert found.message.startswith(f"{library}:2:24: AlwaysSucces: unknown node")
+    assert (found.range.start.line, mission.part(found.range)) == (0, MISSION.splitlines()[0])
 
 
-def test_places_count_as_the_editor_counts(editor: Editor, tmp_path: Path) -> None:
-    """A character beyond the basic plane has two units of UTF-16."""
-    document = typed(
-        editor, tmp_path, '<AlwaysSuccess name="\U0001f681" zzzzzz="1"/></BehaviorTree></root>'
-    )
-    (found,) = document.found
-    assert (found.range.start.character, found.range.end.character) == (25, 35)
-    assert editor.fixes(document.uri, found) == []  # nothing similar exists
+def test_places_count_as_the_editor_counts(typed: Document) -> None:
+    """A character beyond the basic plane has two units of UTF-16, and only line ends end lines."""
+    warned = '<AlwaysSuccess name="\U0001f681\u2028" _zzz="1"/>\r\n</BehaviorTree></root>'
+    (found,) = write(typed, warned)
+    assert (found.range.start.character, found.range.end.character) == (26, 34)
+    assert (found.range.start.line, found.severity) == (2, types.DiagnosticSeverity.Warning)
+    write(typed, '<Sequence name="{far}">\n<Sleep name="\U0001f681" msec="')
+    item = typed.editor.complete(typed.uri, 3, 23)["{far}"]
+    assert item.text_edit.range == types.Range(types.Position(3, 23), types.Position(3, 23))
+
+
+# --- other files of the folder --------------------------------------------------------------------
+
+
+def test_trees_of_other_files_are_looked_up_as_saved(editor: Editor, folder: Path) -> None:
+    part = folder / "parts" / "part.xml"
+    part.write_text(PART, encoding="utf-8")
+    user = Document(editor, folder / "user.xml", USER)
+    assert user.found == []
+    assert 'SubTree ID="Part"' in user.complete("<Sub")
+    part.write_text(PART.replace("Part", "Past"), encoding="utf-8")
+    editor.save(user.uri)
+    (found,) = editor.diagnostics(user.uri)
+    assert "there is no tree 'Part'; did you mean 'Past'?" in found.message
+    assert user.part(found.range) == 'ID="Part"'
+    part.write_text(PART[:-3], encoding="utf-8")
+    assert editor.open(part.as_uri(), PART) == []
+    (found,) = editor.change(user.uri, USER)
+    assert f"could not be read: {part}" in found.message  # open, but not saved
+    editor.close_document(part.as_uri())
+    editor.close_document(user.uri)
+    part.unlink()
+
+
+def test_a_file_outside_the_folder_stands_alone(
+    editor: Editor, folder: Path, tmp_path: Path
+) -> None:
+    (folder / "part.xml").write_text(PART, encoding="utf-8")
+    user = Document(editor, tmp_path / "user.xml", USER)
+    assert "there is no tree 'Part'" in user.found[0].message
+    editor.close_document(user.uri)
+    (folder / "part.xml").unlink()
+
+
+def test_a_document_that_is_no_file_is_checked_too(editor: Editor) -> None:
+    uri = "untitled:Untitled-1"
+    (found,) = editor.open(uri, USER.replace('<SubTree ID="Part"/>', "<Lnad/>"))
+    assert "did you mean 'Land'" in found.message
+    assert editor.close_document(uri) == []
+
+
+def test_a_folder_that_is_too_large_is_a_message(tmp_path: Path) -> None:
+    for number in range(26):
+        with (tmp_path / f"{number}.xml").open("wb") as file:
+            file.truncate(2_000_000)  # they use no space on the disk
+    editor = Editor(tmp_path)
+    assert editor.open((tmp_path / "part.xml").as_uri(), PART) == []
+    shown = editor.messages.get(timeout=60).message
+    assert "more than 50000000 bytes of tree files: choose a folder inside it" in shown
+    assert editor.close() == 0
+
+
+def test_the_uris_of_an_editor_come_back_as_it_writes_them(editor: Editor, folder: Path) -> None:
+    (folder / "part.xml").write_text(PART, encoding="utf-8")
+    path = folder / "a (1): b+c.xml"
+    for uri in (path.as_uri(), f"file://{quote(str(path), safe='/')}"):  # as VS Code: %28, %3A, %2B
+        assert editor.open(uri, USER) == []
+        assert "Part" in editor.complete(uri, 0, USER.index('"Part"') + 1)
+        (found,) = editor.change(uri, USER.replace("SubTree ", "SubTre "))
+        assert "unknown node 'SubTre'" in found.message
+        assert editor.close_document(uri) == []
+    (folder / "part.xml").unlink()
 
 
 # --- completion -----------------------------------------------------------------------------------
 
 
-def test_nodes_and_trees_are_completed(editor: Editor, tmp_path: Path) -> None:
-    document = typed(editor, tmp_path, "<Sequence>\n<Expl")
-    items = document.complete("<Expl")
-    assert {"Explore", "Sequence", "SubTree M"} <= set(items)
-    assert items["Explore"].text_edit.new_text == "<Explore/>"
-    assert document.part(items["Explore"].text_edit.range) == "<Expl"
-    assert "**Explore** (Action)" in items["Explore"].documentation.value
-    assert items["Sleep"].text_edit.new_text == '<Sleep msec=""/>'
+def test_elements_are_completed(typed: Document) -> None:
+    write(typed, "<Sequence>\n<Expl")
+    items = typed.complete("<Expl")
+    assert {"Explore", "Sequence", 'SubTree ID="M"', 'SubTree ID="ExploreFor"'} <= set(items)
+    assert items["Explore"].text_edit.new_text == "Explore"
+    assert typed.part(items["Explore"].text_edit.range) == "Expl"
+    assert "## Explore" in items["Explore"].documentation.value
+    write(typed, "<Sequence>\n<Fallback>\n<Land/></")
+    assert [item.text_edit.new_text for item in typed.complete("</").values()] == ["Fallback>"]
+    typed.text = '<root BTCPP_format="4">\n<'
+    typed.editor.change(typed.uri, typed.text)
+    assert set(typed.complete("\n<")) == {"BehaviorTree", "include"}
+    write(typed, "<!-- <Expl")
+    assert typed.complete("<Expl") == {}
 
 
-def test_attributes_are_completed_but_those_that_are_there(mission: Document) -> None:
+def test_attributes_are_completed_but_those_that_are_there(
+    mission: Document, typed: Document
+) -> None:
     items = mission.complete("<Explore ")
-    assert "flowing" in items
+    assert {"flowing", "_skipIf", "name"} <= set(items)
     assert "policy" not in items
-    assert "_skipIf" in items
-    assert "count" in mission.complete('<SubTree ID="Deep" ')
-    assert "count" not in mission.complete('<SubTree ID="Round" ')
-
-
-def test_values_are_completed(editor: Editor, mission: Document, tmp_path: Path) -> None:
-    assert {"corridor", "segmentation", "student"} <= set(mission.complete('policy="'))
-    shipped = {"ExploreFor", "ExploreOrTurn"}
-    assert shipped <= set(mission.complete('<SubTree ID="'))
-    own = {"Mission", "Round", "Deep", "Lib"}
-    assert own == set(mission.complete('<SubTree ID="')) - set(Lookup().shipped.trees)
-    assert {"speed", "goal", "@height_above_ground_m"} <= set(mission.complete('_skipIf="spe'))
-    folder = tmp_path / "other"
-    folder.mkdir()
-    document = typed(editor, folder, '<Sequence><Script code="far := 1"/><Sleep msec="{')
-    assert "{far}" in document.complete('msec="{')
-    assert "{@mark}" not in document.complete('msec="{')
-    assert "<Sequence" not in document.complete('msec="{')
-
-
-def test_names_in_the_text_of_a_message_are_known(editor: Editor, tmp_path: Path) -> None:
-    text = '<Sequence><Script code="far := 1"/><Say text="it is {far} m, {@elapsed_s} s, {fa'
-    document = typed(editor, tmp_path, text)
-    assert {"far", "@elapsed_s"} <= set(document.complete(", {fa"))
-    assert document.complete('text="it is') == {}
-    text = '<Sequence><Script code="far := 1"/><Say text="{far} of {far}"/></Sequence>'
-    whole = f'<root BTCPP_format="4"><BehaviorTree ID="M">{text}</BehaviorTree></root>'
-    document = Document(editor, tmp_path, whole)
-    assert renamed(document, "far", "wide") == whole.replace("far", "wide")
-
-
-def test_an_end_tag_is_completed(editor: Editor, tmp_path: Path) -> None:
-    items = typed(editor, tmp_path, "<Sequence>\n<Fallback>\n</").complete("<Fallback>\n</")
-    assert [item.text_edit.new_text for item in items.values()] == ["Fallback>"]
-
-
-def test_snippets_are_for_clients_that_take_them(tmp_path: Path) -> None:
-    editor = Editor(snippets=True)
-    items = typed(editor, tmp_path, "<Sequence>\n<").complete("<Sequence>\n<")
-    assert items["Fallback"].text_edit.new_text == "<Fallback>\n  $0\n</Fallback>"
-    assert items["Sleep"].text_edit.new_text == '<Sleep msec="$1"/>$0'
-    assert editor.close() == 0
-
-
-# --- hover, definitions, outline ------------------------------------------------------------------
-
-
-def test_hover_explains_nodes_ports_keys_trees_and_variables(mission: Document) -> None:
-    def said(words: str, shift: int = 1) -> str:
-        return mission.editor.hover(mission.uri, *mission.place(words, shift))
-
-    assert "Reads `@state`" in said("<Explore", 3)
-    assert said("policy=").startswith("`policy` (str, default segmentation)")
-    assert "height above the ground" in said("@height_above")
-    assert said('"Round" count').startswith("**Round** (tree, 3 nodes), mission.xml:12")
-    assert "Set at line 5: `Script`" in said("speed &gt;")
-    assert "true: the node is skipped" in said("_skipIf")
-    assert not said("\n")
-
-
-def test_definitions_of_trees_nodes_variables_and_includes(mission: Document) -> None:
-    def defined(words: str, shift: int = 1) -> list[tuple[str, int]]:
-        found = mission.editor.define(mission.uri, *mission.place(words, shift))
-        return [(one.uri.rpartition("/")[2], one.range.start.line) for one in found]
-
-    assert defined('"Round" count') == [("mission.xml", 11)]
-    assert defined('"Lib"') == [("lib.xml", 1)]
-    assert defined('"lib.xml"') == [("lib.xml", 0)]
-    assert defined("speed &gt;") == [("mission.xml", 4)]
-    ((file, line),) = defined("<Explore", 3)
-    assert (file, line > 5) == ("explore.py", True)
-
-
-def test_references_are_all_places_of_a_name(mission: Document) -> None:
-    line, character = mission.place("count +=")
-    params = types.ReferenceParams(
-        text_document=types.TextDocumentIdentifier(mission.uri),
-        position=types.Position(line, character),
-        context=types.ReferenceContext(include_declaration=True),
-    )
-    found = mission.editor.ask("text_document_references", params)
-    assert [one.range.start.line for one in found] == [5, 13]
-
-
-def test_the_outline_has_trees_and_their_nodes(mission: Document) -> None:
-    params = types.DocumentSymbolParams(types.TextDocumentIdentifier(mission.uri))
-    trees: Any = mission.editor.ask("text_document_document_symbol", params)
-    assert [tree.name for tree in trees] == ["Mission", "Round", "Deep"]
-    (sequence,) = trees[0].children
-    assert (sequence.name, sequence.detail) == ("all", "Sequence")
-    assert [node.name for node in sequence.children][:2] == ["Script", "SubTree Round"]
-
-
-# --- renaming and formatting ----------------------------------------------------------------------
-
-
-def renamed(mission: Document, words: str, new: str, shift: int = 0) -> str:
-    changes = mission.editor.rename(mission.uri, *mission.place(words, shift), new)
-    text = applied(mission.text, changes[mission.uri])
-    mission.path.write_text(text, encoding="utf-8")
-    assert check_file(mission.path) == ()
-    return text
-
-
-def test_a_tree_is_renamed_wherever_it_is_used(mission: Document) -> None:
-    text = renamed(mission, "Round", "Lap")
-    assert text == MISSION.replace("Round", "Lap")
-    assert renamed(mission, "Mission", "Main") == MISSION.replace("Mission", "Main")
-    changes = mission.editor.rename(mission.uri, *mission.place('"Lib"', 1), "Kit")
-    assert {uri.rpartition("/")[2] for uri in changes} == {"mission.xml", "lib.xml"}
-
-
-def test_a_variable_is_renamed_in_its_tree_and_where_it_is_shared(mission: Document) -> None:
-    assert renamed(mission, "speed", "pace") == MISSION.replace("speed", "pace")
-    # Round's `count` is an entry of Mission's SubTree, and Deep's by _autoremap.
-    assert renamed(mission, "count +=", "laps") == MISSION.replace("count", "laps")
-    assert renamed(mission, "goal :=", "wanted") == MISSION.replace("goal", "wanted")
-
-
-def test_a_name_that_is_both_sides_is_written_out(mission: Document) -> None:
-    inner = renamed(mission, "limit :=", "most")
-    assert 'most="{limit}"' in inner
-    assert "most := 2" in inner
-    assert 'limit="{far}"' in renamed(mission, "{=}", "far", 1)
+    assert items["flowing"].text_edit.new_text == 'flowing=""'
+    assert {"count", "_autoremap"}.isdisjoint(mission.complete("<Explore "))
+    write(typed, '<SubTree ID="ExploreFor" dur')
+    items = typed.complete("dur")
+    assert {"policy", "duration_ms", "_autoremap"} <= set(items)
+    assert typed.part(items["duration_ms"].text_edit.range) == "dur"
 
 
 @pytest.mark.parametrize(
-    ("words", "new", "reason"),
+    ("body", "there", "absent"),
     [
-        ("speed", "goal", "tree 'Mission' has a variable 'goal'"),
-        ("speed", "0x", "cannot be a variable's name"),
-        ("count +=", "_count", "would be private"),
-        ("Round", "Deep", "there is a tree 'Deep'"),
-        ("Round", "a b", "cannot be a tree's ID"),
-        ("height_above", "x", "only trees and variables"),
-        ("Explore", "x", "only trees and variables"),
+        ('<Explore policy="', {"corridor", "segmentation", "student"}, {"true"}),
+        ("<Explore policy='", {"corridor"}, set()),
+        ('<Explore flowing="', {"true", "false", "{far}"}, {"corridor"}),
+        ('<Action ID="', {"Explore", "Land"}, {"Sequence"}),
+        ('<SubTree ID="', {"M", "ExploreFor"}, {"Explore"}),
+        ('<Sleep msec="{', {"{far}", "{near}", "{out}"}, {"{@mark}"}),
+        (
+            '<Land _skipIf="far &gt; 1 &amp;&amp; @height',
+            {"far", "@height_above_ground_m"},
+            {"@mark"},
+        ),
+        ('<Say text="it is {far} m, {@el', {"far", "@elapsed_s"}, {"{far}"}),
+        ('<Say text="it is', set(), {"far"}),
+        ('<SetBlackboard value="{@ma', {"{@mark}"}, set()),
     ],
 )
-def test_a_renaming_that_cannot_be_is_refused(
-    mission: Document, words: str, new: str, reason: str
+def test_values_are_completed(
+    typed: Document, body: str, there: set[str], absent: set[str]
 ) -> None:
-    with pytest.raises(JsonRpcException, match=reason):
-        mission.editor.rename(mission.uri, *mission.place(words, 1), new)
+    known = '<Script code="far := 1"/><Sleep msec="{near}"/><SetBlackboard output_key="out"/>\n'
+    write(typed, known + body)
+    items = typed.complete(body)
+    assert there <= set(items)
+    assert absent.isdisjoint(items)
+    write(typed, f'{known}{body}"/>\n</Sequence>')
+    assert there <= set(typed.complete(body))
 
 
-def test_formatting_changes_what_is_crooked_only(mission: Document) -> None:
-    assert mission.editor.format(mission.uri) == []
-    crooked = MISSION.replace("      <Explore ", " <Explore   ")
-    mission.editor.change(mission.uri, crooked)
-    (edit,) = mission.editor.format(mission.uri)
-    assert (edit.range.start.line, edit.range.end.line) == (6, 7)
-    assert applied(crooked, [edit]) == MISSION
-    mission.editor.change(mission.uri, crooked.replace("</root>", ""))
-    assert mission.editor.format(mission.uri) == []
+# --- hover ----------------------------------------------------------------------------------------
 
 
-# --- bad input ------------------------------------------------------------------------------------
+def test_hover_explains_nodes_ports_and_keys(mission: Document) -> None:
+    assert "Reads `state`" in mission.hover("<Explore")
+    assert "Reads `state`" in mission.hover("<Explore", 7)
+    assert mission.hover("policy=").startswith("`policy` (str, default segmentation)")
+    assert "height above the ground" in mission.hover("@height_above", 5)
+    assert not mission.hover("speed &gt;")
+    assert not mission.hover("\n")
+
+
+# --- options and bad input ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -336,60 +280,38 @@ def test_formatting_changes_what_is_crooked_only(mission: Document) -> None:
     [
         ("", "no element found"),
         ("<", "not well-formed"),
+        ("no XML at all", "expected a tag such as <root>"),
         ("\ufeff\0\ud7ff", "not well-formed"),
         ("<a>" * 5000, "nested deeper"),
         ("<!DOCTYPE x [<!ENTITY a 'b'>]><root/>", "document type declarations"),
-        ("<root>" + "x" * 3_000_000, "larger than 2000000 bytes"),
-        ('<root BTCPP_format="4"><include path="\0"/></root>', "not well-formed"),
+        ("<root>" + "x" * 2_000_000, "larger than 2000000 bytes"),
         ('<root BTCPP_format="4"><include path="../x.xml"/></root>', "outside the folder"),
+        (MISSION.replace('"', "'\"", 1), "not well-formed"),
     ],
-    ids=str.split("empty open zero deep entity large zero-path outside"),
+    ids=str.split("empty open text zero deep entity large outside quotes"),
 )
-def test_the_server_lives_on_after_any_document(
-    editor: Editor, tmp_path: Path, text: str, reason: str
-) -> None:
-    document = Document(editor, tmp_path, text)
-    assert any(reason in one.message for one in document.found), document.found
-    assert isinstance(editor.complete(document.uri, 0, 3), dict)
-    assert editor.hover(document.uri, 7, 3) == ""
-    editor.ask(
-        "text_document_document_symbol",
-        types.DocumentSymbolParams(types.TextDocumentIdentifier(document.uri)),
-    )
-    assert editor.format(document.uri) == [] or "outside" in reason
-    assert editor.alive
+def test_the_server_lives_on_after_any_document(typed: Document, text: str, reason: str) -> None:
+    found = typed.editor.change(typed.uri, text)
+    assert any(reason in one.message for one in found), found
+    assert isinstance(typed.editor.complete(typed.uri, 0, 3), dict)
+    assert typed.editor.hover(typed.uri, 7, 3) == ""
 
 
-def test_a_document_that_is_no_file_is_checked_too(editor: Editor) -> None:
-    uri = "untitled:Untitled-1"
-    editor.open(uri, '<root BTCPP_format="4"><BehaviorTree ID="M"><Lnad/></BehaviorTree></root>')
-    (found,) = editor.diagnostics(uri)
-    assert "did you mean 'Land'" in found.message
-
-
-def test_a_palette_brings_its_nodes(tmp_path: Path) -> None:
-    palette = tmp_path / "palette.xml"
-    palette.write_text('<TreeNodesModel><Action ID="GoTo"/></TreeNodesModel>', encoding="utf-8")
-    editor = Editor("--palette", str(palette))
-    ends = "</BehaviorTree></root>"
-    assert typed(editor, tmp_path, f"<GoTo/>{ends}").found == []
-    assert editor.close() == 0
-
-
-def test_leaves_and_policies_of_a_python_file_are_known(tmp_path: Path) -> None:
-    file = tmp_path / "my_leaves.py"
+def test_a_palette_and_a_python_file_bring_their_nodes(tmp_path: Path) -> None:
+    file, palette = tmp_path / "my_leaves.py", tmp_path / "palette.xml"
     file.write_text(
         "from uav_bt.tree import Leaf\n"
         "class Wait(Leaf):\n    def update(self): ...\n"
         "class Spin:\n    @classmethod\n    def from_text(cls, text): ...\n"
         "    def decide(self, view): ...\n"
     )
-    palette = tmp_path / "palette.xml"
-    palette.write_text('<root BTCPP_format="4"><TreeNodesModel/></root>')
-    running = Editor("--leaves", str(file), "--palette", str(palette))
-    body = '<Sequence>\n<Wait/>\n<Explore policy="Spin:1"/>\n</Sequence>'
-    text = f'<root BTCPP_format="4">\n<BehaviorTree ID="M">{body}</BehaviorTree>\n</root>\n'
-    document = Document(running, tmp_path, text)
+    palette.write_text(
+        '<root BTCPP_format="4"><TreeNodesModel><Action ID="Dock"/></TreeNodesModel></root>'
+    )
+    editor = Editor(tmp_path, "--leaves", str(file), "--palette", str(palette))
+    body = '<Sequence>\n<Wait/><Dock/>\n<Explore policy="Spin:1"/>\n</Sequence>'
+    document = Document(editor, tmp_path / "m.xml", PART.replace("<AlwaysSuccess/>", body))
     assert document.found == []
     assert "Spin" in document.complete('policy="')
-    assert running.close() == 0
+    assert {"Wait", "Dock"} <= set(document.complete("<Wa"))
+    assert editor.close() == 0

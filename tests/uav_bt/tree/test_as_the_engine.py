@@ -8,7 +8,7 @@ import pytest
 
 from tests.uav_bt.tree.test_loader import REGISTRY, warnings_of
 from tests.uav_bt.tree.tree_world import document
-from uav_bt.errors import TreeError
+from uav_bt.errors import FileError, TreeError
 from uav_bt.tree import load_tree, parse_tree
 from uav_bt.tree.loading.findings import ERROR, Findings
 from uav_bt.tree.loading.loader import check_file, check_text
@@ -146,6 +146,49 @@ def test_subtrees_are_found_in_other_files(tmp_path: Path) -> None:
     assert "tree 'B' stands in several files" in finding.message
     assert finding.message.endswith("rename one")
     assert f"{part}:1:24" in finding.message
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (tree("Lost", "<Safe/>").encode()[:-3], "not well-formed XML"),
+        (tree("Lost\u00e9", "<Safe/>").encode("latin-1"), "save it as UTF-8"),
+        (tree("Lost", "<Safe/>").encode() + b" " * 2_000_000, "larger than 2000000 bytes"),
+    ],
+    ids=["no XML", "Latin 1", "2 MB"],
+)
+def test_a_tree_in_a_file_that_cannot_be_read_is_missed_with_the_reason(
+    tmp_path: Path, data: bytes, reason: str
+) -> None:
+    main, lost = tmp_path / "main.xml", tmp_path / "lost.xml"
+    main.write_text(tree("Main", '<SubTree ID="Gone"/>'))
+    lost.write_bytes(data)
+    (finding,) = check_file(main, REGISTRY, lookup=Lookup(Library(files_in(tmp_path))))
+    assert "there is no tree 'Gone'" in finding.message
+    assert f"could not be read: {lost}" in finding.message
+    assert reason in finding.message
+
+
+def test_trees_of_two_files_that_use_each_other_in_a_circle_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "there.xml").write_text(tree("There", '<SubTree ID="Here"/>'))
+    here = tmp_path / "here.xml"
+    here.write_text(tree("Here", '<SubTree ID="There"/>'))
+    found = check_file(here, REGISTRY, lookup=Lookup(Library(files_in(tmp_path))))
+    assert "the tree contains itself: Here > There > Here" in found[0].message
+
+
+def test_a_folder_with_too_many_files_or_bytes_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a.xml", "b.xml"):
+        (tmp_path / name).write_text(tree("A", "<Safe/>"))
+    limits = {"LIBRARY_FILES": "1 tree files", "FOLDER_FILES": "1 files"}
+    for limit, words in (*limits.items(), ("LIBRARY_BYTES", "1 bytes of tree files")):
+        with monkeypatch.context() as patch:
+            patch.setattr(f"uav_bt.tree.loading.lookup.MAX_{limit}", 1)
+            with pytest.raises(FileError, match=f"more than {words}: choose a folder inside it"):
+                files_in(tmp_path)
+    assert len(files_in(tmp_path)) == 2
 
 
 def test_a_project_file_holds_the_trees_that_it_includes(tmp_path: Path) -> None:

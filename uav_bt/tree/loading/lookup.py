@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -65,36 +65,21 @@ class LibraryFile:
     source: bytes
 
 
-def read_library_file(path: Path) -> LibraryFile:
-    """Read a tree file whose trees others use.
-
-    Raises:
-        TreeError: it cannot be read or is not XML.
-    """
-    source = read_source(path)
-    return LibraryFile(parse_source(source, path), source)
-
-
 class Library:
     """The trees of whole folders, for SubTrees whose tree is in another file.
 
     Args:
         files: tree files; one that cannot be read has no trees here.
-        read: reads one of them.
     """
 
-    def __init__(
-        self,
-        files: Iterable[Path] = (),
-        read: Callable[[Path], LibraryFile] = read_library_file,
-    ) -> None:
+    def __init__(self, files: Iterable[Path] = ()) -> None:
         self._files = tuple(dict.fromkeys(path.resolve() for path in files))
-        self._read = read
         self._trees: dict[str, list[tuple[Element, LibraryFile]]] = {}
         self.faults: list[str] = []  # why files could not be read
         for path in self._files:
             try:
-                file = read(path)
+                source = read_source(path)
+                file = LibraryFile(parse_source(source, path), source)
             except TreeError as error:
                 self.faults.append(error.findings[0])
                 continue
@@ -127,7 +112,7 @@ class Library:
 
     def joined_by(self, files: Iterable[Path]) -> Library:
         """Return a library that has the trees of further files."""
-        return Library((*self._files, *files), self._read)
+        return Library((*self._files, *files))
 
 
 @dataclass(frozen=True, order=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from functools import lru_cache
 from typing import Final
 
@@ -31,13 +30,7 @@ def parse_text(source: str) -> Script:
         raise ScriptError(
             f"'{stray[0]}' belongs to no placeholder: write {{variable}} or {{@board_key}}"
         )
-    return Script(source, tuple(Name(name) for name, _ in names_in_text(source)))
-
-
-def names_in_text(source: str) -> Iterator[tuple[str, int]]:
-    """Yield the names in a text's placeholders, with their offsets."""
-    for match in _NAME.finditer(source):
-        yield match[1], match.start(1)
+    return Script(source, tuple(map(Name, _NAME.findall(source))))
 
 
 def fill_text(source: str, environment: Environment) -> str:
