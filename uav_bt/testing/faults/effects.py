@@ -77,23 +77,22 @@ def covered(frame: Frame, at: FaultMoment) -> Image:
     return (at.level * large).astype(np.uint8)
 
 
-def _newest(seen: Observation, at: FaultMoment, limit_s: float) -> Observation:
-    """Show the newest frame until a time, or else the oldest of those kept."""
-    frames = [past.frame for past in at.past if past.frame is not None]
-    old = [frame for frame in frames if frame.captured_s <= limit_s + 1e-6]
-    return replace(seen, frame=old[-1] if old else frames[0])
+def _delayed(until: Callable[[float, float], float]) -> Observe:
+    """Return an effect that shows the newest frame until a time, or else the oldest kept one."""
+
+    def observe(seen: Observation, at: FaultMoment) -> Observation:
+        if seen.frame is None:
+            return seen
+        until_s = until(seen.frame.captured_s, at.level) + 1e-6
+        frames = [past.frame for past in at.past if past.frame is not None]
+        old = [frame for frame in frames if frame.captured_s <= until_s]
+        return replace(seen, frame=old[-1] if old else frames[0])
+
+    return observe
 
 
-def late(seen: Observation, at: FaultMoment) -> Observation:
-    """Show frames that are `level` seconds old."""
-    return seen if seen.frame is None else _newest(seen, at, seen.frame.captured_s - at.level)
-
-
-def slow(seen: Observation, at: FaultMoment) -> Observation:
-    """Show `level` frames per second."""
-    if seen.frame is None:
-        return seen
-    return _newest(seen, at, math.floor(seen.frame.captured_s * at.level) / at.level)
+late: Final = _delayed(lambda now_s, age_s: now_s - age_s)
+slow: Final = _delayed(lambda now_s, rate_hz: math.floor(now_s * rate_hz) / rate_hz)
 
 
 # --- telemetry ------------------------------------------------------------------------------------
