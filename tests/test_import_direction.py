@@ -254,7 +254,7 @@ def test_an_upward_import_would_be_found(importer: str, source: str) -> None:
         ("uav_bt.tree.registry", "from uav_bt import errors\nfrom uav_bt.tree import node"),
         (
             "perception.segmentation.training.unet",
-            "import torch\nfrom uav_bt.classes import CARPET",
+            "import torch\nfrom uav_bt.lab.classes import LabClass",
         ),
         ("behaviours.fly.explore", "from perception import helipad\nfrom uav_bt.tree import Leaf"),
         ("uav_bt.app", "from sim_bridge.twin import TwinConfig\nimport behaviours"),

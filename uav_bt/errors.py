@@ -41,19 +41,6 @@ def did_you_mean(name: str, known: Iterable[str], *, cutoff: float = 0.6, suffix
     return f"; did you mean '{close[0]}{suffix}'?" if close else ""
 
 
-def hint_for(name: str, known: Iterable[str], successors: Sequence[str] = ()) -> str:
-    """Return the hint for an unknown name in a message: its successors, or the closest known name.
-
-    Args:
-        name: the unknown name.
-        known: all valid names.
-        successors: names that replace this name of an earlier version.
-    """
-    if not successors:
-        return did_you_mean(name, known)
-    return f"; it was replaced by {' and '.join(successors)}"
-
-
 class UavBtError(Exception):
     """Base class of the project's errors."""
 
@@ -125,12 +112,10 @@ class TreeError(FileError):
 class UnknownNameError(InputError, ValueError):
     """A name that is not registered."""
 
-    def __init__(
-        self, kind: str, name: str, known: Iterable[str], successors: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         names = sorted(known)
         super().__init__(
-            f"unknown {kind} '{name}'{hint_for(name, names, successors)} "
+            f"unknown {kind} '{name}'{did_you_mean(name, names)} "
             f"(known: {', '.join(names) if names else 'none'})"
         )
 

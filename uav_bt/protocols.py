@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Never, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -294,15 +294,3 @@ class LeafPolicy(Protocol):
     def decide(self, view: PolicyView) -> Answer:
         """Return the answer to a view."""
         ...
-
-
-if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> Never:
-        if name == "Decision":
-            # An AttributeError would lose its text in `from uav_bt.protocols import Decision`.
-            raise ImportError(
-                "uav_bt.protocols has no Decision any more: a policy returns Advance, FollowLeg, "
-                "Rotate, Blocked or Done of uav_bt.answers"
-            )
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

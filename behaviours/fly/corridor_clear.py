@@ -69,7 +69,6 @@ class CorridorClear(Leaf):
             least=0,
             most=50,
             doc="ground ahead of the body's centre, m; not needed where the pad lies ahead",
-            formerly=("carpet_m",),
         ),
     )
     reads = (*VIEW_KEYS, MARK)

@@ -104,7 +104,6 @@ class Turn(MovingLeaf):
 class MarkKnown(Leaf):
     """SUCCESS while the landing mark is in view or tracked."""
 
-    formerly = ("HelipadKnown",)
     condition = True
     ports = (
         Port(

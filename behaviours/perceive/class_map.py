@@ -168,7 +168,6 @@ class FindMark(Leaf):
     camera looks straight down after the take-off, before the drone flies away.
     """
 
-    formerly = ("FindHelipad",)
     answers = (Status.SUCCESS,)
     ports = (
         Port(

@@ -19,7 +19,6 @@ class TrackMotion(Leaf):
     """
 
     answers = (Status.SUCCESS,)
-    formerly = ("RememberObstacles",)
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (ODOMETRY,)
 

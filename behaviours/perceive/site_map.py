@@ -33,7 +33,6 @@ class MapSite(Leaf):
 
     answers = (Status.SUCCESS,)
     mapping: ClassVar[SiteMapperConfig | None] = None  # None: the defaults
-    formerly = ("RememberObstacles",)
     reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, MARK)
     writes = (SITE_MAP,)
 

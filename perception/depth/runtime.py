@@ -120,7 +120,6 @@ def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEst
 
     Raises:
         UnknownNameError: the name is unknown.
-        ValueRangeError: the name is a former one.
         FileError: the mapping file beside the network is malformed.
         WeightsError: the file cannot be used, or it is unknown whether it gives depth or disparity.
     """

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import UnknownNameError, WeightsError
 from uav_bt.files import did_you_mean_file, reading
 
 SHIPPED_UNET: Final = "unet"
@@ -27,18 +27,6 @@ TEACHER: Final = "teacher"
 CONTACT: Final = "contact"
 """The depth model without a network: masks and ground contact alone."""
 
-# Former names, with what to write instead.
-_FORMER: Final = {
-    ("depth", "footing"): f"is called '{CONTACT}' now",
-    ("depth", "depth-fp32"): (
-        "is gone: 'depth' is the same network in 8-bit integers; "
-        "`uav-bt net export depth --precision fp32` makes one in floats"
-    ),
-    ("segmentation", "unet-fp32"): (
-        "is gone: 'unet' is the same network in 8-bit integers; "
-        "`uav-bt lab train` makes one in floats, too"
-    ),
-}
 _IR_VERSION: Final = b"\x08"  # the first byte of every ONNX file: the key of its first field
 
 
@@ -50,7 +38,6 @@ def segmentation_file(model: str) -> Path | None:
 
     Raises:
         UnknownNameError: the name is unknown.
-        ValueRangeError: the name is a former one.
         WeightsError: the file is absent or not ONNX.
     """
     if model == TEACHER:
@@ -67,7 +54,6 @@ def depth_file(model: str) -> Path | None:
 
     Raises:
         UnknownNameError: the name is unknown.
-        ValueRangeError: the name is a former one.
         WeightsError: the file is absent or not ONNX.
     """
     if model == CONTACT:
@@ -103,8 +89,6 @@ def check_onnx(path: Path, remedy: str) -> None:
 
 
 def _file(model: str, shipped: tuple[str, ...], what: str, known: tuple[str, ...]) -> Path:
-    if (what, model) in _FORMER:
-        raise ValueRangeError(f"{what} model '{model}' {_FORMER[what, model]}")
     path = SHIPPED_WEIGHTS / f"{model}.onnx" if model in shipped else Path(model)
     if not path.suffix:
         raise UnknownNameError(f"{what} model", model, known)

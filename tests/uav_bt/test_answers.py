@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import uav_bt.protocols
 from uav_bt.answers import Advance, Answer, Blocked, FollowLeg, Rotate
 from uav_bt.errors import ValueRangeError
 
@@ -58,10 +57,3 @@ def test_an_answer_of_other_values_is_refused(
 def test_numbers_of_numpy_are_numbers() -> None:
     assert Advance(forward_m=np.float32(0.3)).forward_m > 0.0  # type: ignore[arg-type]
     assert Blocked(yaw_rad=0.5, ground_ends=np.bool_(True)).ground_ends  # type: ignore[arg-type]
-
-
-def test_an_import_of_the_former_class_names_its_successors() -> None:
-    with pytest.raises(ImportError, match="returns Advance, FollowLeg, Rotate, Blocked or Done"):
-        from uav_bt.protocols import Decision  # type: ignore[attr-defined]  # noqa: F401, PLC0415
-    with pytest.raises(AttributeError, match="has no attribute 'Policies'"):
-        _ = uav_bt.protocols.Policies  # type: ignore[attr-defined]

@@ -9,7 +9,7 @@ import json
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -26,7 +26,6 @@ from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import writing
 from uav_bt.json_text import parse_json
-from uav_bt.lab.classes import LabClass
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.limits import Limits
@@ -69,7 +68,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "policy_objects": list(options.policy_objects),
         "drone": options.drone_name,
         "drone_config": repr(drone) if is_dataclass(drone) else None,
-        "classes": [_class_note(each) for each in flight.classes],
+        "classes": [asdict(each) for each in flight.classes],
         "airframe": flight.drone.airframe,
         "simulated": flight.drone.referee is not None,
         "imageless": flight.context.sight is not None,
@@ -89,14 +88,6 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         values={**texts, **tree_facts(mission)},
         attachments=[*tree_files(mission), *scene_files(scene), *lab_files(options)],
     )
-
-
-def _class_note(item: LabClass) -> dict[str, Any]:
-    """Return a class as records keep it; older readers do not know legs."""
-    values = asdict(item)
-    if item.legs_m is None:
-        del values["legs_m"]
-    return values
 
 
 def _site(flight: Flight[Drone]) -> Site | None:
@@ -121,34 +112,27 @@ def _plain(value: object) -> object:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedOptions:
-    """Options in a record, for replays and views. Defaults replace values that old records lack."""
+    """Options in a record, for replays and views."""
 
-    scene: str | None = None
-    drone: str = ""
-    seed: int = 0
-    inference_threads: int = 1
-    exact_masks: bool = False
-    imageless: bool = False  # whether the frames show nothing
-    outputs: bool = False  # whether leaves could write files
-    stills: bool = False  # whether the drone's camera took photographs
-    record_quality: Quality = "lossless"
-    site: Site | None = None
-    limits: Limits = field(default_factory=Limits)
-    runner: RunnerConfig = field(default_factory=RunnerConfig)
-    judge: JudgeConfig = field(default_factory=JudgeConfig)  # with the mission's rules
-    area: tuple[Polygon, ...] | None = None  # relative to the take-off pose
-    airframe: Airframe = field(default_factory=Airframe)
-    policies: dict[str, str] = field(default_factory=dict)
-    policy_objects: tuple[str, ...] = ()  # policies that only the recorded program had
+    scene: str | None
+    drone: str
+    seed: int
+    inference_threads: int
+    exact_masks: bool
+    imageless: bool  # whether the frames show nothing
+    outputs: bool  # whether leaves could write files
+    stills: bool  # whether the drone's camera took photographs
+    record_quality: Quality
+    site: Site | None
+    limits: Limits
+    runner: RunnerConfig
+    judge: JudgeConfig  # with the mission's rules
+    area: tuple[Polygon, ...] | None  # relative to the take-off pose
+    airframe: Airframe
+    policy_objects: tuple[str, ...]  # policies that only the recorded program had
     # Attributes that nodes had instead of those of the tree file, policies among them.
-    replaced: dict[str, dict[str, str]] | None = None
-    variables: dict[str, Plain] = field(default_factory=dict)  # before the first tick
-
-    def attributes(self) -> dict[str, dict[str, str]]:
-        """Return the attributes that replaced those of the tree file, by node."""
-        if self.replaced is None:
-            return {node: {"policy": name} for node, name in self.policies.items()}
-        return self.replaced
+    replaced: dict[str, dict[str, str]]
+    variables: dict[str, Plain]  # before the first tick
 
 
 def recorded_options(reader: RecordReader) -> RecordedOptions:

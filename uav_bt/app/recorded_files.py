@@ -124,8 +124,8 @@ def _written(reader: RecordReader, root: Path, name: str) -> Path:
 
 
 def _inclusions(reader: RecordReader, files: dict[str, Path]) -> dict[Inclusion, Path]:
-    """Return which file each `<include>` stands for; an older record leaves it to the paths."""
-    text = reader.metadata.get(_INCLUSIONS, "[]")
+    """Return which file each `<include>` stands for."""
+    text = reader.metadata.get(_INCLUSIONS, "")
     try:
         rows: Any = parse_json(text)
         return {

@@ -1,7 +1,5 @@
 """The mission board: typed keys, ages, proposals, and the context of leaves."""
 
-from typing import TYPE_CHECKING, Never
-
 from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import (
@@ -54,11 +52,3 @@ __all__ = [
     "MissionContext",
     "Reading",
 ]
-
-if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> Never:
-        if name == "OBSTACLES":
-            # An AttributeError would lose its text in `from uav_bt.board import OBSTACLES`.
-            raise ImportError("the board has no OBSTACLES any more: read SITE_MAP and its `near`")
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

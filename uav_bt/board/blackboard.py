@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, cast
 
-from uav_bt.errors import BoardAccessError, hint_for
+from uav_bt.errors import BoardAccessError, did_you_mean
 from uav_bt.protocols import Clock
 
 T = TypeVar("T")
@@ -29,8 +29,6 @@ class Key(Generic[T]):
         unit: of plain numbers; typed values have units in their field names.
         writer: name of the writer, for people.
         max_age_s: a value older than this reads as None.
-        formerly: names of earlier keys that this one replaces. A tree file with such a name is
-            refused with the names of the successors.
     """
 
     name: str
@@ -39,17 +37,6 @@ class Key(Generic[T]):
     unit: str = ""
     writer: str = ""
     max_age_s: float = math.inf
-    formerly: tuple[str, ...] = ()
-
-
-def successors(name: str, keys: Iterable[Key[Any]]) -> tuple[str, ...]:
-    """Return the names of the keys that replace a key of an earlier version.
-
-    Args:
-        name: the former name.
-        keys: all keys.
-    """
-    return tuple(key.name for key in keys if name in key.formerly)
 
 
 @dataclass(frozen=True)
@@ -114,9 +101,8 @@ class Blackboard:
         try:
             return self._keys[name]
         except KeyError:
-            replaced_by = successors(name, self._keys.values())
             raise BoardAccessError(
-                f"unknown board key '{name}'{hint_for(name, self._keys, replaced_by)}"
+                f"unknown board key '{name}'{did_you_mean(name, self._keys)}"
             ) from None
 
     def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:

@@ -47,7 +47,6 @@ HEIGHT: Final = Key(
     "height above the ground",
     unit="m",
     writer="runner",
-    formerly=("height_above_carpet_m",),
 )
 CLASS_MAP: Final = Key(
     "class_map",
@@ -84,7 +83,6 @@ MARK: Final = Key(
     "where the landing mark lies",
     writer="FindMark",
     max_age_s=_MARK_MAX_AGE_S,
-    formerly=("helipad",),
 )
 
 ODOMETRY: Final = Key(
@@ -100,7 +98,6 @@ SITE_MAP: Final = Key(
     "map of the site: ground, obstacles, edges, objects, landing mark, obstacles near the drone",
     writer="MapSite",
     max_age_s=_FRAME_MAX_AGE_S,
-    formerly=("obstacles",),
 )
 PHASE: Final = Key(
     "phase",

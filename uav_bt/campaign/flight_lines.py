@@ -68,10 +68,9 @@ METRICS: Final = {
 }
 """Fields of a flight's line that hold a number, or null when the flight did not reach it."""
 
-_FORMER_FIND: Final = "time_to_find_helipad_s"  # its name in older flights
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
-# Computing times, which differ from run to run, and the lab's name, which older flights lack.
-_NOT_COMPARED: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s", "lab"})
+# Computing times, which differ from run to run.
+_NOT_COMPARED: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
 _COUNTS: Final = ("objects_total", "map_restarts")
 _CURVES: Final = {"path": "t, x, y, z", "coverage_curve": "t, passed, seen"}
 _TEXT_FIELDS: Final = ("reason", "lab", "drone", "record", "folder", "details", "profile")
@@ -98,7 +97,7 @@ def file_stem(key: FlightKey) -> str:
 
 
 def comparable(flight: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a flight without the lab's name and without what depends on the machine's speed.
+    """Return a flight without what depends on the machine's speed.
 
     Two flights of one seed agree in all of this on one machine, whatever flew beside them.
     """
@@ -114,8 +113,6 @@ def parse_flight(text: bytes | str) -> dict[str, Any]:
     flight = parse_json(text)
     if not isinstance(flight, dict):
         raise InputError(f"expected a flight's JSON object, got {type(flight).__name__}")
-    if _FORMER_FIND in flight:
-        flight.setdefault("time_to_find_mark_s", flight.pop(_FORMER_FIND))
     _check(flight)
     return flight
 

@@ -286,15 +286,12 @@ def _flat(planned: FlightTask | CampaignPlan) -> dict[str, Any]:
 
 
 def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what `_flat` wrote with one `options`; a plan of before may lack some."""
-    shared = {name: values[name] for name in SHARED if name in values}
-    folders = TreeFolders(**shared.pop("tree_folders", {}))
-    judge = dict(shared.pop("judge", {}))
-    if "landing_surfaces" in judge:
-        judge["landing_surfaces"] = tuple(judge["landing_surfaces"])
-    if judge.pop("must_land_on_pad", True) is False:  # of a plan of before
-        judge["land_on"] = LandOn.ANY
-    if judge.get("land_on") is not None:
+    """Return what `_flat` wrote with one `options`."""
+    shared = {name: values[name] for name in SHARED}
+    folders = TreeFolders(**shared.pop("tree_folders"))
+    judge = dict(shared.pop("judge"))
+    judge["landing_surfaces"] = tuple(judge["landing_surfaces"])
+    if judge["land_on"] is not None:
         judge["land_on"] = LandOn(judge["land_on"])
     options = FlightOptions(**shared, tree_folders=folders, judge=JudgeConfig(**judge))
     others = {name: value for name, value in values.items() if name not in SHARED}

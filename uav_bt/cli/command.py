@@ -8,7 +8,6 @@ from typing import Any
 
 import click
 
-from uav_bt.cli.deleted import refuse_deleted
 from uav_bt.cli.interrupts import let_work_clean_up
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, check_output_folder
@@ -62,19 +61,6 @@ class Command(click.Command):
                 formatter.write_dl([rows.pop(name) for name in names])
         with formatter.section("Options"):
             formatter.write_dl(list(rows.values()))
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the command line.
-
-        Raises:
-            NoSuchOption: the command has no such option.
-            DeletedError: the option was deleted.
-        """
-        try:
-            return super().parse_args(ctx, args)
-        except click.NoSuchOption as error:
-            refuse_deleted(ctx, error.option_name)
-            raise
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command.

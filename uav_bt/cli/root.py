@@ -16,7 +16,6 @@ import click
 from click.shell_completion import CompletionItem
 
 import uav_bt as package
-from uav_bt.cli.deleted import refuse_deleted
 from uav_bt.cli.interrupts import stopped_by
 from uav_bt.cli.standard_output import output_fault
 from uav_bt.errors import UavBtError, did_you_mean
@@ -55,12 +54,10 @@ class LazyGroup(click.Group):
 
         Raises:
             UsageError: There is no command of that name; the message names the group that has it.
-            DeletedError: The command was deleted.
         """
         if cmd_name in self.commands:
             return self.commands[cmd_name]
         if cmd_name not in self._lazy:
-            refuse_deleted(ctx, cmd_name)
             root = ctx.find_root().command
             found = root.paths() if isinstance(root, LazyGroup) else ()
             places = [f"'uav-bt {' '.join(path)}'" for path in found if path[-1] == cmd_name]

@@ -16,7 +16,7 @@ from perception.camera.image_files import FOREIGN_SUFFIXES, IMAGE_SUFFIXES
 from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file
-from uav_bt.record.footage import FLIGHT_SUFFIXES, flight_record, footage
+from uav_bt.record.footage import RECORD_SUFFIX, flight_record, footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.types.arrays import Image
 
@@ -232,7 +232,7 @@ def _is_photograph(path: Path) -> bool:
 
 
 def _is_record(path: Path) -> bool:
-    return path.suffix.lower() in FLIGHT_SUFFIXES
+    return path.suffix.lower() == RECORD_SUFFIX
 
 
 def _opened(name: str, path: Path) -> Filmed:

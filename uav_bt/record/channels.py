@@ -32,9 +32,15 @@ from uav_bt.types import (
 )
 from uav_bt.types.site_map import SiteMapBase
 
-_STATUSES: Final = frozenset({*Status.__members__, "INVALID"})  # older records have INVALID
+_STATUSES: Final = frozenset(Status.__members__)
 _MAX_TIME_S: Final = 1e9  # views count nanoseconds in 64 bits
 _OVERRIDES: Final = frozenset({None, *(override.value for override in Override)})
+
+
+def _check_statuses(*statuses: str) -> None:
+    unknown = set(statuses) - _STATUSES
+    if unknown:
+        raise ValueRangeError(f"unknown node status '{min(unknown):.40}'")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +60,7 @@ class TickNote:
     def __post_init__(self) -> None:
         if not (abs(self.time_s) < _MAX_TIME_S and self.index >= 0):
             raise ValueRangeError(f"tick {self.index} at {self.time_s} s is none")
+        _check_statuses(self.tree_status)
 
     @classmethod
     def of(cls, record: TickRecord) -> TickNote:
@@ -150,12 +157,10 @@ class StatusNote:
     statuses: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        unknown = set(self.statuses) - _STATUSES
-        if unknown:
-            raise ValueRangeError(f"unknown node status '{min(unknown):.40}'")
+        _check_statuses(*self.statuses)
 
 
-SCHEMA_VERSION: Final = 3  # version of the whole record; readers refuse a newer one
+SCHEMA_VERSION: Final = 3  # version of the whole record; readers refuse any other
 
 # Names of the two metadata records, written at the start and at the end of the flight.
 START: Final = "uav_bt.flight"
@@ -193,7 +198,7 @@ RELATIVE_DEPTH: Final = Channel(topic="/perception/relative_depth", content="Raw
 METRIC_DEPTH: Final = Channel(topic="/perception/metric_depth", content="RawImage", image=True)
 CORRIDOR: Final = Channel(topic="/perception/corridor", content=Corridor)
 MARK: Final = Channel(topic="/perception/mark", content=MarkFix)
-# `near` of the site map, in every tick. The topic is older: the board once had a key for it.
+# `near` of the site map, in every tick.
 NEAR: Final = Channel(topic="/perception/obstacles", content=NearObstacles)
 SITE_MAP: Final = Channel(topic="/perception/site_map", content=SiteMapNote)
 STATE: Final = Channel(topic="/drone/state", content=DroneState)
@@ -217,14 +222,6 @@ CHANNELS: Final[dict[str, Channel]] = {
         *(TICK, COMMANDS, BOARD, ADVICE, TREE, TREE_STATUS, LOG),
     )
 }
-
-# Topics of records of an earlier schema version, and their present names.
-_FORMER_TOPICS: Final = {"/perception/helipad": MARK.topic}
-
-
-def present_topic(topic: str) -> str:
-    """Return the present name of a record's topic."""
-    return _FORMER_TOPICS.get(topic, topic)
 
 
 def schema_of(channel: Channel) -> tuple[str, bytes]:

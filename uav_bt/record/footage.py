@@ -18,10 +18,10 @@ from uav_bt.record.channels import FrameNote
 from uav_bt.record.images import image_bytes
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
-from uav_bt.record.values import decode, decode_float
+from uav_bt.record.values import decode
 from uav_bt.types import DroneState
 
-FLIGHT_SUFFIXES: Final = (".mcap", ".npz")  # .npz is refused with a remedy
+RECORD_SUFFIX: Final = ".mcap"
 
 _DECODED: Final[dict[str, type[Any]]] = {
     channels.ADVICE.topic: Advice,
@@ -37,11 +37,6 @@ def flight_record(path: Path) -> RecordReader:
         FileError: the file is not a flight record, or was never finished.
         MissingDependencyError: the extra `record` is not installed.
     """
-    if path.suffix.lower() == ".npz":
-        raise FileError(
-            path,
-            "flights are kept as records: fly it again with `uav-bt fly ... --record FILE.mcap`",
-        )
     reader = RecordReader(path)
     if not reader.finished:
         raise FileError(path, "the record was never finished; `mcap recover` makes a whole one")
@@ -61,10 +56,7 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
     try:
         for message in reader.messages((*_DECODED, channels.CAMERA_IMAGE.topic)):
             if message.topic != channels.CAMERA_IMAGE.topic:
-                plain = parse_json(message.data)
-                if message.topic == channels.ADVICE.topic:
-                    plain = _advice(plain)
-                found = decode(_DECODED[message.topic], plain)
+                found = decode(_DECODED[message.topic], parse_json(message.data))
                 if isinstance(found, FrameNote):
                     note = found
                 else:
@@ -80,27 +72,3 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
         raise FileError(
             reader.path, f"is damaged ({reader.damages[0]}); `mcap recover` saves the intact part"
         )
-
-
-def _advice(plain: Any) -> Any:
-    """Return advice in the present form.
-
-    In schema version 1 all answers were of one class, with the fields of all.
-    """
-    if not (isinstance(plain, dict) and "decision" in plain):
-        return plain
-    return plain | {"answer": _answer(plain["decision"]), "fresh": _answer(plain.get("fresh"))}
-
-
-def _answer(old: Any) -> Any:
-    if not isinstance(old, dict):
-        return old
-    forward_m = decode_float(old.get("forward_m"))
-    if old.get("done"):
-        kind = "Done"
-    elif old.get("speed_mps") is not None:
-        kind = "FollowLeg" if old["speed_mps"] else "Rotate"
-    else:
-        kind = "Advance" if forward_m > 0.0 else "Blocked"
-    # Each class reads its fields and ignores the others.
-    return {**old, "type": kind, "ground_ends": old.get("carpet_ends", False)}

@@ -10,7 +10,7 @@ from pathlib import Path
 from uav_bt.errors import FileError, InputError
 from uav_bt.json_text import parse_json
 from uav_bt.record import channels
-from uav_bt.record.channels import CHANNELS, present_topic
+from uav_bt.record.channels import CHANNELS
 from uav_bt.record.reader import RecordReader
 
 
@@ -48,7 +48,7 @@ def record_info(path: Path) -> RecordInfo:
     """Return the summary of a record; reads all of it to find every damage.
 
     Raises:
-        FileError: the file cannot be read, is not a flight record, or has a newer version.
+        FileError: the file cannot be read, is not a flight record, or has another version.
     """
     reader = RecordReader(path)
     counts: Counter[str] = Counter()
@@ -99,4 +99,4 @@ def _losses(path: Path, end: Mapping[str, str]) -> tuple[dict[str, int], int]:
     if not isinstance(dropped, dict) or not all(type(n) is int for n in dropped.values()):
         got = f"{end['dropped']:.80}"
         raise FileError(path, f"the record's end is damaged: expected numbers by topic, got {got}")
-    return {present_topic(topic): count for topic, count in dropped.items()}, lost_ticks
+    return dropped, lost_ticks

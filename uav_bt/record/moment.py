@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-from uav_bt import board as keys
 from uav_bt.errors import InputError
 from uav_bt.json_text import parse_json
 from uav_bt.lab.classes import LabClasses
@@ -35,12 +34,6 @@ from uav_bt.types import (
     Truth,
 )
 from uav_bt.types.site_map import SiteMap
-
-# Board keys in records of an earlier schema version, and their present names.
-_FORMER_KEYS: Final = {
-    "helipad": keys.MARK.name,
-    "height_above_carpet_m": keys.HEIGHT.name,
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,9 +124,6 @@ def _board(found: Mapping[str, bytes]) -> dict[str, Any]:
     board = parse_json(found.get(channels.BOARD.topic, b"{}"))
     if not isinstance(board, dict):
         raise InputError(f"expected the board's keys, got {board!s:.80}")
-    for former, present in _FORMER_KEYS.items():
-        if former in board:
-            board.setdefault(present, board.pop(former))
     for key, entry in board.items():
         if not (isinstance(entry, dict) and "value" in entry):
             raise InputError(f"expected value and captured_s of board key '{key:.40}'")

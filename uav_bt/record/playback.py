@@ -56,10 +56,8 @@ class Playback:
 
     def statuses(self) -> Mapping[str, Status]:
         """Return the nodes' statuses after the last tick, by path."""
-        # Older records have INVALID for an idle node.
         return {
-            path: Status.__members__.get(status, Status.IDLE)
-            for path, status in zip(self._paths, self._statuses, strict=False)
+            path: Status[status] for path, status in zip(self._paths, self._statuses, strict=False)
         }
 
     def ticks(
@@ -93,7 +91,7 @@ class Playback:
             index=note.index,
             time_s=note.time_s,
             observation=Observation(frame=self._frame, state=moment.state),
-            tree_status=Status.__members__.get(note.tree_status, Status.IDLE),
+            tree_status=Status[note.tree_status],
             phase=note.phase,
             active=note.active,
             command=commands.sent,

@@ -16,7 +16,6 @@ from typing import Any, Final
 from uav_bt.errors import FileError, InputError
 from uav_bt.json_text import parse_json
 from uav_bt.lab.classes import LabClass, LabClasses
-from uav_bt.lab.shipped import load_lab
 from uav_bt.plugins import need
 from uav_bt.record import channels
 from uav_bt.record.channels import END, SCHEMA_VERSION, START, StatusNote, TreeNote
@@ -53,7 +52,7 @@ class RecordReader:
         damages: the damage that the last pass found.
 
     Raises:
-        FileError: the file cannot be read, is not a flight record, or has a newer version.
+        FileError: the file cannot be read, is not a flight record, or has another version.
         MissingDependencyError: the extra `record` is not installed.
     """
 
@@ -100,7 +99,7 @@ class RecordReader:
                     name=record.name, media_type=record.media_type, data=record.data
                 )
             elif isinstance(record, Channel):
-                topics[record.id] = channels.present_topic(record.topic)
+                topics[record.id] = record.topic
             elif isinstance(record, Message):
                 first_ns = record.log_time if first_ns is None else first_ns
                 if record.log_time > first_ns:  # the tree is among the first messages
@@ -137,12 +136,10 @@ class RecordReader:
         version = self.metadata.get("schema_version", "")
         if not version.isdecimal():
             raise FileError(self.path, f"the record's version is damaged: '{version}'")
-        if int(version) > SCHEMA_VERSION:
+        if int(version) != SCHEMA_VERSION:
             raise FileError(
                 self.path,
-                f"was recorded with schema version {version} by uav-bt "
-                f"{self.metadata.get('uav_bt', 'of a later version')}; this one knows "
-                f"{SCHEMA_VERSION}: update uav-bt to read it",
+                f"has schema version {version}, this version of uav-bt reads {SCHEMA_VERSION}",
             )
 
     @property
@@ -200,7 +197,7 @@ class RecordReader:
         last_ns = 0
         for record in self._scan:
             if isinstance(record, Channel):
-                topics[record.id] = channels.present_topic(record.topic)
+                topics[record.id] = record.topic
             elif isinstance(record, Message):
                 if record.log_time < last_ns - _NS:  # a second: the writer holds back less
                     raise FileError(
@@ -283,11 +280,7 @@ class RecordReader:
         return self._statuses(last.data)
 
     def _lab_classes(self) -> LabClasses:
-        """Return the classes of the flight's lab; those of the default lab for an older record."""
-        text = self.metadata.get("classes")
-        if text is None:
-            return load_lab().classes
-        return LabClasses(decode(LabClass, each) for each in parse_json(text))
+        return LabClasses(decode(LabClass, each) for each in parse_json(self.metadata["classes"]))
 
     def _moment(self, found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         try:

@@ -25,12 +25,6 @@ T = TypeVar("T")
 
 _TYPE: Final = "type"  # distinguishes the members of a union
 _MAX_INTEGER: Final = 2**63 - 1
-# Names of fields in records of an earlier schema version.
-_FORMER_NAMES: Final = {
-    "height_above_ground_m": "height_above_carpet_m",
-    "inside_ground": "inside_carpet",
-    "on_mark": "on_helipad",
-}
 _ODD: Final = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 
 
@@ -172,13 +166,9 @@ def _fields(kind: type[Any]) -> _Codec:
     def write(value: Any) -> dict[str, Any]:
         return {name: encoder(getattr(value, name)) for name, encoder in writers}
 
-    former = [(name, _FORMER_NAMES[name]) for name in codecs if name in _FORMER_NAMES]
-
     def read(data: Any) -> Any:
-        renamed = {name: data[old] for name, old in former if old in data}
-        found = renamed | data if renamed else data
-        # A field that an older record lacks keeps its default.
-        return kind(**{n: codec.decode(found[n]) for n, codec in codecs.items() if n in found})
+        # A new field keeps the schema version; a record without it has the default.
+        return kind(**{n: codec.decode(data[n]) for n, codec in codecs.items() if n in data})
 
     properties = {name: codec.schema for name, codec in codecs.items()}
     return _Codec(encode=write, decode=read, schema={"type": "object", "properties": properties})

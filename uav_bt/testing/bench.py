@@ -37,11 +37,7 @@ from uav_bt.types.area import Area
 
 
 class BenchWorld:
-    """A tree with everything that a tick needs, under the test's control.
-
-    Args:
-        tree: the tree.
-    """
+    """A tree with everything that a tick needs, under the test's control."""
 
     def __init__(self, tree: MissionTree) -> None:
         self.clock = ManualClock()
@@ -94,13 +90,15 @@ class BenchWorld:
     ) -> None:
         """Write the board values of a drone in the air with a black image, as the runner does.
 
+        A drone with a velocity is FLYING.
+
         Args:
-            height_m: height above the ground and above the take-off point, m.
-            gimbal_pitch_rad: camera pitch, rad; 0 is level, negative is down.
-            attitude: attitude of the body; default: level, heading 0.
-            forward_mps: velocity along the heading, m/s; a drone with a velocity is FLYING.
-            right_mps: velocity to the right of the heading, m/s.
-            down_mps: velocity downwards, m/s.
+            height_m: above the ground and above the take-off point.
+            gimbal_pitch_rad: 0 is level, negative is down.
+            attitude: default: level, heading 0.
+            forward_mps: velocity along the heading.
+            right_mps: velocity to the right of the heading.
+            down_mps: velocity downwards.
             battery_share: charge, 0 to 1.
             link_share: quality of the radio link, 0 to 1.
             pilot_has_control: whether a person has taken over.
@@ -195,17 +193,13 @@ class BenchWorld:
         self._ready = True
 
     def _prepare(self) -> None:
-        """Get ready for a tick."""
         if not self._ready:
             self.setup()
         self.proposals.clear()
 
-    def _check_proposals(self) -> None:
-        """Refuse proposals of leaves that do not declare them.
-
-        Raises:
-            MissionError: a leaf proposed what its class attributes exclude.
-        """
+    def _tick_tree(self) -> Status:
+        """Tick; raise MissionError if a leaf proposed what its class does not declare."""
+        status = self.tree.tick()
         asked = (("moves", self.proposals.movement_owner), ("points", self.proposals.gimbal_owner))
         for attribute, owner in asked:
             leaf = next((leaf for leaf in self.tree.leaves() if leaf.path == owner), None)
@@ -214,15 +208,14 @@ class BenchWorld:
                     f"leaf '{owner}' {ABILITIES[attribute]} in this tick without declaring it: "
                     f"write `{attribute} = True` in the class {type(leaf).__qualname__}"
                 )
+        return status
 
     def halt(self) -> None:
         """Halt the running nodes, as a parent or the operator does."""
         self.tree.halt()
 
     def _policy(self, name: str) -> LeafPolicy:
-        if name in self.policies:
-            return self.policies[name]
-        return make_policy(name)
+        return self.policies[name] if name in self.policies else make_policy(name)
 
 
 class LeafBench(BenchWorld):
@@ -251,19 +244,14 @@ class LeafBench(BenchWorld):
         super().__init__(MissionTree(self.leaf, name="Bench"))
 
     def tick(self, advance_s: float = 0.0) -> Status:
-        """Forget the last tick's proposals, tick the leaf once and return its answer.
-
-        Args:
-            advance_s: time that passes before the tick, s.
+        """Let time pass, tick the leaf once and return its answer.
 
         Raises:
             NodeFailedError: the leaf raised.
         """
         self.clock.advance(advance_s)
         self._prepare()
-        status = self.tree.tick()
-        self._check_proposals()
-        return status
+        return self._tick_tree()
 
     @property
     def feedback(self) -> str:

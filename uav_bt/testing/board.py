@@ -18,10 +18,6 @@ class StrictBlackboard(Blackboard):
 
     In flight a stale value reads as None, and leaves must handle it. In a test it mostly means that
     the test forgot to refresh its board, and would pass for the wrong reason.
-
-    Args:
-        clock: the mission's clock, which dates the values.
-        keys: the keys that are declared from the start.
     """
 
     def __init__(self, clock: Clock, keys: Iterable[Key[Any]]) -> None:
@@ -32,8 +28,8 @@ class StrictBlackboard(Blackboard):
         """Return a fresh value, or an empty reading if none was ever written.
 
         Raises:
-            BoardAccessError: the key is not declared, or was declared with another type, or the
-                value is stale and `allow_stale` is False.
+            BoardAccessError: the key is not declared as it is read, or the value is stale and
+                `allow_stale` is False.
         """
         declared = self._keys.get(key.name)
         if declared is None:
@@ -63,20 +59,12 @@ class BenchBoard:
         self._board = board
 
     def __setitem__(self, key: Key[T], value: T) -> None:
-        """Write a value, captured at its `captured_s` or else now.
-
-        Raises:
-            BoardAccessError: the value has another type than the key.
-        """
+        """Write a value, captured at its `captured_s` or else now."""
         self._board.declare(key)
         self._board.write(key, value, captured_s=getattr(value, "captured_s", None))
 
     def __getitem__(self, key: Key[T]) -> T:
-        """Return the last value, of any age.
-
-        Raises:
-            KeyError: the key has no value.
-        """
+        """Return the last value, of any age; KeyError if there is none."""
         value: T = self._board.snapshot()[key.name][0]
         return value
 

@@ -35,13 +35,7 @@ _STRIPE_GREY = 180
 def pinhole(
     width_px: int = 64, height_px: int = 36, fov_rad: float = math.radians(69)
 ) -> CameraModel:
-    """Return a small camera as wide as the ANAFI's video.
-
-    Args:
-        width_px: of its images.
-        height_px: of its images.
-        fov_rad: horizontal field of view.
-    """
+    """Return a small camera with the horizontal field of view of the ANAFI's video."""
     focal_px = width_px / 2 / math.tan(fov_rad / 2)
     return CameraModel(
         width_px=width_px,
@@ -56,14 +50,7 @@ def pinhole(
 def blank_frame(
     camera: CameraModel, state: DroneState, *, index: int = 0, captured_s: float | None = None
 ) -> Frame:
-    """Return a black frame with a state's telemetry.
-
-    Args:
-        camera: gives the image its size.
-        state: the telemetry.
-        index: of the frame.
-        captured_s: time of capture, mission clock; default: the state's.
-    """
+    """Return a black frame with a state's telemetry, captured with it if no time is given."""
     return Frame(
         image=np.zeros((camera.height_px, camera.width_px, 3), dtype=np.uint8),
         index=index,
@@ -104,7 +91,7 @@ class ScriptedDrone:
     Args:
         observations: the observations to show; empty: those that follow from the commands.
         config: the durations of its movements.
-        clock: the mission's clock.
+        clock: the mission's clock; default: a new one.
     """
 
     def __init__(

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypedDict, TypeVar, Unpack
 
 from uav_bt.errors import UnknownNameError
 from uav_bt.protocols import Clock
 from uav_bt.tree import MissionTree, Node
 from uav_bt.tree.observer import NodeEvent, observe
 
+T = TypeVar("T")
+
+__tracebackhide__ = True  # pytest shows the test's line of a failed assertion, none of this module
+
 _SHOWN: Final = 200  # the last events in a failure message; chosen
-_LOGGED: Final = (
-    NodeEvent.STARTED,
-    NodeEvent.RAN,
-    NodeEvent.SUCCEEDED,
-    NodeEvent.FAILED,
-    NodeEvent.SKIPPED,
-    NodeEvent.HALTED,
-    NodeEvent.RAISED,
-)
-_WORDS: Final = {kind.value: kind for kind in _LOGGED}
-_TICKED: Final = (NodeEvent.STARTED, NodeEvent.RAN)
+_LEFT_OUT: Final = {NodeEvent.CONTINUES, NodeEvent.HALTING, NodeEvent.STATUS}
+_KINDS: Final = {kind.value: kind for kind in NodeEvent if kind not in _LEFT_OUT}
+
+
+class Counted(TypedDict, total=False):
+    """How often and when events are expected: at least once in the whole log, if not given."""
+
+    times: int | None
+    tick: int | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +57,7 @@ class EventLog:
         self.events: list[Event] = []
         self.tick = 0  # number of the present tick, set by the bench
         self._clock = clock
+        self._tree = tree
         self._paths: dict[str, set[str]] = {}
         for node in tree.nodes():
             for name in (node.path, node.name, node.node_id):
@@ -62,10 +65,9 @@ class EventLog:
         observe(tree.nodes(), self._note)
 
     def _note(self, node: Node, kind: NodeEvent) -> None:
-        if kind in _LOGGED:
-            self.events.append(
-                Event(tick=self.tick, time_s=self._clock.now(), path=node.path, kind=kind)
-            )
+        if kind not in _LEFT_OUT:
+            now_s = self._clock.now()
+            self.events.append(Event(tick=self.tick, time_s=now_s, path=node.path, kind=kind))
 
     # --- questions --------------------------------------------------------------------------------
 
@@ -80,82 +82,58 @@ class EventLog:
         Raises:
             UnknownNameError: the node or the kind is unknown.
         """
-        paths = self._find(node)
-        wanted = {_kind(one) for one in kinds} or set(_LOGGED)
-        return tuple(
-            event
-            for event in self.events
-            if event.path in paths and event.kind in wanted and (tick is None or event.tick == tick)
-        )
+        paths = _known("node", node, self._paths)
+        words = [kind.value if isinstance(kind, NodeEvent) else kind for kind in kinds or _KINDS]
+        wanted = {_known("event", word, _KINDS) for word in words}
+        found = (event for event in self.events if event.path in paths and event.kind in wanted)
+        return tuple(event for event in found if tick is None or event.tick == tick)
 
-    def _find(self, node: str) -> set[str]:
-        try:
-            return self._paths[node]
-        except KeyError:
-            raise UnknownNameError("node", node, self._paths) from None
+    def never_ran(self) -> tuple[str, ...]:
+        """Return the paths of the nodes that never began, in the order of the tree."""
+        began = {event.path for event in self.events if event.kind is NodeEvent.STARTED}
+        return tuple(node.path for node in self._tree.nodes() if node.path not in began)
 
     def table(self) -> str:
         """Return the log as text, a line per event."""
-        events = self.events[-_SHOWN:]
-        lines = [" tick     time  event      node", *(str(event) for event in events)]
-        left_out = len(self.events) - len(events)
-        if left_out:
-            lines.insert(1, f"       ... {left_out} earlier events ...")
-        if not events:
-            lines.append("       (nothing happened)")
-        return "\n".join(lines)
+        lines = [" tick     time  event      node"]
+        if len(self.events) > _SHOWN:
+            lines.append(f"       ... {len(self.events) - _SHOWN} earlier events ...")
+        lines += map(str, self.events[-_SHOWN:])
+        return "\n".join(lines if self.events else [*lines, "       (nothing happened)"])
 
     # --- assertions -------------------------------------------------------------------------------
 
-    def assert_started(
-        self, node: str, *, times: int | None = None, tick: int | None = None
-    ) -> None:
+    def assert_started(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node began."""
-        __tracebackhide__ = True
-        self._assert(node, (NodeEvent.STARTED,), times, tick)
+        self._assert(node, NodeEvent.STARTED, **counted)
 
-    def assert_ran(self, node: str, *, times: int | None = None, tick: int | None = None) -> None:
+    def assert_ran(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node was ticked."""
-        __tracebackhide__ = True
-        self._assert(node, _TICKED, times, tick)
+        self._assert(node, NodeEvent.STARTED, NodeEvent.RAN, **counted)
 
-    def assert_halted(
-        self, node: str, *, times: int | None = None, tick: int | None = None
-    ) -> None:
+    def assert_halted(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node was stopped while it ran."""
-        __tracebackhide__ = True
-        self._assert(node, (NodeEvent.HALTED,), times, tick)
+        self._assert(node, NodeEvent.HALTED, **counted)
 
-    def assert_succeeded(
-        self, node: str, *, times: int | None = None, tick: int | None = None
-    ) -> None:
+    def assert_succeeded(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node answered SUCCESS."""
-        __tracebackhide__ = True
-        self._assert(node, (NodeEvent.SUCCEEDED,), times, tick)
+        self._assert(node, NodeEvent.SUCCEEDED, **counted)
 
-    def assert_failed(
-        self, node: str, *, times: int | None = None, tick: int | None = None
-    ) -> None:
+    def assert_failed(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node answered FAILURE."""
-        __tracebackhide__ = True
-        self._assert(node, (NodeEvent.FAILED,), times, tick)
+        self._assert(node, NodeEvent.FAILED, **counted)
 
-    def assert_skipped(
-        self, node: str, *, times: int | None = None, tick: int | None = None
-    ) -> None:
+    def assert_skipped(self, node: str, **counted: Unpack[Counted]) -> None:
         """Fail unless a node answered SKIPPED or was skipped by a condition."""
-        __tracebackhide__ = True
-        self._assert(node, (NodeEvent.SKIPPED,), times, tick)
+        self._assert(node, NodeEvent.SKIPPED, **counted)
 
     def assert_not_started(self, node: str, *, tick: int | None = None) -> None:
         """Fail when a node began."""
-        __tracebackhide__ = True
-        self._assert(node, (NodeEvent.STARTED,), 0, tick)
+        self._assert(node, NodeEvent.STARTED, times=0, tick=tick)
 
     def assert_not_halted(self, node: str, *, tick: int | None = None) -> None:
         """Fail when a node was stopped while it ran."""
-        __tracebackhide__ = True
-        self._assert(node, (NodeEvent.HALTED,), 0, tick)
+        self._assert(node, NodeEvent.HALTED, times=0, tick=tick)
 
     def assert_order(self, *steps: str) -> None:
         """Fail unless these things happened one after another; others may lie between.
@@ -168,8 +146,11 @@ class EventLog:
         Raises:
             UnknownNameError: the node or the event is unknown.
         """
-        __tracebackhide__ = True
-        wanted = [self._step(step) for step in steps]
+        wanted = []
+        for step in steps:
+            node, _, word = step.strip().rpartition(" ")
+            paths = _known("node", node.strip(), self._paths)
+            wanted.append((paths, _known("event", word, _KINDS)))
         events = iter(self.events)
         for index, (paths, kind) in enumerate(wanted):
             if not any(e.path in paths and e.kind is kind for e in events):
@@ -179,15 +160,9 @@ class EventLog:
                     f"'{steps[index]}' did not happen{after}\n{self.table()}"
                 )
 
-    def _step(self, step: str) -> tuple[set[str], NodeEvent]:
-        node, _, word = step.strip().rpartition(" ")
-        return self._find(node.strip()), _kind(word)
-
     def _assert(
-        self, node: str, kinds: Iterable[NodeEvent], times: int | None, tick: int | None
+        self, node: str, *kinds: NodeEvent, times: int | None = None, tick: int | None = None
     ) -> None:
-        __tracebackhide__ = True
-        kinds = tuple(kinds)
         found = len(self.of(node, *kinds, tick=tick))
         if (found > 0) if times is None else (found == times):
             return
@@ -199,10 +174,7 @@ class EventLog:
         )
 
 
-def _kind(word: NodeEvent | str) -> NodeEvent:
-    if isinstance(word, NodeEvent):
-        return word
-    try:
-        return _WORDS[word]
-    except KeyError:
-        raise UnknownNameError("event", word, _WORDS) from None
+def _known(what: str, name: str, known: Mapping[str, T]) -> T:
+    if name not in known:
+        raise UnknownNameError(what, name, known)
+    return known[name]

@@ -14,19 +14,10 @@ import pytest
 
 from uav_bt import testing
 
-_LOOKUP_OPTIONS: Final = {
-    "folder": (
-        "DIR",
-        "with --check-trees: a folder whose trees SubTrees may use, too; may be repeated",
-    ),
-    "include_root": (
-        "DIR",
-        "with --check-trees: a folder that files may be included from, besides the file's own",
-    ),
-    "palette": (
-        "FILE",
-        "with --check-trees: a file that describes nodes that are not installed; may be repeated",
-    ),
+_ELSEWHERE: Final = {
+    "folder": ("DIR", "a folder whose trees SubTrees may use, too"),
+    "include_root": ("DIR", "a folder that files may be included from, besides the file's own"),
+    "palette": ("FILE", "a file that describes nodes that are not installed"),
 }
 
 
@@ -38,55 +29,25 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="collect all tree files (*.xml with BTCPP_format) as tests that check them",
     )
-    for option, (metavar, meaning) in _LOOKUP_OPTIONS.items():
-        flag = f"--check-trees-{option.replace('_', '-')}"
-        group.addoption(flag, action="append", default=[], metavar=metavar, help=meaning)
-        ini = f"uav_bt_check_trees_{option}"
-        parser.addini(ini, f"as {flag}", type="paths", default=[])
-    group.addoption(
-        "--tree-coverage",
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="report which branches of a tree file, or of all in a folder, the tests went through; "
-        "may be given several times",
-    )
-    group.addoption(
-        "--tree-coverage-fail-under",
-        default="",
-        metavar="PERCENT",
-        help="fail the run when the branch coverage is below this percentage",
-    )
     parser.addini("uav_bt_check_trees", "as --check-trees", type="bool", default=False)
-    parser.addini("uav_bt_tree_coverage", "as --tree-coverage", type="paths", default=[])
-    parser.addini("uav_bt_tree_coverage_fail_under", "as --tree-coverage-fail-under", default="")
+    for name, (metavar, what) in _ELSEWHERE.items():
+        flag, about = f"--check-trees-{name.replace('_', '-')}", f"with --check-trees: {what}"
+        group.addoption(flag, action="append", default=[], metavar=metavar, help=about)
+        parser.addini(f"uav_bt_check_trees_{name}", f"as {flag}", type="paths", default=[])
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Check tree files and measure their coverage when options ask for it."""
-    if config.getoption("check_trees") or config.getini("uav_bt_check_trees"):
-        from uav_bt.testing.check_plugin import CheckPlugin  # noqa: PLC0415  # see above
-
-        given = {
-            option: [Path(each) for each in config.getoption(f"check_trees_{option}")]
-            or config.getini(f"uav_bt_check_trees_{option}")
-            for option in _LOOKUP_OPTIONS
-        }
-        config.pluginmanager.register(CheckPlugin(given), "uav_bt_check_trees")
-    targets = [Path(target) for target in config.getoption("tree_coverage")]
-    targets = targets or list(config.getini("uav_bt_tree_coverage"))
-    if not targets:
+    """Check tree files when an option asks for it."""
+    if not (config.getoption("check_trees") or config.getini("uav_bt_check_trees")):
         return
-    from uav_bt.testing.coverage_plugin import coverage_plugin  # noqa: PLC0415  # see above
+    from uav_bt.testing.check_plugin import CheckPlugin  # noqa: PLC0415  # see above
 
-    minimum = config.getoption("tree_coverage_fail_under")
-    plugin = coverage_plugin(
-        targets,
-        minimum or config.getini("uav_bt_tree_coverage_fail_under"),
-        folder=config.invocation_params.dir,
-        reports=not hasattr(config, "workerinput"),
-    )
-    config.pluginmanager.register(plugin, "uav_bt_tree_coverage")
+    given = {
+        name: [Path(each) for each in config.getoption(f"check_trees_{name}")]
+        or config.getini(f"uav_bt_check_trees_{name}")
+        for name in _ELSEWHERE
+    }
+    config.pluginmanager.register(CheckPlugin(given), "uav_bt_check_trees")
 
 
 @pytest.fixture

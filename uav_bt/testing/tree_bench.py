@@ -40,13 +40,6 @@ class TreeBench(BenchWorld):
 
     Ticks are `tick_s` apart, as in a mission. The state that a test has given (`hover`, `observe`)
     is observed again before every tick, until `lose_telemetry`.
-
-    Args:
-        tree: the tree.
-        tick_s: time between two ticks.
-
-    Raises:
-        ValueRangeError: the time between two ticks is negative.
     """
 
     def __init__(self, tree: MissionTree, *, tick_s: float = 0.1) -> None:
@@ -70,11 +63,7 @@ class TreeBench(BenchWorld):
         self._telemetry = None
 
     def advance(self, seconds: float) -> None:
-        """Let time pass without a tick.
-
-        Raises:
-            ValueRangeError: the time is negative.
-        """
+        """Let time pass without a tick."""
         self.clock.advance(seconds)
 
     def tick(self) -> Status:
@@ -91,29 +80,21 @@ class TreeBench(BenchWorld):
         self.log.tick += 1
         if self.before_tick is not None:
             self.before_tick(self)
-        status = self.tree.tick()
-        self._check_proposals()
+        status = self._tick_tree()
         self.outcomes.append(
             TickOutcome(
                 tick=self.log.tick,
                 time_s=self.clock.now(),
                 status=status,
-                movement=self.proposals.movement,
+                movement=self.proposed,
                 proposed_by=self.proposals.movement_owner,
-                gimbal=self.proposals.gimbal,
+                gimbal=self.pointed,
             )
         )
         return status
 
     def tick_until(self, status: Status, max_ticks: int) -> int:
-        """Tick until the root answers a status.
-
-        Args:
-            status: the answer to wait for.
-            max_ticks: the limit.
-
-        Returns:
-            The number of ticks.
+        """Tick until the root answers a status, and return the number of ticks.
 
         Raises:
             AssertionError: the root did not give that answer within the limit.
@@ -149,9 +130,8 @@ def load_tree(
         path: the file.
         registry: the nodes that may occur; default: all installed.
         tick_s: time between two ticks.
-        options: `mocks`, scripts such as `RRS` or mocks with outputs, `overrides` and the other
-            keyword arguments of `uav_bt.tree.parse_tree`. Subtrees in another folder are found with
-            `lookup=TreeFolders(trees=[folder]).lookup()`.
+        options: `mocks` (scripts such as `RRS`, or `Mock`) and the other keyword arguments of
+            `uav_bt.tree.parse_tree`.
 
     Raises:
         TreeError: the file was refused, or a mock or an override does not fit.
@@ -166,14 +146,7 @@ def parse_tree(
     tick_s: float = 0.1,
     **options: Unpack[TreeOptions],
 ) -> TreeBench:
-    """Put the text of a tree file on a bench; see `load_tree`.
-
-    Args:
-        source: the text.
-        registry: the nodes that may occur; default: all installed.
-        tick_s: time between two ticks.
-        options: as for `load_tree`.
-    """
+    """Put the text of a tree file on a bench; the other arguments are those of `load_tree`."""
     return TreeBench(parse_mission(source, _nodes(registry), **options), tick_s=tick_s)
 
 

@@ -46,10 +46,6 @@ class Says:
         bench = LeafBench(Explore, policy="says")
         bench.policies["says"] = Says(Advance(forward_m=0.3, reason="clear"))
 
-    Args:
-        first: the first answer.
-        others: the answers after it.
-
     Attributes:
         answers: the answers that are still to come; a test may replace them.
         views: the views that the policy was asked about, in order.
@@ -87,15 +83,15 @@ def show(
 
     Args:
         bench: the bench of the leaf.
-        seconds: time that passes before, s.
+        seconds: time that passes before.
         site_map: the map, such as a `drawn_map`. Default: the board's map stays as it is.
         ids: (H, W) uint8 class ids of the paper's lab. Default: `ground()`.
         flying: flying state in the telemetry.
-        height_m: height above the ground and above the take-off point, m.
+        height_m: above the ground and above the take-off point.
         yaw_rad: heading in the telemetry. Default: that of the map's pose, 0 without a map.
         gimbal_deg: pitch of the camera, 0 level, negative down.
         movement: state of the last movement, as the drone reports it.
-        velocity: velocity in the body frame. Default: 0.
+        velocity: in the body frame. Default: 0.
     """
     bench.clock.advance(seconds)
     now_s = bench.clock.now()
@@ -122,11 +118,7 @@ def show(
 
 
 def live(bench: LeafBench, **world: Unpack[InFlight]) -> Status:
-    """Show the leaf the drone in flight, tick it once and return its answer.
-
-    Args:
-        bench: the bench of the leaf.
-        world: keyword arguments of `show`.
+    """Show the leaf the drone in flight (see `show`), tick it once and return its answer.
 
     Raises:
         NodeFailedError: the leaf raised.

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 from py_trees.behaviour import Behaviour
 
@@ -65,10 +65,6 @@ class MissionTree:
         unset: variables of this tree that its nodes need and nothing in the file sets.
     """
 
-    # Called with every tree of the process once it is made: for tools such as coverage, which
-    # measure trees that code beyond their reach loads.
-    made_hooks: ClassVar[list[Callable[[MissionTree], None]]] = []
-
     def __init__(
         self,
         root: Node | Behaviour,
@@ -100,8 +96,6 @@ class MissionTree:
         self._used = any(node.has_mission for node in counts)
         place_tree(self.root, f"{name}/{self.root.name}", self.variables)
         _allow_depth(max(node.path.count("/") for node in self.nodes()))
-        for hook in self.made_hooks:
-            hook(self)
 
     def __repr__(self) -> str:
         count, origin = sum(1 for _ in self.nodes()), self.origin

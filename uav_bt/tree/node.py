@@ -82,9 +82,6 @@ class Node(NodePorts, Behaviour):
     """
 
     kind: ClassVar[NodeKind]
-    # Ids that nodes had in earlier versions, in whose place this one stands: several nodes may
-    # name the same. A tree file with such an id is refused with the ids of the successors.
-    formerly: ClassVar[tuple[str, ...]] = ()
     min_children: ClassVar[int] = 0
     max_children: ClassVar[int | None] = 0  # None: as many as one likes
 

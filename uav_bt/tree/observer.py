@@ -1,8 +1,8 @@
 """Watching nodes: every node has one observer slot, and notifies it of what happens to the node.
 
 The slot is empty in a tree that is not watched, which then pays for one comparison a tick. Budgets,
-logs, coverage, Groot2 and py_trees' visitors all watch through it. A node that has several
-observers notifies them in the order in which they came.
+logs, Groot2 and py_trees' visitors all watch through it. A node that has several observers notifies
+them in the order in which they came.
 """
 
 from __future__ import annotations

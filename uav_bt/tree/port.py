@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Final, Generic, Literal, TypeVar
 
-from uav_bt.errors import InputError, did_you_mean, hint_for
+from uav_bt.errors import InputError, did_you_mean
 from uav_bt.tree.script import parse_text
 
 T = TypeVar("T")
@@ -108,8 +108,6 @@ class Port(Generic[T]):
         sample: a value for examples of a required port with a check.
         places: whether the value is a list of places, in which a tree file may name files of
             places (`file:rounds.csv`). The loader replaces them by their content.
-        formerly: names of earlier ports that this one replaces. A tree file with such a name is
-            refused with the present one.
         caution: returns a warning about a valid but unusual value, such as one beyond the usual
             limits, or None. `uav-bt check` prints the warning.
 
@@ -134,7 +132,6 @@ class Port(Generic[T]):
     takes: tuple[Any, ...] | None = None
     at_setup: bool = False
     places: bool = False
-    formerly: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:
@@ -286,9 +283,8 @@ def bind_ports(
     by_name = {port.name: port for port in ports}
     for name in given:
         if name not in by_name:
-            known = [*by_name, *also]
-            successors = [port.name for port in by_name.values() if name in port.formerly]
-            wrong[name] = f"unknown attribute '{name}'{hint_for(name, known, successors)}"
+            hint = did_you_mean(name, [*by_name, *also])
+            wrong[name] = f"unknown attribute '{name}'{hint}"
     for name, port in by_name.items():
         if name not in given and port.default is Port.REQUIRED:
             if port.required:

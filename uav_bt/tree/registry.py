@@ -136,21 +136,7 @@ class NodeRegistry:
         try:
             return self._nodes[node_id]
         except KeyError:
-            successors = self.successors(node_id)
-            raise UnknownNameError("node", node_id, self._nodes, successors) from None
-
-    def successors(self, node_id: str) -> tuple[str, ...]:
-        """Return the ids of the nodes that replace a node of an earlier version.
-
-        Args:
-            node_id: of the earlier version.
-        """
-        # Of the class alone: a user's subclass replaces nothing.
-        return tuple(
-            node.node_id
-            for node in self._nodes.values()
-            if node_id in vars(node).get("formerly", ())
-        )
+            raise UnknownNameError("node", node_id, self._nodes) from None
 
     def get(self, node_id: str) -> type[Node] | None:
         """Return a node class; None for an unknown id."""

@@ -4,8 +4,6 @@ Conventions (see ``ARCHITECTURE.md``): metres, radians, seconds of the mission c
 is Parrot's: x forward, y right, z down, yaw clockwise positive seen from above. Images are RGB.
 """
 
-from typing import TYPE_CHECKING, Never
-
 from uav_bt.types.airframe import Airframe
 from uav_bt.types.bounds import clamp, limit_length
 from uav_bt.types.camera import CameraModel, ClassMap, Corridor, DepthMap, Frame
@@ -100,17 +98,3 @@ __all__ = [
     "wrap_angle",
     "wrap_angles",
 ]
-
-if not TYPE_CHECKING:
-
-    def __getattr__(name: str) -> Never:
-        successor = {
-            "ObstaclePoints": "NearObstacles",
-            "PAD_SIZE_M": "LandingMark.size_m",
-            "PAD_HEIGHT_M": "LandingMark.height_m",
-            "BODY_SIZE_M": "Airframe.body_size_m",
-        }.get(name)
-        if successor is not None:
-            # An AttributeError would lose its text in `from uav_bt.types import ObstaclePoints`.
-            raise ImportError(f"uav_bt.types has no {name} any more: it is {successor} now")
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -11,10 +11,9 @@ from behaviours.perceive.site_map import MapSite
 from tests.behaviours.leaf_world import replace_tree
 from tests.paper_lab import BOXES, CARPET
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, SITE_MAP
-from uav_bt.errors import TreeError
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.world import show
-from uav_bt.tree import NodeRegistry, Status, parse_tree
+from uav_bt.tree import Status
 from uav_bt.types import BodyVelocity
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
@@ -160,25 +159,3 @@ def test_mapping_commands_nothing() -> None:
     live(bench)
 
     assert (bench.proposed, bench.pointed) == (None, None)
-
-
-# --- names of before ------------------------------------------------------------------------------
-
-
-def test_a_file_that_names_the_former_leaf_or_key_gets_the_successors() -> None:
-    text = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
-      <RememberObstacles/>
-      <Script code="near := @obstacles"/>
-    </Sequence></BehaviorTree></root>"""
-    with pytest.raises(TreeError) as refused:
-        parse_tree(text, NodeRegistry.installed())
-    node, key = refused.value.findings
-    assert "it was replaced by MapSite and TrackMotion" in node
-    assert "no key 'obstacles'; it was replaced by site_map" in key
-
-
-def test_an_import_of_a_former_name_names_the_successor() -> None:
-    with pytest.raises(ImportError, match="read SITE_MAP"):
-        from uav_bt.board import OBSTACLES  # type: ignore[attr-defined]  # noqa: F401, PLC0415
-    with pytest.raises(ImportError, match="NearObstacles"):
-        from uav_bt.types import ObstaclePoints  # type: ignore[attr-defined]  # noqa: F401, PLC0415

@@ -153,11 +153,6 @@ def test_a_name_that_nobody_knows_gets_a_suggestion() -> None:
         runtime.load_depth_estimator("dept")
 
 
-def test_the_earlier_name_of_contact_says_the_new_one() -> None:
-    with pytest.raises(ValueRangeError, match="'footing' is called 'contact' now"):
-        runtime.load_depth_estimator("footing")
-
-
 def test_no_threads_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueRangeError, match="at least one thread"):
         runtime.OnnxDepthEstimator(_red(tmp_path / "n.onnx"), threads=0)

@@ -96,7 +96,6 @@ def test_a_record_tells_what_was_flown_and_how_it_ended(noted: tuple[Path, Notes
     assert json.loads(reader.metadata["versions"])["numpy"] == np.__version__
     assert reader.metadata["weights"] == "{}"  # this mission loads no network
     assert reader.classes == load_lab().classes
-    assert "legs_m" not in reader.metadata["classes"]  # older readers do not know legs
     assert FLIGHT.encode() in reader.attachments["tree/mission.xml"].data
     assert reader.camera == NoisyDrone().camera
     end = reader.end

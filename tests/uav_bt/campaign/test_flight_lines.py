@@ -24,12 +24,6 @@ def test_flights_without_a_path_are_read(tmp_path: Path) -> None:
     assert not any("path" in flight for flight in read.flights)
 
 
-def test_a_flight_of_an_earlier_version_has_its_time_to_the_mark() -> None:
-    flight = parse_flight(json.dumps(line() | {"time_to_find_helipad_s": 4.5}))
-    assert flight["time_to_find_mark_s"] == 4.5
-    assert "time_to_find_helipad_s" not in flight
-
-
 def test_a_flight_is_identified_by_tree_scene_and_seed() -> None:
     assert key_of(line(7, scene=None)) == ("one.xml", None, 7)
 

@@ -66,15 +66,6 @@ def test_the_plan_keeps_the_network_of_the_lab(hall: Path) -> None:
     assert difference == "lab_sha256: 'hall/segmentation.onnx' is new"
 
 
-def test_a_plan_without_a_lab_goes_on_as_before() -> None:
-    """Older plans know nothing of labs."""
-    plan = make_plan(["land_only"], flights=1)
-    values = plan.to_json()
-    assert values["lab_sha256"] == {}
-    del values["lab"], values["lab_sha256"]
-    assert plan.differences(CampaignPlan.from_json(values)) == []
-
-
 @pytest.mark.parametrize("name", ["lab.yaml", "camera.yaml"])
 def test_a_changed_lab_is_not_resumed(hall: Path, tmp_path: Path, name: str) -> None:
     before = make_plan(["hop.xml"], flights=1, lab="hall")

@@ -87,7 +87,6 @@ def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
     assert_refused(perceive(tmp_path / "broken.mp4"), "is not a readable video")
     (tmp_path / "broken.mcap").write_bytes(b"no record")
     assert_refused(perceive(tmp_path / "broken.mcap"), "broken.mcap")
-    assert_refused(perceive("flight.npz"), "uav-bt fly ... --record FILE.mcap")
     assert_refused(perceive("camera:x"), "expected a camera such as camera:0")
     assert_refused(perceive("camera:99"), "camera 99 does not open")
 
@@ -100,7 +99,6 @@ def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
         (("--out", "seen.avi"), "the name must end in .mp4"),
         (("--out", "seen.mp4", "--json", "seen.mp4"), "name the same file"),
         (("--camera", "no.yaml"), "there is no such camera file"),
-        (("--telemetry", "no.npz"), "uav-bt fly ... --record FILE.mcap"),
         (("--telemetry", "no.mcap"), "no.mcap"),
         (("--model", "no.onnx"), "no.onnx: there is no such network"),
         (("--segmentation", "no.onnx"), "no.onnx: there is no such network"),

@@ -126,7 +126,6 @@ def test_the_command_trains_on_a_record(film: Path, tmp_path: Path) -> None:
     ("arguments", "words"),
     [
         (["none.mcap"], "none.mcap"),
-        (["old.npz"], "uav-bt fly ... --record FILE.mcap"),
         (["x.mcap", "--out", "depth.onnx"], "must end in .safetensors"),
         (["x.mcap", "--labels", "none", "--no-photometric"], "nothing to learn from"),
         ([], "FLIGHTS"),

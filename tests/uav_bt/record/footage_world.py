@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.paper_lab import CLASSES
 from uav_bt.record import channels, messages
 from uav_bt.record.channels import SCHEMA_VERSION, START, FrameNote
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.values import dump, encode
 from uav_bt.types import Attitude, BodyVelocity, CameraModel, DroneState, FlyingState, Frame
+
+LAB_CLASSES: Final = dump([encode(each) for each in CLASSES]).decode()
 
 
 def frame(image: NDArray[np.uint8], index: int, captured_s: float, **changes: float) -> Frame:
@@ -53,6 +57,7 @@ def write_record(
             "start_ns": "0",
             "start_s": "0.0",
             "camera_model": dump(encode(camera)).decode(),
+            "classes": LAB_CLASSES,
             **(facts or {}),
         },
     )

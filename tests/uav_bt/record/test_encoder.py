@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from typing import Any
@@ -15,12 +14,10 @@ from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.record.test_site_maps import site_map
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
-from uav_bt.record.channels import MARK, present_topic
 from uav_bt.record.config import RecordConfig
 from uav_bt.record.encoder import MomentEncoder, RawMoment
 from uav_bt.record.moment import Moment, moment_of
 from uav_bt.record.record_file import Timeline
-from uav_bt.record.values import dump
 from uav_bt.testing import pinhole
 from uav_bt.tree.status import IDLE, RUNNING
 from uav_bt.types import (
@@ -138,20 +135,6 @@ def test_what_the_board_knew_comes_back() -> None:
     assert moment.board["phase"] == {"value": "explore", "captured_s": CAPTURED_S}
 
 
-def test_names_of_an_older_record_are_read() -> None:
-    """The landing mark, and the ground below, had the names of the paper's lab."""
-    found = messages_of(encoder(), raw_moment())
-    truth, board = json.loads(found["/drone/truth"]), json.loads(found["/mission/board"])
-    truth["inside_carpet"], truth["on_helipad"] = truth.pop("inside_ground"), truth.pop("on_mark")
-    board["helipad"] = board.pop("mark")
-    old = found | {"/drone/truth": dump(truth), "/mission/board": dump(board)}
-    moment = moment_of(old, ("FAILURE",), CLASSES)
-    assert moment.truth == TRUTH
-    assert moment.board == moment_of(found, ("FAILURE",), CLASSES).board
-    assert present_topic("/perception/helipad") == MARK.topic
-    assert present_topic(MARK.topic) == MARK.topic
-
-
 def test_unchanged_values_are_not_written_again() -> None:
     made = encoder()
     read(made, raw_moment())
@@ -206,20 +189,3 @@ def test_what_is_near_is_kept_with_every_new_map() -> None:
     assert read(made, raw_moment({"site_map": map_with(first)})).near is not None
     moment = read(made, raw_moment({"site_map": map_with(then)}))
     assert (moment.site_map, moment.near and moment.near.captured_s) == (None, 1.1)
-
-
-def test_a_note_of_obstacles_of_an_older_record_is_read() -> None:
-    """Older boards had a separate key for them; the message is unchanged."""
-    found = {
-        message.channel.topic: message.data
-        for message in encoder().encode(raw_moment({"phase": "explore"}), images=True)
-        if message.data is not None
-    }
-    found["/perception/obstacles"] = (
-        b'{"points_m":{"shape":[1,2],"values":[1.5,-0.2]},"captured_s":1.0,'
-        b'"assumed_m":{"shape":[0,2],"values":[]},"edges_m":{"shape":[0,2],"values":[]},'
-        b'"unplaced_rad":{"shape":[0],"values":[]}}'
-    )
-    near = moment_of(found, ("FAILURE",), CLASSES).near
-    assert near is not None
-    assert near.points_m.tolist() == [[1.5, -0.2]]

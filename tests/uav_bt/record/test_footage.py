@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.uav_bt.record.footage_world import state
+from tests.uav_bt.record.footage_world import LAB_CLASSES, state
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import FileError
 from uav_bt.protocols import Advice
@@ -33,16 +33,17 @@ SEEN = {
 }
 
 
-def record_of(path: Path, advice: dict[str, Any], *, version: int) -> RecordReader:
+def record_of(path: Path, advice: dict[str, Any]) -> RecordReader:
     """Return a record with one message of advice."""
     file = RecordFile(path)
     file.metadata(
         START,
         {
-            "schema_version": str(version),
+            "schema_version": str(channels.SCHEMA_VERSION),
             "start_ns": "0",
             "start_s": "0.0",
             "camera_model": dump(encode(CAMERA)).decode(),
+            "classes": LAB_CLASSES,
         },
     )
     file.write(channels.STATE, 0, dump(encode(state(0.0))))
@@ -53,12 +54,6 @@ def record_of(path: Path, advice: dict[str, Any], *, version: int) -> RecordRead
 
 def advice_in(reader: RecordReader) -> list[Advice]:
     return [item for item in footage(reader) if isinstance(item, Advice)]
-
-
-def of_version_1(**fields: Any) -> dict[str, Any]:
-    """Return an answer in the form of schema version 1."""
-    nothing = {"forward_m": 0.0, "yaw_rad": 0.0, "carpet_ends": False, "reason": "so"}
-    return nothing | {"free_m": None, "speed_mps": None, "done": False} | fields
 
 
 @pytest.mark.parametrize(
@@ -73,52 +68,11 @@ def of_version_1(**fields: Any) -> dict[str, Any]:
 )
 def test_every_answer_comes_back_from_a_record(tmp_path: Path, answer: Answer) -> None:
     given = Advice(**SEEN, answer=answer, fresh=Blocked(yaw_rad=-0.5))  # type: ignore[arg-type]
-    reader = record_of(tmp_path / "now.mcap", encode(given), version=channels.SCHEMA_VERSION)
+    reader = record_of(tmp_path / "now.mcap", encode(given))
     assert advice_in(reader) == [given]
 
 
-@pytest.mark.parametrize(
-    ("old", "answer"),
-    [
-        (
-            of_version_1(forward_m=0.7, yaw_rad=0.1, free_m=0.9),
-            Advance(forward_m=0.7, yaw_rad=0.1, free_m=0.9, reason="so"),
-        ),
-        (
-            of_version_1(forward_m=2.6, yaw_rad=0.1, speed_mps=0.4),
-            FollowLeg(yaw_rad=0.1, speed_mps=0.4, reason="so"),
-        ),
-        (
-            of_version_1(forward_m=0.1, yaw_rad=-2.0, speed_mps=0.0),
-            Rotate(yaw_rad=-2.0, reason="so"),
-        ),
-        (
-            of_version_1(yaw_rad=0.5, carpet_ends=True, free_m=0.2),
-            Blocked(yaw_rad=0.5, ground_ends=True, free_m=0.2, reason="so"),
-        ),
-        (of_version_1(done=True), Done(reason="so")),
-        # The first records have neither a speed nor the field `done`.
-        (
-            {"forward_m": 0.3, "yaw_rad": 0.0, "carpet_ends": False, "reason": "so"},
-            Advance(forward_m=0.3, reason="so"),
-        ),
-    ],
-)
-def test_advice_of_an_older_record_is_read(
-    tmp_path: Path, old: dict[str, Any], answer: Answer
-) -> None:
-    turn = of_version_1(yaw_rad=-0.5)
-    advice = SEEN | {"decision": old, "fresh": turn}
-    advice["height_above_carpet_m"] = advice.pop("height_above_ground_m")
-    (read,) = advice_in(record_of(tmp_path / "old.mcap", advice, version=1))
-    assert read.answer == answer
-    assert read.fresh == Blocked(yaw_rad=-0.5, reason="so")
-    assert (read.frame_index, read.yaw_rad, read.height_above_ground_m) == (3, 0.2, 1.5)
-
-
-@pytest.mark.parametrize("old", [None, 3, {}, {"forward_m": "far"}])
-def test_damaged_advice_of_an_older_record_is_named(tmp_path: Path, old: object) -> None:
-    advice = SEEN | {"decision": old, "fresh": old}
-    reader = record_of(tmp_path / "old.mcap", advice, version=1)
+def test_damaged_advice_is_named(tmp_path: Path) -> None:
+    reader = record_of(tmp_path / "now.mcap", {**SEEN, "answer": {"type": "Advance"}})
     with pytest.raises(FileError, match=r"a message of the record is damaged"):
         advice_in(reader)

@@ -89,14 +89,6 @@ def test_a_state_comes_back_to_the_last_bit(state: DroneState) -> None:
     assert there_and_back(state) == state
 
 
-def test_a_state_of_an_older_record_has_one_time_for_all_quantities() -> None:
-    old = encode(DroneState(captured_s=2.5, flying=FlyingState.FLYING))
-    del old["measured"]
-    state = decode(DroneState, old)
-    assert state.measured is None
-    assert state.times == MeasurementTimes.all_at(2.5)
-
-
 @given(frames)
 def test_a_frames_telemetry_comes_back_to_the_last_bit(note: FrameNote) -> None:
     assert there_and_back(note) == note
@@ -133,15 +125,7 @@ def test_points_keep_their_shape_even_when_there_are_none(count: int) -> None:
     assert back.assumed_m.shape == (0, 2)
 
 
-def test_a_field_is_read_by_its_former_name() -> None:
-    state = DroneState(captured_s=0.3, flying=FlyingState.HOVERING, height_above_ground_m=1.2)
-    old = encode(state)
-    old["height_above_carpet_m"] = old.pop("height_above_ground_m")
-    assert decode(DroneState, old) == state
-    assert decode(DroneState, old | {"height_above_ground_m": 0.9}).height_above_ground_m == 0.9
-
-
-def test_a_field_that_an_older_record_lacks_keeps_its_default() -> None:
+def test_a_field_that_a_record_lacks_has_its_default() -> None:
     plain = encode(TickNote(index=1, time_s=0.5, tree_status="RUNNING", word="look"))
     del plain["word"]
     assert decode(TickNote, plain) == TickNote(index=1, time_s=0.5, tree_status="RUNNING")

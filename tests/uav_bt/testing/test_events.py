@@ -147,3 +147,10 @@ def test_misspelt_names_are_no_silent_pass() -> None:
         bench.log.assert_not_started("Flu")
     with pytest.raises(UnknownNameError, match="unknown event 'halts'; did you mean 'halted'"):
         bench.log.assert_order("Fly halts")
+
+
+def test_nodes_that_never_began_are_listed() -> None:
+    bench = bench_of('<Fallback name="f"><Clear/><Fly/><Look/></Fallback>', Clear="F", Fly="S")
+    assert bench.log.never_ran() == ("M/f", "M/f/Clear", "M/f/Fly", "M/f/Look")
+    bench.tick()
+    assert bench.log.never_ran() == ("M/f/Look",)

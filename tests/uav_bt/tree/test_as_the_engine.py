@@ -24,7 +24,7 @@ SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
         (document('<Condition ID="Steer"/>'), "'Steer' is of kind Action, not Condition"),
         (
             document('<SubTree ID="B" __shared_blackboard="1"/>', SPARE.format("<Safe/>")),
-            """of BehaviorTree.CPP 3; in version 4 write _autoremap="true\"""",
+            "attribute '__shared_blackboard' means nothing here",
         ),
         (document('<Steer _skipif="true"/>'), "'_skipif' means nothing here; did you mean '_skip"),
         (document('<Steer _favorite="true"/>'), "attribute '_favorite' means nothing here"),

@@ -138,7 +138,10 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
             "attribute '_onHalted': column 3: expected a value",
         ),
         ('<SubTree ID="Steer"/>', "'Steer' is a node, no tree: write <Steer/>"),
-        ("<SequenceStar><Safe/></SequenceStar>", "of BehaviorTree.CPP 3; in version 4 it is Sequ"),
+        (
+            "<SequenceStar><Safe/></SequenceStar>",
+            "'SequenceStar'; did you mean 'Sequence'?",
+        ),
         (
             (
                 "<ReactiveSequence><AsyncSequence><Safe/></AsyncSequence><AsyncSequence><Safe/>"

@@ -32,7 +32,7 @@ from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.record.footage import FLIGHT_SUFFIXES, flight_record
+from uav_bt.record.footage import RECORD_SUFFIX, flight_record
 from uav_bt.types import CameraModel
 
 _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a video are square
@@ -85,7 +85,7 @@ class PerceiveInput:
 
     def __init__(self, text: str, options: PerceiveOptions) -> None:
         self._options = options
-        recorded = Path(text).suffix.lower() in FLIGHT_SUFFIXES
+        recorded = Path(text).suffix.lower() == RECORD_SUFFIX
         if recorded and (options.camera is not None or options.telemetry is not None):
             raise InputError(
                 f"{text} knows its own camera and telemetry; leave the other files away, or give "

@@ -35,7 +35,6 @@ Masks = Literal["network", "recorded"]
 
 _OVER: Final = frozenset({"SUCCESS", "FAILURE"})
 _AS_RECORDED: Final = "stopped, as in the recording"
-_NOT_TICKED: Final = (Status.IDLE.name, "INVALID")  # as older records have it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,8 +213,7 @@ def _recorded_mission(
     registry: NodeRegistry | None,
 ) -> MissionTree:
     """Load the recorded tree as it was flown, but for the policies that options give."""
-    replaced = recorded.attributes()
-    for node, given in replaced.items():
+    for node, given in recorded.replaced.items():
         name = node.rpartition("/")[2].partition("#")[0]
         if given.get("policy") in recorded.policy_objects and not {node, name} & {
             *options.policies
@@ -237,7 +235,7 @@ def _recorded_mission(
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
         mission = read_mission(
-            attached.tree, options, registry, replaced=replaced, lookup=attached.lookup
+            attached.tree, options, registry, replaced=recorded.replaced, lookup=attached.lookup
         )
     for name, value in recorded.variables.items():
         mission.variables[name] = value
@@ -290,7 +288,7 @@ class ReplayRunner(MissionRunner):
         moment = self._recorded.moment
         stopped = _stopped_by_operator(self._recorded.before, moment)
         # A stop between two ticks keeps the tree from being ticked; one within comes after.
-        if stopped and moment.tick.tree_status in _NOT_TICKED:
+        if stopped and moment.tick.tree_status == Status.IDLE.name:
             self.request_abort(_AS_RECORDED)
         status = super()._tick_tree()
         if stopped:

@@ -65,7 +65,7 @@ class RecordedFlight:
         span: Part of the record that is shown.
 
     Raises:
-        FileError: it cannot be read, is not a flight record, or is of a newer version.
+        FileError: it cannot be read, is not a flight record, or is of another version.
         MissingDependencyError: the extra `record` is not installed.
     """
 

@@ -19,9 +19,7 @@ _CONFIDENCE: Final = 0.95
 def _landed_elsewhere(flight: Mapping[str, Any]) -> bool:
     if flight["outcome"] not in {Outcome.ABORTED.value, Outcome.TIMEOUT.value}:
         return False
-    if "on_mark" in flight:
-        return flight["on_mark"] is False
-    return flight.get("landing_error_m") is not None  # a line of before
+    return flight.get("on_mark") is False
 
 
 _EVENTS: Final[Mapping[str, Callable[[Mapping[str, Any]], bool]]] = {

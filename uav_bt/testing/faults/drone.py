@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
@@ -27,48 +27,20 @@ from uav_bt.testing.faults.kind import FaultMoment
 from uav_bt.types import ClassMap, Command, DepthMap, Frame, Observation, Pose2D, Truth
 from uav_bt.types.ground import Ground
 
+_Vector = tuple[float, float]
+
 _PAST: Final = 64  # kept observations for late frames: 6 s at the usual tick; chosen
 _SLACK_S: Final = 1e-6  # rounding of times
+_CALM: Final[Mapping[str, _Vector]] = {"wind_mps2": (0.0, 0.0), "drift_mps": (0.0, 0.0)}
 
 
 @runtime_checkable
 class Disturbed(Protocol):
     """A simulated drone that accepts disturbances."""
 
-    def disturb(
-        self,
-        *,
-        wind_mps2: tuple[float, float] = (0.0, 0.0),
-        drift_mps: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
+    def disturb(self, *, wind_mps2: _Vector = (0.0, 0.0), drift_mps: _Vector = (0.0, 0.0)) -> None:
         """Apply a steady wind, or a drift of the drone's estimate, from now on; world x and y."""
         ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Disturbance:
-    wind_mps2: tuple[float, float] = (0.0, 0.0)
-    drift_mps: tuple[float, float] = (0.0, 0.0)
-
-    def plus(self, other: _Disturbance) -> _Disturbance:
-        """Return the sum of two disturbances."""
-        return _Disturbance(
-            wind_mps2=_sum(self.wind_mps2, other.wind_mps2),
-            drift_mps=_sum(self.drift_mps, other.drift_mps),
-        )
-
-
-_CALM: Final = _Disturbance()
-
-
-def _sum(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
-    return one[0] + other[0], one[1] + other[1]
-
-
-def _innermost(drone: Drone) -> Drone:
-    while isinstance(drone, FaultyDrone):
-        drone = drone.inner
-    return drone
 
 
 class FaultyDrone(DroneWrapper):
@@ -83,15 +55,17 @@ class FaultyDrone(DroneWrapper):
     """
 
     def __init__(self, drone: Drone, fault: Fault) -> None:
-        innermost = _innermost(drone)
+        innermost = drone
+        while isinstance(innermost, FaultyDrone):
+            innermost = innermost.inner
         if fault.kind.disturb is not None and not isinstance(innermost, Disturbed):
             raise InputError(
                 f"fault '{fault.kind.name}' needs a drone with a method 'disturb', such as the "
                 f"twin; {type(innermost).__name__} has none"
             )
+        super().__init__(drone)
         self.fault = fault
         self.began_s: float | None = None  # mission time of the first effect; None before it
-        super().__init__(drone)
         self._phase_s: float | None = None
         self._before: Observation | None = None
         self._still: Frame | None = None
@@ -106,11 +80,12 @@ class FaultyDrone(DroneWrapper):
         """The reason why the fault has had no effect; None once it has had one."""
         if self.began_s is not None:
             return None
+        phase, delay_s = self.fault.phase, self.fault.delay_s
         if self._phase_s is None:
-            return f"the flight did not enter the phase '{self.fault.phase}'"
-        if not self.fault.delay_s:
-            return f"the flight ended in the first tick of '{self.fault.phase}'"
-        return f"the flight ended before {self.fault.delay_s:g} s of '{self.fault.phase}'"
+            return f"the flight did not enter the phase '{phase}'"
+        if not delay_s:
+            return f"the flight ended in the first tick of '{phase}'"
+        return f"the flight ended before {delay_s:g} s of '{phase}'"
 
     @property
     def referee(self) -> Referee | None:
@@ -125,27 +100,19 @@ class FaultyDrone(DroneWrapper):
         return None if inner is None else _FaultySight(inner, self)
 
     def connect(self) -> None:
-        """Connect the inner drone.
-
-        Raises:
-            DroneError: it cannot be reached.
-        """
+        """Connect the inner drone."""
         self._drone.connect()
         if self.fault.phase == START:
             self._phase_s = self.clock.now()
 
     def observe(self) -> Observation:
-        """Return the inner drone's observation as the fault changes it.
-
-        Raises:
-            InjectedError: the fault raises here.
-        """
+        """Return the inner drone's observation as the fault changes it."""
         seen = self._drone.observe()
         self._past.append(seen)
         self._before, self._still = self._before or seen, self._still or seen.frame
         at, kind = self._moment(), self.fault.kind
         if kind.disturb is not None:
-            self._own = _Disturbance(**({} if at is None else kind.disturb(at.level)))
+            self._own = _CALM if at is None else {**_CALM, **kind.disturb(at.level)}
             self._pass_on()
         shown = seen
         if at is None:
@@ -156,27 +123,18 @@ class FaultyDrone(DroneWrapper):
         self._shown = None if shown.frame is None else (shown.frame, self._source(shown.frame))
         return shown
 
-    def disturb(
-        self,
-        *,
-        wind_mps2: tuple[float, float] = (0.0, 0.0),
-        drift_mps: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
+    def disturb(self, *, wind_mps2: _Vector = (0.0, 0.0), drift_mps: _Vector = (0.0, 0.0)) -> None:
         """Add the disturbance of a fault around this drone to its fault's own."""
-        self._outer = _Disturbance(wind_mps2=wind_mps2, drift_mps=drift_mps)
+        self._outer = {"wind_mps2": wind_mps2, "drift_mps": drift_mps}
         self._pass_on()
 
     def _pass_on(self) -> None:
         if isinstance(self._drone, Disturbed):
-            both = self._own.plus(self._outer)
-            self._drone.disturb(wind_mps2=both.wind_mps2, drift_mps=both.drift_mps)
+            both = ((name, own, self._outer[name]) for name, own in self._own.items())
+            self._drone.disturb(**{n: (own[0] + o[0], own[1] + o[1]) for n, own, o in both})
 
     def send(self, command: Command) -> Command:
-        """Send a command as the fault changes it; return the mission's own command.
-
-        Raises:
-            InjectedError: the fault raises here.
-        """
+        """Send a command as the fault changes it; return the mission's own command."""
         self._command = command
         kind = self.fault.kind
         # `_moment` begins the fault, and a change of observations must not begin before one.
@@ -189,11 +147,7 @@ class FaultyDrone(DroneWrapper):
         return sent if changed == command else command
 
     def on_tick(self, record: TickRecord) -> None:
-        """Follow the flight's phase.
-
-        Raises:
-            InjectedError: the fault raises here.
-        """
+        """Follow the flight's phase."""
         if self._phase_s is None and _same_phase(record.phase, self.fault.phase):
             self._phase_s = record.time_s
         kind = self.fault.kind
@@ -217,18 +171,16 @@ class FaultyDrone(DroneWrapper):
         return frame
 
     def _source(self, shown: Frame) -> Frame:
-        frames = [past.frame for past in self._past if past.frame is not None]
-        if self._still is not None:
-            frames.append(self._still)
-        same = (frame for frame in frames if frame.image is shown.image)
+        frames = [past.frame for past in self._past] + [self._still]
+        same = (frame for frame in frames if frame is not None and frame.image is shown.image)
         return next(same, self._past[-1].frame or shown)
 
     def _moment(self) -> FaultMoment | None:
         """Return the inputs of the fault's effect; None while it has no effect."""
         fault, now_s = self.fault, self.clock.now()
-        if self._phase_s is None:
+        if self._phase_s is None or self._before is None:
             return None
-        if now_s < self._phase_s + fault.delay_s - _SLACK_S or self._before is None:
+        if now_s < self._phase_s + fault.delay_s - _SLACK_S:
             return None
         if self.began_s is None:
             self.began_s = now_s

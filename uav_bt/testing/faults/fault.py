@@ -37,6 +37,7 @@ class Fault:
     duration_s: float = math.inf  # from its first effect on
 
     def __post_init__(self) -> None:
+        kind, level = self.kind, self.level
         if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0):
             raise ValueRangeError(f"expected a delay of 0 s or more, got {self.delay_s:g}")
         if not self.duration_s > 0.0:
@@ -44,14 +45,15 @@ class Fault:
                 f"expected a duration of more than 0 s, got {self.duration_s:g}; a fault without a "
                 "duration stays"
             )
-        if self.level is not None and self.kind.level is None:
-            raise ValueRangeError(f"{self.kind.name} takes no level, got {self.level:g}")
-        if self.level is not None and not math.isfinite(self.level):
-            raise ValueRangeError(f"expected a finite level, got {self.level:g}")
-        least, most = self.kind.least, self.kind.most
-        if self.level is not None and not least <= self.level <= most:
-            limits = f"{least:g} to {most:g} {self.kind.unit}".rstrip()
-            raise ValueRangeError(f"expected a level from {limits}, got {self.level:g}")
+        if level is None:
+            return
+        if kind.level is None:
+            raise ValueRangeError(f"{kind.name} takes no level, got {level:g}")
+        if not math.isfinite(level):
+            raise ValueRangeError(f"expected a finite level, got {level:g}")
+        if not kind.least <= level <= kind.most:
+            limits = f"{kind.least:g} to {kind.most:g} {kind.unit}".rstrip()
+            raise ValueRangeError(f"expected a level from {limits}, got {level:g}")
 
     @classmethod
     def parse(cls, text: str, kinds: Mapping[str, FaultKind] = FAULTS) -> Self:

@@ -29,19 +29,19 @@ Observe = Callable[[Observation, FaultMoment], Observation]
 Send = Callable[[Command, FaultMoment], Command]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FaultKind:
     """A kind of fault with its effects, all of them optional."""
 
     name: str
     what: str  # description for people
+    observe: Observe | None = None  # changes the observation
     level: float | None = None  # default strength; None: it has no strength
     unit: str = ""  # of the level
     least: float = -math.inf  # levels from here
     most: float = math.inf  # to here can be given
-    observe: Observe | None = None  # changes the observation
     send: Send | None = None  # changes the command
-    # Disturbs the drone.
+    # Arguments of `disturb` of the drone, from the level.
     disturb: Callable[[float], Mapping[str, tuple[float, float]]] | None = None
     follow: Callable[[], None] | None = None  # happens in every tick
     in_image: bool = False  # only networks notice it; exact masks stay as they are

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from uav_bt.board import Key
-from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, hint_for
+from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.document import Document
@@ -165,8 +165,7 @@ class Builder:
             tag = plan.element.tag
             if target in (plan.path, plan.name) or target == tag:
                 return f"only leaves can be mocked, this is a {tag}"
-        hint = hint_for(target, known, self._registry.successors(target))
-        return f"the tree has no leaf of that path, name or node id{hint}"
+        return f"the tree has no leaf of that path, name or node id{did_you_mean(target, known)}"
 
     def _check_policies(self) -> None:
         """Refuse names of policies that are not registered; the flight shows those it makes up."""

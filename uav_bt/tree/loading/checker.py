@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import Any, Final
 
-from uav_bt.board.blackboard import successors
-from uav_bt.errors import did_you_mean, hint_for
+from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import ASKED, CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.expanded import ExpandedNode, literal_wanted
 from uav_bt.tree.loading.document import Document, autoremaps
@@ -165,8 +164,7 @@ class Checker:
             )
 
     def _no_key(self, key: str) -> str:
-        keys = self._board_keys
-        return f"the board has no key '{key}'{hint_for(key, keys, successors(key, keys.values()))}"
+        return f"the board has no key '{key}'{did_you_mean(key, self._board_keys)}"
 
     # --- subtrees ---------------------------------------------------------------------------------
 

@@ -116,6 +116,4 @@ def check_private_attributes(element: Element, findings: Findings) -> None:
     for name in element.attributes:
         if name.startswith("_") and name not in known:
             hint = did_you_mean(name, known - EDITOR_ATTRIBUTES)
-            if name == "__shared_blackboard":
-                hint = ' (of BehaviorTree.CPP 3; in version 4 write _autoremap="true")'
             findings.warn(element, f"attribute '{name}' means nothing here{hint}", name)

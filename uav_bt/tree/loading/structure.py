@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from uav_bt.errors import hint_for
+from uav_bt.errors import did_you_mean
 from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.elements import (
@@ -20,17 +20,6 @@ from uav_bt.tree.nodes import ReactiveSequence
 from uav_bt.tree.registry import NodeRegistry
 
 _ASYNCHRONOUS: Final = "AsyncSequence"  # the only child that the engine counts
-# What nodes of BehaviorTree.CPP 3 are called in version 4.
-_OF_VERSION_3: Final = {
-    "BlackboardCheckBool": "Precondition",
-    "BlackboardCheckDouble": "Precondition",
-    "BlackboardCheckInt": "Precondition",
-    "BlackboardCheckString": "Precondition",
-    "FallbackStar": "Fallback",
-    "RetryUntilSuccesful": "RetryUntilSuccessful",
-    "SequenceStar": "SequenceWithMemory",
-    "SubTreePlus": "SubTree",
-}
 
 
 def check_structure(tree: Element, document: Document, findings: Findings) -> None:
@@ -96,11 +85,9 @@ def _note_unknown(
 ) -> None:
     if node_id in document.trees:
         hint = f'; it is a tree of this file: write <SubTree ID="{node_id}"/>'
-    elif node_id in _OF_VERSION_3:
-        hint = f" (of BehaviorTree.CPP 3; in version 4 it is {_OF_VERSION_3[node_id]})"
     else:
         registry = document.registry
-        hint = hint_for(node_id, registry, registry.successors(node_id))
+        hint = did_you_mean(node_id, registry)
         hint = hint or "; --leaves FILE.py or an installed package adds nodes"
         hint += "".join(f"; not loaded: {fault}" for fault in registry.faults)
     attribute = "ID" if element.tag in KIND_TAGS else ""

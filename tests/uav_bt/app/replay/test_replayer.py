@@ -252,8 +252,7 @@ def test_an_attachment_that_leads_out_of_its_folder_is_refused(
 def fly_with_include(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, facts: str) -> Path:
     """Return the record of a mission in two files, with these facts about its includes."""
     monkeypatch.setattr("uav_bt.app.assembly.make_drone", lambda _: NoisyDrone())
-    values = {"tree_includes": facts} if facts else {}
-    monkeypatch.setattr("uav_bt.app.flight_record.tree_facts", lambda _: values)
+    monkeypatch.setattr("uav_bt.app.flight_record.tree_facts", lambda _: {"tree_includes": facts})
     (tmp_path / "parts").mkdir()
     part = tree_file(tmp_path / "parts", FLIGHT, "part.xml")
     part.write_text(part.read_text().replace("Main", "Part"))
@@ -265,16 +264,7 @@ def fly_with_include(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, facts: str
     return record
 
 
-def test_a_record_without_facts_about_its_includes_goes_by_their_paths(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Older records have no such facts."""
-    record = fly_with_include(tmp_path, monkeypatch, "")
-    assert "tree_includes" not in RecordReader(record).metadata
-    assert replay(record).same
-
-
-@pytest.mark.parametrize("facts", ["{", "3", '[["tree/mission.xml"]]', '[["a", null, "b", "c"]]'])
+@pytest.mark.parametrize("facts", ["", "{", '[["tree/mission.xml"]]', '[["a", null, "b", "c"]]'])
 def test_damaged_facts_about_includes_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, facts: str
 ) -> None:
