@@ -23,13 +23,11 @@ from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.say import Say
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
-from behaviours.fly.sway_around import SwayAround
 from behaviours.fly.take_off import TakeOff
 from behaviours.fly.take_photo import TakePhoto
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
-from behaviours.perceive.learn_ground import LearnGround
 from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
 from behaviours.perceive.senses_agree import SensesAgree
@@ -60,7 +58,6 @@ NODES: Final[tuple[type[Node], ...]] = (
     Hovering,
     Land,
     LandHere,
-    LearnGround,
     MapSite,
     MarkFound,
     MarkKnown,
@@ -79,7 +76,6 @@ NODES: Final[tuple[type[Node], ...]] = (
     Segment,
     SensesAgree,
     StopAboveMark,
-    SwayAround,
     TakeOff,
     TakePhoto,
     TrackMotion,
