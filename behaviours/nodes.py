@@ -16,7 +16,7 @@ from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
 from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
-from behaviours.fly.look import HoverFor, Hovering, MarkKnown, PointCamera, Turn
+from behaviours.fly.look import HoverFor, Hovering, PointCamera, Turn
 from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.moves_on import MovesOn
 from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
@@ -60,7 +60,6 @@ NODES: Final[tuple[type[Node], ...]] = (
     LandHere,
     MapSite,
     MarkFound,
-    MarkKnown,
     MoveBy,
     MovesOn,
     NextObject,

@@ -264,7 +264,6 @@ def test_a_new_mission_is_written_once_and_is_good(tmp_path: Path) -> None:
     ("leaf", "words"),
     [
         ("FindHelipad", "unknown node 'FindHelipad'; it was replaced by FindMark"),
-        ("HelipadKnown", "unknown node 'HelipadKnown'; it was replaced by MarkKnown"),
         ('CorridorClear carpet_m="0.6"', "'carpet_m'; it was replaced by ground_m"),
         ('Say text="{@height_above_carpet_m}"', "it was replaced by height_above_ground_m"),
         ('Say text="{@helipad}"', "no key 'helipad'; it was replaced by mark"),
