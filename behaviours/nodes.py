@@ -16,20 +16,18 @@ from behaviours.fly.go_to_mark import Detour, GoToMark, StopAboveMark
 from behaviours.fly.go_to_mark_under_policy import GoToMarkUnderPolicy
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import EmergencyLand, Land, LandHere
-from behaviours.fly.look import HoverFor, Hovering, MarkKnown, PointCamera, Turn
+from behaviours.fly.look import HoverFor, Hovering, PointCamera, Turn
 from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.moves_on import MovesOn
 from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.say import Say
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
-from behaviours.fly.sway_around import SwayAround
 from behaviours.fly.take_off import TakeOff
 from behaviours.fly.take_photo import TakePhoto
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
-from behaviours.perceive.learn_ground import LearnGround
 from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
 from behaviours.perceive.senses_agree import SensesAgree
@@ -60,10 +58,8 @@ NODES: Final[tuple[type[Node], ...]] = (
     Hovering,
     Land,
     LandHere,
-    LearnGround,
     MapSite,
     MarkFound,
-    MarkKnown,
     MoveBy,
     MovesOn,
     NextObject,
@@ -79,7 +75,6 @@ NODES: Final[tuple[type[Node], ...]] = (
     Segment,
     SensesAgree,
     StopAboveMark,
-    SwayAround,
     TakeOff,
     TakePhoto,
     TrackMotion,

@@ -47,7 +47,7 @@ _DECORATORS: Final = (
 _LEAVES: Final = (
     "<Segment/>",
     "<FindMark/>",
-    "<MarkKnown/>",
+    "<Hovering/>",
     "<TakeOff/>",
     '<HoverFor seconds="{n}"/>',
     '<Turn degrees="45"/>',

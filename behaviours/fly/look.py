@@ -7,7 +7,7 @@ import math
 from behaviours.fly.leaf_clock import LeafClock
 from behaviours.fly.moving_leaf import MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
-from uav_bt.board import FRAME, MARK, ODOMETRY, PHASE, STATE
+from uav_bt.board import FRAME, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
@@ -99,24 +99,6 @@ class Turn(MovingLeaf):
             return Status.SUCCESS
         self.feedback_message = self.trouble
         return Status.FAILURE
-
-
-class MarkKnown(Leaf):
-    """SUCCESS while the landing mark is in view or tracked."""
-
-    condition = True
-    ports = (
-        Port(
-            "max_age_s", float, default=1.0, least=0, most=3600, doc="age of the last detection, s"
-        ),
-    )
-    reads = (MARK,)
-
-    def update(self) -> Status:
-        """Compare the fix's age with the largest allowed."""
-        reading = self.read(MARK)
-        fresh = reading.known and reading.age_s <= self.port_value("max_age_s")
-        return Status.SUCCESS if fresh else Status.FAILURE
 
 
 class Hovering(Leaf):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Self
+from typing import Final, Self
 
 from behaviours.stage_timer import StageTimer
-from perception.networks.named import ANY, segmentation_file
+from perception.networks.named import segmentation_file
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
@@ -26,12 +26,8 @@ from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import make_mark_finder
 from uav_bt.protocols import DepthBeside, Segmenter
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import Frame, LandingMark, Pose2D
-from uav_bt.types.flight_results import EventKind
+from uav_bt.types import LandingMark, Pose2D
 from uav_bt.types.site_map import SiteMap
-
-if TYPE_CHECKING:
-    from perception.segmentation.adaptation.place_check import PlaceCheck
 
 _OF_THE_PLACE: Final = "place"
 _SPOT: Final = "spot"  # registered name of the take-off spot as a landing mark
@@ -47,10 +43,7 @@ def _mapping_file(classes: str) -> None:
 class Segment(Leaf):
     """Segment each new frame into the classes of the lab; SUCCESS always.
 
-    A network with a second head writes the relative depth of the frame, too. After `LearnGround`
-    has learned the place, its network replaces that of `model`. The network of a learned lab is
-    compared with its statement `learned.yaml` in the first seconds at flight height: in another
-    place or at another height the network `any` takes over, with a warning. The age of the class
+    A network with a second head writes the relative depth of the frame, too. The age of the class
     map on the board shows staleness.
     """
 
@@ -80,9 +73,11 @@ class Segment(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError or FileError when it cannot be loaded."""
-        self._context = mission
-        self._place: PlaceCheck | None = None
-        self._use(mission.segmenter or self._load(mission))
+        self._network = self._segmenter = mission.segmenter or self._load(mission)
+        if mission.ground:
+            from perception.segmentation.mapping import CountedAsGround  # noqa: PLC0415 - late, as below
+
+            self._segmenter = CountedAsGround(self._network, mission.classes, mission.ground)
         self._timer = StageTimer(mission, "segmentation")
         self._last_index = -1
 
@@ -91,59 +86,24 @@ class Segment(Leaf):
         ports = ("model", "classes")
         if all(self.port_value(port) == former.port_value(port) for port in ports):
             self._network, self._segmenter = former._network, former._segmenter
-            self._place = former._place
 
     def update(self) -> Status:
         """Segment the frame if it is a new one."""
         frame = self.read(FRAME).value
         if frame is not None and frame.index != self._last_index:
             self._last_index = frame.index
-            self._judge_place(frame)
-            given, learned = self._context.segmenter, self._context.learned.segmenter
-            segmenter = self._segmenter if given is not None or learned is None else learned
             with self._timer:
-                class_map = segmenter.segment(frame)
+                class_map = self._segmenter.segment(frame)
             self.write(CLASS_MAP, class_map, captured_s=frame.captured_s)
-            network = self._network if segmenter is self._segmenter else segmenter
+            network = self._network
             depth = network.relative_depth if isinstance(network, DepthBeside) else None
             if depth is not None:
                 self.write(RELATIVE_DEPTH, depth, captured_s=depth.captured_s)
         return Status.SUCCESS
 
-    def _use(self, network: Segmenter) -> None:
-        self._network = self._segmenter = network
-        if self._context.ground:
-            from perception.segmentation.mapping import CountedAsGround  # noqa: PLC0415 - late, as below
-
-            ground = self._context.ground
-            self._segmenter = CountedAsGround(network, self._context.classes, ground)
-
-    def _judge_place(self, frame: Frame) -> None:
-        """Compare the first views with the statement of an adapted network."""
-        place, context = self._place, self._context
-        if place is None:
-            return
-        place.add(frame)
-        if not place.is_complete:
-            return
-        self._place, reason = None, place.foreign()
-        if reason is None:
-            text = "the network that was learned for this place fits the first views"
-            context.add_event(EventKind.INFO, text, self.path)
-            return
-        self._use(self._spare)
-        context.learned.replaced += 1
-        text = f"'{self.port_value('model')}' does not fit this flight: {reason}; '{ANY}' goes on"
-        context.add_event(EventKind.WARNING, text, self.path)
-
     def _load(self, mission: MissionContext) -> Segmenter:
         # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
         from perception.segmentation import runtime  # noqa: PLC0415
-        from perception.segmentation.adaptation.place_check import (  # noqa: PLC0415
-            PlaceCheck,
-            statement_of,
-        )
-        from perception.segmentation.adaptation.role_network import OnnxRoleNetwork  # noqa: PLC0415
         from perception.segmentation.mapping import read_mapping  # noqa: PLC0415
 
         model, classes = self.port_value("model"), self.port_value("classes")
@@ -152,11 +112,6 @@ class Segment(Leaf):
             return runtime.shipped_teacher(mission.classes)
         mapping = read_mapping(Path(classes), mission.classes) if classes else None
         threads = mission.inference_threads
-        statement, any_room = statement_of(path), segmentation_file(ANY)
-        if statement is not None and any_room is not None:
-            network = OnnxRoleNetwork(path, mission.classes, threads=threads)
-            self._place = PlaceCheck(statement, network)
-            self._spare = runtime.load_segmenter(any_room, mission.classes, threads=threads)
         return runtime.load_segmenter(path, mission.classes, mapping, threads=threads)
 
 

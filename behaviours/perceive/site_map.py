@@ -27,8 +27,7 @@ class MapSite(Leaf):
     """Keep the map of the place; SUCCESS always.
 
     Place it after `TrackMotion`: a class map enters the map only with the drone's pose at its
-    capture. A `FindMark` before it puts the landing mark on the map. The map begins anew when
-    another segmentation network takes over in flight.
+    capture. A `FindMark` before it puts the landing mark on the map.
     """
 
     answers = (Status.SUCCESS,)
@@ -44,12 +43,10 @@ class MapSite(Leaf):
         self._mapper = SiteMapper(mission.classes, self.mapping, mark_m=mission.mark.radius_m)
         self._timer = StageTimer(mission, "map")
         self._last_s = -math.inf
-        self._learned, self._replaced = mission.learned, mission.learned.replaced
 
     def on_inherit(self, former: Self) -> None:
         """Keep the map and the drone's pose on it."""
         self._mapper, self._last_s = former._mapper, former._last_s
-        self._replaced = former._replaced
 
     def update(self) -> Status:
         """Add a new class map, and write the map with the drone's present pose."""
@@ -61,10 +58,6 @@ class MapSite(Leaf):
         if motion is None:
             self.feedback_message = "no odometry: <TrackMotion/> must tick ahead of this leaf"
             return Status.SUCCESS
-        if self._replaced != self._learned.replaced:
-            self._replaced = self._learned.replaced
-            if self._last_s > -math.inf:
-                self._mapper.restart()
         with self._timer:
             if self._last_s != class_map.captured_s == frame.captured_s == motion.seen.time_s:
                 self._last_s = class_map.captured_s

@@ -1,4 +1,4 @@
-"""A furnished room by chance, as a lab folder with a scene, and with one without a mark."""
+"""A furnished room by chance, as a lab folder with a scene."""
 
 from __future__ import annotations
 
@@ -122,13 +122,6 @@ def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: Roo
     }
     path = scenes / f"{folder.name}.yaml"
     path.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
-    bare = {
-        "objects": scene["objects"],
-        "take_off": {"from": pad_m, "yaw_deg": scene["take_off"]["yaw_deg"]},
-    }
-    path.with_stem(f"{path.stem}-bare").write_text(
-        yaml.safe_dump(bare, sort_keys=False), encoding="utf-8"
-    )
     return path
 
 

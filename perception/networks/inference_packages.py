@@ -14,9 +14,6 @@ from collections.abc import MutableMapping
 from pathlib import Path
 from typing import Any, Final
 
-from uav_bt.errors import MissingDependencyError
-from uav_bt.plugins import install_command
-
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 _CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # of oneDNN: current and older name
 
@@ -38,23 +35,6 @@ def import_nncf() -> Any:
     import nncf  # noqa: PLC0415
 
     return nncf
-
-
-@functools.cache
-def import_onnx() -> Any:
-    """Return the package onnx, which changes networks; flying an existing one needs no such thing.
-
-    Raises:
-        MissingDependencyError: it is not installed.
-    """
-    try:
-        import onnx  # noqa: PLC0415
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"an adapted network is written with the package onnx; run {install_command('train')}, "
-            "or leave the port `lab` of LearnGround empty"
-        ) from error
-    return onnx
 
 
 def instruction_sets() -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.odometry.camera_track import Footage, shrink
+from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
 from uav_bt.errors import ShapeError
 from uav_bt.types import Attitude, CameraModel, DroneState, Frame
 
@@ -17,11 +17,10 @@ class FootageBuilder:
 
     Args:
         camera: the flight's camera, at any size; without distortion.
-        size_px: width and height of the kept frames.
     """
 
-    def __init__(self, camera: CameraModel, size_px: tuple[int, int]) -> None:
-        self._camera, self._size_px = camera.resized(*size_px), size_px
+    def __init__(self, camera: CameraModel) -> None:
+        self._camera = camera.resized(*FOOTAGE_SIZE_PX)
         self._images: list[NDArray[np.uint8]] = []
         self._frames: list[tuple[int, float, float, float, float, float]] = []
         self._attitudes: list[tuple[float, float, float]] = []
@@ -52,7 +51,7 @@ class FootageBuilder:
         )
         if not newer or not all(map(math.isfinite, (*numbers, *angles))):
             return False
-        self._images.append(shrink(frame.image, self._size_px))
+        self._images.append(shrink(frame.image))
         self._frames.append((frame.index, *numbers))
         self._attitudes.append(angles)
         return True

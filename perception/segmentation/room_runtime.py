@@ -30,7 +30,7 @@ class RoomSegmenter:
 
     Args:
         path: the ONNX file, with the outputs `logits` (1, 3, H, W) of outside, ground and obstacle,
-            `depth` (1, 1, h, w), and `features` (1, F, h, w).
+            and `depth` (1, 1, h, w).
         classes: classes of the lab.
         threads: number of inference threads.
 

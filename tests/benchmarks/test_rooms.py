@@ -27,16 +27,11 @@ def furnished(folder: Path, assets: Assets, seed: int = 3) -> Path:
     return write_room(folder, assets, np.random.default_rng(seed), FLOWN)
 
 
-def test_a_room_is_a_lab_with_a_scene_and_one_without_a_mark(
-    tmp_path: Path, assets: Assets
-) -> None:
+def test_a_room_is_a_lab_with_a_scene(tmp_path: Path, assets: Assets) -> None:
     path = furnished(tmp_path / "room", assets)
     scene = load_scene(str(path))
     assert scene.placed
     assert scene.helipad is not None
-    bare = load_scene(str(path.with_stem("room-bare")))
-    assert bare.helipad is None
-    assert bare.take_off.position_m == scene.helipad.position_m
     assert load_lab(str(tmp_path / "room")).mark.kind == "apriltag"
 
 

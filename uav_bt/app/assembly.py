@@ -14,7 +14,7 @@ from uav_bt import plugins
 from uav_bt.app.drone_of_flight import make_drone
 from uav_bt.app.exact_masks import ExactSegmenter
 from uav_bt.app.flying_process import collections_postponed
-from uav_bt.app.lab_network import refuse_foreign_camera, refuse_foreign_network
+from uav_bt.app.lab_network import refuse_foreign_network
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, given_options
 from uav_bt.app.place_of_flight import (
@@ -147,7 +147,6 @@ class Flight(Generic[DroneT]):
             mark_pose=mark_pose_of(self.options, self.drone),
             area=self.area,
             outputs=self.outputs,
-            live=self.drone.live,
         )
 
     def _policy(self, name: str) -> LeafPolicy:
@@ -163,13 +162,9 @@ class Flight(Generic[DroneT]):
             raise InputError("exact masks need a simulated drone: a real one has no referee")
         return ExactSegmenter(self.drone.referee, self.classes)
 
-    @property
-    def _has_network(self) -> bool:
-        given = self._segmenter is not None or isinstance(self.drone, Imageless)
-        return not given and not self.options.exact_masks
-
     def _check_network(self) -> None:
-        if self._has_network:
+        given = self._segmenter is not None or isinstance(self.drone, Imageless)
+        if not given and not self.options.exact_masks:
             named = isinstance(self.options.lab, Lab)
             refuse_foreign_network(self.mission, self.lab, named=named)
 
@@ -187,14 +182,11 @@ class Flight(Generic[DroneT]):
 
         Raises:
             DroneError: the drone cannot be reached.
-            InputError: A leaf refused its ports, the lab has no network for its classes, or its
-                network was learned with another camera.
+            InputError: A leaf refused its ports, or the lab has no network for its classes.
         """
         self._check_network()
         try:
             self.drone.connect()
-            if self._has_network:
-                refuse_foreign_camera(self.mission, self.drone.camera)
             with collections_postponed():
                 self.mission.setup(self.context)
             yield

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from perception.networks.named import ANY, SHIPPED_UNET, TEACHER
 from uav_bt.board import CLASS_MAP
 from uav_bt.errors import InputError
@@ -11,7 +9,6 @@ from uav_bt.lab.flight_keys import NetworkKeys
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address, load_lab
 from uav_bt.tree import MissionTree
-from uav_bt.types import CameraModel
 
 
 def network_of(lab: Lab) -> NetworkKeys:
@@ -30,34 +27,6 @@ def network_of(lab: Lab) -> NetworkKeys:
 
 def _has_paper_classes(lab: Lab) -> bool:
     return lab.classes.names == load_lab().classes.names
-
-
-def refuse_foreign_camera(mission: MissionTree, camera: CameraModel) -> None:
-    """Refuse a mission whose adapted network was learned with another camera.
-
-    Args:
-        mission: The tree, with the values of the lab.
-        camera: Camera of the drone.
-
-    Raises:
-        InputError: Its angle of view is another one.
-        FileError: The statement of the network is damaged.
-    """
-    # Late: an inference runtime takes seconds to import; `uav-bt check` must answer at once.
-    from perception.segmentation.adaptation.place_check import statement_of  # noqa: PLC0415
-
-    for leaf in mission.leaves():
-        values = {port.name: leaf.initial_value(port) for port in leaf.ports}
-        model = values.get("model")
-        if CLASS_MAP not in leaf.writes or not model or not str(model).endswith(".onnx"):
-            continue
-        statement = statement_of(Path(model))
-        reason = None if statement is None else statement.foreign_camera(camera)
-        if reason is not None:
-            raise InputError(
-                f"the network '{model}' does not fit this drone: {reason}; learn the place with "
-                f"this drone, or fly with --set {leaf.name}.model={ANY}"
-            )
 
 
 def refuse_foreign_network(mission: MissionTree, lab: Lab | None, *, named: bool) -> None:

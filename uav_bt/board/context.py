@@ -108,20 +108,6 @@ def _check_type(value: object, kind: Any, words: str) -> None:
         raise TypeError(f"expected {words} ({names}), got {value!r:.80}")
 
 
-@dataclass(kw_only=True)
-class LearnedNetwork:
-    """The segmenter that a flight has learned for the place; it then replaces the network.
-
-    Attributes:
-        segmenter: The segmenter; None before.
-        replaced: Number of times that another network took over in flight. A map of the class maps
-            before contradicts the ones after.
-    """
-
-    segmenter: Segmenter | None = None
-    replaced: int = 0
-
-
 @dataclass(frozen=True, kw_only=True)
 class MissionContext:
     """The context of one mission, passed to every leaf's `on_setup`.
@@ -148,9 +134,6 @@ class MissionContext:
         stage_times_s: duration of each perception stage, seconds by stage name.
         notes: events and photographs of the flight.
         outputs: folder that leaves write files to; None if the flight has none.
-        learned: segmenter that a leaf of this mission has learned.
-        live: whether time passes while a leaf waits, as on a real drone. Simulated time stands
-            still, so a leaf may wait for a computation and flights stay repeatable.
     """
 
     clock: Clock = field(default_factory=WallClock)
@@ -173,8 +156,6 @@ class MissionContext:
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
     notes: FlightNotes = field(default_factory=FlightNotes)
     outputs: FlightFolder | None = None
-    learned: LearnedNetwork = field(default_factory=LearnedNetwork)
-    live: bool = False
 
     def __post_init__(self) -> None:
         if self.board is None:

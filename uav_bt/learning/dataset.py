@@ -26,7 +26,7 @@ from perception.depth.training.labelling import (
     write_labels,
 )
 from perception.networks.onnx_runtime import shrunk
-from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage
+from perception.odometry.camera_track import Footage
 from perception.odometry.flown_footage import FootageBuilder
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
@@ -137,7 +137,7 @@ def footage_of(path: Path) -> Footage:
         FileError: the file is not a complete flight record, or has no frame.
     """
     reader = flight_record(path)
-    gathered = FootageBuilder(reader.camera, FOOTAGE_SIZE_PX)
+    gathered = FootageBuilder(reader.camera)
 
     def frames() -> Iterator[StoredFrame]:
         for item in footage(reader):

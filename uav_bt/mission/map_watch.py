@@ -85,7 +85,7 @@ class MapWatch:
         if site_map.restarts > self._restarts:
             yield (
                 "the map was begun anew, because the view contradicted it (was the drone moved, or "
-                "its odometry reset?) or another network took over"
+                "its odometry reset?)"
             )
         moved_m = 0.0 if site_map.mark is None else site_map.mark.moved_m
         if moved_m > self._mark_moved_m:

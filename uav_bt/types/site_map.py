@@ -124,7 +124,7 @@ class SiteMapBase:
         correction: the pose of the dead-reckoned frame in the map's frame.
         residual_m: mean distance of views' points from their counterparts on the map.
         contradicted_s: time for which views have contradicted the map.
-        restarts: number of times the map was begun again, because of that or of another network.
+        restarts: number of times the map was begun again, because of that.
         full: whether part of the room lies beyond the grid.
         untracked_s: time for which the odometry has followed no ground.
         start: the take-off pose: the drone's pose when the map began.

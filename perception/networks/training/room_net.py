@@ -25,7 +25,7 @@ _DEPTH_RANGE: Final = 4.0  # of the logarithm of relative depth: 0.02 to 55 heig
 
 
 class RoomNet(nn.Module):
-    """RGB in [0, 1], (N, 3, H, W), to scores of the roles, relative depth and features.
+    """RGB in [0, 1], (N, 3, H, W), to scores of the roles and relative depth.
 
     Args:
         config: the trunk's shape.
@@ -43,19 +43,19 @@ class RoomNet(nn.Module):
             nn.Conv2d(width, 1, 1),
         )
 
-    def forward(self, rgb: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return scores, depth and features.
+    def forward(self, rgb: Tensor) -> tuple[Tensor, Tensor]:
+        """Return scores and depth.
 
         Args:
             rgb: (N, 3, H, W) float, 0 to 1.
 
         Returns:
-            Logits of the roles (N, 3, H, W), depth along the optical axis in heights of the camera
-            above the ground (N, 1, H / 2, W / 2), and features (N, F, H / 2, W / 2); floats.
+            Logits of the roles (N, 3, H, W), and depth along the optical axis in heights of the
+            camera above the ground (N, 1, H / 2, W / 2); floats.
         """
         features = self.trunk.features(rgb)
         logits = self.trunk.spread(self.trunk.head(features))
-        return logits, torch.exp(self.log_depth(features)), features
+        return logits, torch.exp(self.log_depth(features))
 
     def log_depth(self, features: Tensor) -> Tensor:
         """Return the logarithm of relative depth, (N, 1, H / 2, W / 2), of the features."""
@@ -65,7 +65,7 @@ class RoomNet(nn.Module):
         """Return the numbers of the roles, (H, W) uint8, of an image, (H, W, 3) uint8 RGB."""
         planes = torch.from_numpy(rgb).permute(2, 0, 1)[None].float() / 255.0
         with torch.inference_mode():
-            logits, _, _ = self(planes)
+            logits, _ = self(planes)
         return np.asarray(logits[0].argmax(dim=0).to(torch.uint8).numpy(), np.uint8)
 
 
@@ -77,7 +77,7 @@ def _build(details: dict[str, Any]) -> RoomNet:
 def _ports(net: RoomNet) -> OnnxPorts:
     return OnnxPorts(
         inputs={"image": (1, 3, net.config.height_px, net.config.width_px)},
-        outputs=("logits", "depth", "features"),
+        outputs=("logits", "depth"),
         metadata={"roles": json.dumps(ROLES), "depth": "relative to the height above the ground"},
     )
 

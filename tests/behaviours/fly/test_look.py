@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from behaviours.fly.look import HoverFor, Hovering, MarkKnown, PointCamera, Turn
+from behaviours.fly.look import HoverFor, Hovering, PointCamera, Turn
 from tests.behaviours.leaf_world import halted_proposals, wait
-from uav_bt.board import FRAME, MARK, PHASE, STATE
+from uav_bt.board import FRAME, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live, show
 from uav_bt.tree import Status
@@ -16,7 +16,6 @@ from uav_bt.types import (
     BodyVelocity,
     GimbalTo,
     Hover,
-    MarkFix,
     MoveBy,
     MovementState,
     MovementStatus,
@@ -157,31 +156,6 @@ def test_a_turn_waits_for_the_first_telemetry() -> None:
 
     live(bench)
     assert bench.proposed == MoveBy(id=1, yaw_rad=math.radians(30))
-
-
-def _fix(captured_s: float) -> MarkFix:
-    return MarkFix(captured_s=captured_s, forward_m=1.0, right_m=0.0, height_m=0.4, detected=False)
-
-
-def test_knows_the_mark_while_the_fix_is_young() -> None:
-    """Its age counts from the frame in which it was seen."""
-    bench = LeafBench(MarkKnown, max_age_s=1.0)
-    assert live(bench) is Status.FAILURE
-
-    bench.board[MARK] = _fix(bench.clock.now())
-    assert bench.tick(advance_s=0.9) is Status.SUCCESS
-    assert bench.tick(advance_s=0.2) is Status.FAILURE
-    assert (bench.proposed, bench.pointed) == (None, None)
-
-
-def test_a_stale_fix_is_not_known_however_patient_the_port() -> None:
-    """The board's own limit comes first."""
-    bench = LeafBench(MarkKnown, max_age_s=1000.0)
-    live(bench)
-    bench.board[MARK] = _fix(bench.clock.now())
-    bench.allow_stale()
-
-    assert bench.tick(advance_s=60.0) is Status.FAILURE
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from tests.perception.marks.ground_views import texture
 from tests.perception.marks.ground_views import view as view_of_ground
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import view_of
-from tests.perception.segmentation.adaptation.learned_world import write_black_lab
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting
@@ -27,7 +25,6 @@ from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import ground, live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
-    Attitude,
     BodyVelocity,
     ClassMap,
     DroneState,
@@ -37,7 +34,6 @@ from uav_bt.types import (
     Pose2D,
 )
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
-from uav_bt.types.flight_results import EventKind
 
 
 class Counts:
@@ -75,28 +71,6 @@ def test_each_frame_is_segmented_once() -> None:
     bench.tick()
     assert len(network.frames) == 2
     assert bench.board[CLASS_MAP].captured_s == pytest.approx(0.15)
-
-
-@pytest.mark.parametrize(("height_m", "replaced"), [(1.5, 0), (2.4, 1)])
-def test_a_learned_network_gives_way_where_it_was_not_learned(
-    tmp_path: Path, height_m: float, replaced: int
-) -> None:
-    lab = write_black_lab(tmp_path / "hall", pinhole())
-    bench = LeafBench(Segment, model=lab.network["model"])
-    learned = bench.leaf.mission.learned if bench.setup() is None else None
-    assert learned is not None
-    for tick in range(30):
-        bench.hover(height_m=height_m, attitude=Attitude(yaw_rad=0.2 * tick))
-        assert bench.tick(advance_s=0.0) is Status.SUCCESS
-        bench.clock.advance(0.6)
-    (event,) = bench.notes.events
-    assert learned.replaced == replaced
-    if replaced:
-        assert event.kind is EventKind.WARNING
-        assert "learned 1.5 m above the ground, not 2.4 m; 'any' goes on" in event.text
-    else:
-        assert event.text == "the network that was learned for this place fits the first views"
-    assert bench.board[CLASS_MAP].captured_s == bench.board[FRAME].captured_s
 
 
 def test_without_a_frame_there_is_no_class_map() -> None:

@@ -54,18 +54,6 @@ def live(
     return bench.tick()
 
 
-def test_the_map_begins_anew_with_another_network() -> None:
-    bench = mapping()
-    live(bench, ids=box_map())
-    before = bench.board[SITE_MAP]
-    bench.leaf.mission.learned.replaced += 1
-    live(bench)
-    after = bench.board[SITE_MAP]
-    assert (before.restarts, after.restarts) == (0, 1)
-    assert len(before.near.points_m) > 5
-    assert len(after.near.points_m) == 0
-
-
 def test_a_box_in_view_is_near_after_a_turn() -> None:
     """A box ahead is to the left after a turn to the right."""
     bench = mapping()

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from perception.segmentation.adaptation.place_statement import PlaceStatement
-from tests.perception.segmentation.adaptation.learned_world import write_black_lab
 from tests.uav_bt.learning.lab_world import write_colour_network
 from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, tree_file
 from uav_bt import app
@@ -366,23 +364,6 @@ def test_a_lab_is_flown_with_the_network_in_its_folder(make_lab: MakeLab, tmp_pa
     for lab, file in ((load_lab("hall"), other), (load_lab(folder), other)):
         assert lab.network["model"] == str(file)
     assert network.is_file()
-
-
-def test_a_learned_lab_is_for_the_camera_that_learned_it(tmp_path: Path) -> None:
-    drone = NoisyDrone()
-    folder = write_black_lab(tmp_path / "hall", drone.camera).folder
-    tree = tree_file(tmp_path, SEES)
-    options = app.FlightOptions(drone=drone, lab=folder, judge=ANYWHERE)
-    app.fly(tree, options)
-    statement = PlaceStatement.read(folder)
-    across, down = statement.focal_px
-    replace(statement, focal_px=(1.2 * across, down)).write(folder)
-    with pytest.raises(InputError, match=r"degrees, and this one sees .* --set Segment.model=any"):
-        app.fly(tree, options, drone=NoisyDrone())
-    app.fly(tree, options, drone=NoisyDrone(), ports={"Segment.model": "any"})
-    (folder / "learned.yaml").write_text("version: 1\n")
-    with pytest.raises(FileError, match=r"learned.yaml"):
-        app.fly(tree, options, drone=NoisyDrone())
 
 
 def test_a_tree_that_does_not_segment_flies_in_a_lab_with_a_network(

@@ -13,7 +13,7 @@ ROOT = '<root BTCPP_format="4"><BehaviorTree ID="M">{}</BehaviorTree></root>'
 GUARDED = """
 <Fallback name="fly">
   <ReactiveSequence name="guarded">
-    <MarkKnown/>
+    <Hovering/>
     <Sequence name="survey"><Turn degrees="90"/><HoverFor/></Sequence>
   </ReactiveSequence>
   <EmergencyLand/>
@@ -34,24 +34,24 @@ def ends_of(text: str, mocks: dict[str, str], ticks: int) -> list[tuple[list[str
 
 
 def test_a_condition_that_ends_a_running_branch_is_the_cause() -> None:
-    mocks = {"MarkKnown": "SSF", "Turn": "R", "HoverFor": "S", "EmergencyLand": "RF"}
+    mocks = {"Hovering": "SSF", "Turn": "R", "HoverFor": "S", "EmergencyLand": "RF"}
     assert ends_of(GUARDED, mocks, 4) == [
         ([], None),
         ([], None),
-        (["M/fly/guarded/MarkKnown"], None),
+        (["M/fly/guarded/Hovering"], None),
         ([], "M/fly/EmergencyLand"),
     ]
 
 
 def test_a_leaf_that_fails_is_the_cause_once_for_all_branches_above() -> None:
-    mocks = {"MarkKnown": "S", "Turn": "RF", "HoverFor": "S", "EmergencyLand": "RR"}
+    mocks = {"Hovering": "S", "Turn": "RF", "HoverFor": "S", "EmergencyLand": "RR"}
     assert ends_of(GUARDED, mocks, 2)[1] == (["M/fly/guarded/survey/Turn"], None)
 
 
 def test_a_branch_that_fails_in_its_first_tick_is_no_event() -> None:
     """A fallback whose first child is a condition asks it in every tick."""
-    tree = '<ReactiveFallback name="f"><MarkKnown/><HoverFor/></ReactiveFallback>'
-    assert ends_of(tree, {"MarkKnown": "F", "HoverFor": "R"}, 3) == [([], None)] * 3
+    tree = '<ReactiveFallback name="f"><Hovering/><HoverFor/></ReactiveFallback>'
+    assert ends_of(tree, {"Hovering": "F", "HoverFor": "R"}, 3) == [([], None)] * 3
 
 
 def test_a_decorator_that_fails_by_itself_is_the_cause() -> None:

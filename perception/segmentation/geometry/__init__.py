@@ -1,1 +1,0 @@
-"""Labels of ground and not ground from motion: plane sweeps over posed frames, without any mask."""
