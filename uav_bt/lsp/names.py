@@ -53,7 +53,7 @@ class Names:
     def at(self, offset: int) -> tuple[int, int, list[Name]]:
         """Return the part of the text that a cursor is in, and the names that can stand there."""
         tag, around = place(self.text, offset)
-        if tag is None:
+        if tag is None or (tag.is_end and offset == tag.start + 1):
             return offset, offset, []
         if tag.is_end:
             more = "" if tag.closing else ">"
