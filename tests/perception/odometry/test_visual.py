@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -382,3 +383,38 @@ def test_without_frames_the_known_error_of_the_velocity_is_still_corrected(
             odometry.see(paper_map(ids=np.full((9, 16), CARPET), captured_s=time_s), frame, CAMERA)
     assert odometry.now is not None
     assert abs(odometry.now.x_m) < 0.4
+
+
+def test_the_error_of_a_wrong_velocity_turns_with_the_drone() -> None:
+    """It stands, reports 0.2 m/s ahead, and loses the ground halfway in a turn to the back.
+
+    The error of the heading before the turn would be wrong by 0.4 m/s.
+    """
+    turned_rad = [math.radians(3) * max(0, min(index - 50, 60)) for index in range(141)]
+
+    def measure(first: Frame, second: Frame) -> Pose2D | None:
+        yaw_rad = turned_rad[second.index] - turned_rad[first.index]
+        return None if second.index > 80 else replace(STILL, yaw_rad=yaw_rad)
+
+    odometry, camera = GroundOdometry(measure=measure), replace(CAMERA, forward_offset_m=0.0)
+    for index, yaw_rad in enumerate(turned_rad):
+        time_s, attitude = index * STEP_S, Attitude(yaw_rad=yaw_rad)
+        odometry.predict(
+            DroneState(
+                captured_s=time_s,
+                flying=FlyingState.FLYING,
+                attitude=attitude,
+                velocity=BodyVelocity(forward_mps=0.2),
+            )
+        )
+        frame = Frame(
+            image=np.zeros((9, 16, 3), dtype=np.uint8),
+            index=index,
+            captured_s=time_s,
+            gimbal_pitch_rad=PITCH_RAD,
+            height_above_ground_m=HEIGHT_M,
+            attitude=attitude,
+        )
+        odometry.see(paper_map(ids=np.full((9, 16), CARPET), captured_s=time_s), frame, camera)
+    assert odometry.now is not None
+    assert math.hypot(odometry.now.x_m, odometry.now.y_m) < 0.7

@@ -38,6 +38,7 @@ class Body:
 
     drift_mps: tuple[float, float] = (0.0, 0.0)
     bias_mps: float = 0.0  # error of the reported forward velocity
+    bias_is_known: bool = False  # the odometry has told it from a drift
     leapt_m: float = 0.0  # jump of dead reckoning along x
     hold: PositionHold = field(default_factory=PositionHold)
     x_m: float = 0.0
@@ -69,6 +70,7 @@ class Body:
                 forward_mps=told[0] + self.bias_mps + error[0], right_mps=told[1] + error[1]
             ),
             error=BodyVelocity(forward_mps=error[0], right_mps=error[1]),
+            bias=BodyVelocity(forward_mps=-self.bias_mps * self.bias_is_known),
             tracked_s=self.now_s - self.untracked_s,
             velocity_s=self.now_s - TICK_S * self.telemetry_ticks,
         )
@@ -382,6 +384,14 @@ def test_a_drift_that_was_not_measured_for_long_is_not_known() -> None:
     body = Body(drift_mps=(0.1, 0.0))
     body.fly(Hover(), 3.0)
     assert body.hold.against_drift(Hover(), body.state(), body.now_s) == Hover()
+
+
+def test_a_known_bias_of_telemetry_is_no_disturbance_in_a_turn_without_ground() -> None:
+    """A drift would keep its direction in the world, but a bias turns with the drone."""
+    body = Body(bias_mps=0.2, bias_is_known=True)
+    body.fly(Hover(), 5.0)
+    body.untracked_s = 2.0
+    assert body.fly(Velocity(yaw_rate_radps=0.6), 5.0) < 0.25
 
 
 def test_without_ground_the_known_drift_is_held_and_no_place_is_kept() -> None:

@@ -10,7 +10,7 @@ from typing import ClassVar, Self
 
 import pytest
 
-from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, MISSION_KEYS, PHASE, STATE
+from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, MISSION_KEYS, ODOMETRY, PHASE, STATE
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import TickClock
@@ -22,6 +22,7 @@ from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.testing import ScriptedDrone, blank_frame
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.types import (
+    BodyVelocity,
     Command,
     DroneState,
     FlyingState,
@@ -34,6 +35,7 @@ from uav_bt.types import (
     TakeOff,
     Velocity,
 )
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.mission_rules import LandOn, MissionRules
 
 TICK_S = 0.1
@@ -161,6 +163,26 @@ class Look(Leaf):
         return Status.RUNNING
 
 
+class Track(Leaf):
+    """Sees the drone stand still over the ground, held against a drift of 0.1 m/s."""
+
+    reads = (FRAME, STATE)
+    writes = (ODOMETRY,)
+
+    def update(self) -> Status:
+        if self.read(FRAME).value is not None and self.read(STATE).value is not None:
+            here = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=self.clock.now())
+            motion = MotionEstimate(
+                pose=here,
+                seen=here,
+                velocity=BodyVelocity(),
+                error=BodyVelocity(forward_mps=0.1),
+                tracked_s=here.time_s,
+            )
+            self.write(ODOMETRY, motion)
+        return Status.RUNNING
+
+
 class Count(Leaf):
     """Counts its ticks for ever, from the count of its predecessor on."""
 
@@ -181,7 +203,7 @@ class Count(Leaf):
         return Status.RUNNING
 
 
-REGISTRY = NodeRegistry([Up, Down, Drift, Slide, Rest, Wait, Break, Clumsy, Look, Count])
+REGISTRY = NodeRegistry([Up, Down, Drift, Slide, Rest, Wait, Break, Clumsy, Look, Track, Count])
 
 
 class Records(list[TickRecord]):
@@ -485,6 +507,31 @@ def test_a_frozen_camera_is_noticed() -> None:
     assert stopped[0].proposed_by is not None  # proposed, and overridden
     assert Look.seen[0][0] is not None
     assert Look.seen[-1][0] is None  # leaves do not see the stale frame
+
+
+@pytest.mark.parametrize("lost", [Override.STALE_FRAME, Override.LINK])
+def test_a_hover_without_frames_or_telemetry_is_held_against_the_known_drift(
+    lost: Override,
+) -> None:
+    class Losing(ScriptedDrone):
+        def observe(self) -> Observation:
+            seen = super().observe()
+            until_s = min(seen.state.captured_s, 10.0)
+            if lost is Override.LINK:
+                return replace(seen, state=replace(seen.state, captured_s=until_s))
+            return replace(seen, frame=blank_frame(self.camera, seen.state, captured_s=until_s))
+
+    flight = Flight(
+        "<ParallelAll><Track/><Sequence><Up/><Wait/></Sequence></ParallelAll>",
+        drone=Losing(),
+        judge=JudgeConfig(time_limit_s=15.0),
+    )
+    flight.runner.run()
+    flown = [record.command.movement for record in flight.records if record.override is lost]
+    assert len(flown) > 20
+    for movement in flown:
+        assert isinstance(movement, Velocity)
+        assert movement.forward_mps < -0.05
 
 
 # --- faults ---------------------------------------------------------------------------------------

@@ -91,6 +91,26 @@ def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     bench.log.assert_not_started("EmergencyLand")
 
 
+@pytest.mark.parametrize(
+    "mission",
+    [
+        "explore_and_land_depth",
+        "explore_and_land_segmentation",
+        "explore_unknown_room",
+        "survey_and_land",
+        "survey_any_room",
+    ],
+)
+def test_near_the_edge_the_camera_is_lowered_to_the_ground(mission: str) -> None:
+    """Without ground in view a wrong velocity of the telemetry leads over the edge."""
+    bench = load_tree(TREES / f"{mission}.xml", mocks={"*": "S", "Explore": "RRF", "Avoid": "R"})
+    for _ in range(6):
+        bench.tick()
+    bench.log.assert_order("Explore failed", "Avoid started")
+    for leaf in ("Explore", "Avoid"):
+        assert bench.tree.find(leaf).port_value("looks_down") is True
+
+
 def survey_any_room(senses: str, view: str) -> TreeBench:
     mocks = {"*": "S", "TakeOff": "RRS", "Explore": "R", "Turn": "(RRS)", "EmergencyLand": "R"}
     conditions = {"senses_agree": senses, "this_view_agrees": view}
