@@ -137,8 +137,8 @@ def write_scene(name: str, seed: int, folder: Path) -> None:
     while math.dist((x_m, y_m), CENTRE_M) < 2.0:
         x_m, y_m = rng.uniform((-2.2, -1.7), (2.2, 1.7)).tolist()
     take_off = TakeOffSpec(position_m=(x_m, y_m), yaw_deg=float(rng.uniform(-180.0, 180.0)))
-    path = folder / f"{name}-{seed}.yaml"
-    path.write_text(scene_text(replace(scene_of(name), take_off=take_off)), encoding="utf-8")
+    scene = replace(scene_of(name), name=f"{name}-{seed}", take_off=take_off)
+    (folder / f"{scene.name}.yaml").write_text(scene_text(scene), encoding="utf-8")
 
 
 def main() -> None:
