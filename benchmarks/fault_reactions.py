@@ -1,10 +1,4 @@
-"""Right reactions to each kind of fault: one table, and the verdict on a flight.
-
-A reaction is right when nothing but the ground was touched, the drone stayed inside the ground's
-edge, its motors stand still at the end, the report is written and whole, and its reason (or an
-override, or a warning) names the fault. The table requires less where a mission may fly
-on, and where no command could have landed the drone.
-"""
+"""Right reactions to each kind of fault: one table, and the verdict on a flight."""
 
 from __future__ import annotations
 
@@ -33,18 +27,17 @@ class Facts:
     """Outcome of one flight; unknown values are None."""
 
     began_s: float | None  # when the fault had its first effect, mission time
-    ended_s: float  # mission time
-    outcome: str | None  # of the report
-    reason: str | None
-    error: str | None  # what flying raised
-    events: tuple[str, ...]  # overrides, logged warnings, what else the report says
-    touched: tuple[str, ...]  # but for the landing surfaces
-    beyond_edge: bool
-    emergency_landing: bool  # whether that phase was reached
-    motors_on: bool  # at the end; 3 s after it, on a simulated drone
-    on_mark: bool | None  # None also where the mission need not end there
-    height_m: float  # above the ground, at the end
-    report_whole: bool
+    outcome: str | None = None  # of the report
+    reason: str | None = None
+    error: str | None = None  # what flying raised
+    events: tuple[str, ...] = ()  # overrides, logged warnings, what else the report says
+    touched: tuple[str, ...] = ()  # but for the landing surfaces
+    beyond_edge: bool = False
+    emergency_landing: bool = False  # whether that phase was reached
+    motors_on: bool = False  # 3 s after the end
+    on_mark: bool | None = None  # None also where the mission need not end there
+    height_m: float = 0.0  # above the ground, at the end
+    report_whole: bool = False
 
 
 _IMAGE: Final = r"image|frame|video|camera|blind|dark|frozen|stands still|bright"
@@ -52,77 +45,53 @@ _SHAPE: Final = r"(image|frame).*(size|shape|empty|\d+x\d+)"
 _TELEMETRY: Final = r"telemetry|link|nothing (was )?heard"
 _RAISED: Final = r"fell over"
 
-EXPECTED: Final = {
-    "frozen": Expected(named=_IMAGE),
-    "black": Expected(named=_IMAGE),
-    "white": Expected(named=_IMAGE),
-    "noise": Expected(named=_IMAGE, bearable=True),
-    "covered": Expected(named=_IMAGE),
-    "late": Expected(named=_IMAGE, bearable=True),
-    "slow": Expected(named=_IMAGE, bearable=True),
-    "video-lost": Expected(named=_IMAGE),
-    "no-frame": Expected(named=_IMAGE),
-    "half-size": Expected(named=_SHAPE),
-    "empty-image": Expected(named=_SHAPE),
-    "no-telemetry": Expected(named=_TELEMETRY),
-    "link-lost": Expected(named=_TELEMETRY, may_fly=True),
-    "height-nan": Expected(named="height|altitude"),
-    "height-absurd": Expected(named="height|altitude"),
-    "height-bias": Expected(named="height|altitude", bearable=True),
-    "attitude-nan": Expected(named="attitude|heading|yaw|roll"),
-    "attitude-absurd": Expected(named="attitude|heading|yaw|roll"),
-    "yaw-jump": Expected(named="heading|yaw|turn", bearable=True),
-    "yaw-drift": Expected(named="heading|yaw|turn", bearable=True),
-    "velocity-nan": Expected(named="velocity|speed|m/s"),
-    "velocity-absurd": Expected(named="velocity|speed|m/s"),
-    "velocity-bias": Expected(named="velocity|speed|odometry", bearable=True),
-    "position-jump": Expected(named="velocity|speed|position|odometry", bearable=True),
-    "time-jump": Expected(named="time|clock|stamp|future|nothing heard", bearable=True),
-    "gimbal-nan": Expected(named="gimbal|camera"),
-    "gimbal-absurd": Expected(named="gimbal|camera"),
-    "gimbal-stuck": Expected(named="gimbal|camera", bearable=True),
-    "battery-nan": Expected(named="battery"),
-    "battery-low": Expected(named="battery"),
-    "battery-drains": Expected(named="battery", bearable=True),  # it may land before
-    "yaw-ignored": Expected(named="turn|yaw|heading", bearable=True),
-    "never-done": Expected(named="movement|obey|not done", bearable=True),
-    "interrupted": Expected(named="movement|interrupted", bearable=True),
-    "no-take-off": Expected(named="take.?off"),
-    "no-landing": Expected(named="still (flies|in the air)|not land|landing", may_fly=True),
-    "deaf": Expected(named="still (flies|in the air)|not land|obey|command", may_fly=True),
-    "motors-cut": Expected(named="motors|emergency", may_fall=True),
-    "emergency-state": Expected(named="motors|emergency"),
-    "landed-state": Expected(named="has landed.*motors|still (flies|in the air)|not take off"),
-    "pilot": Expected(named="pilot|manual", may_fly=True),
-    "wind": Expected(named="wind|drift|pushed", bearable=True),
-    "drift": Expected(named="wind|drift|pushed", bearable=True),
-    "observe-raises": Expected(named=_RAISED),
-    "send-raises": Expected(named=_RAISED, may_fly=True),
-    "listener-raises": Expected(named=_RAISED, bearable=True),
-    "disk-full": Expected(named=r"written|space|File too large", reported=False),
-}
-
-
-def flown_through(expected: Expected, phase: str, facts: Facts) -> bool:
-    """Return whether the mission ended as without the fault, if that is right."""
-    bearable = expected.bearable or (phase == MissionPhase.LAND and not expected.may_fall)
-    landed = not facts.motors_on and facts.on_mark is not False
-    done = facts.outcome == Outcome.SUCCESS.value and not facts.emergency_landing
-    return bearable and landed and done
+_EXPECTED: Final = (
+    ("frozen black white covered video-lost no-frame", Expected(named=_IMAGE)),
+    ("noise late slow", Expected(named=_IMAGE, bearable=True)),
+    ("half-size empty-image", Expected(named=_SHAPE)),
+    ("no-telemetry", Expected(named=_TELEMETRY)),
+    ("link-lost", Expected(named=_TELEMETRY, may_fly=True)),
+    ("height-nan height-absurd", Expected(named="height|altitude")),
+    ("height-bias", Expected(named="height|altitude", bearable=True)),
+    ("attitude-nan attitude-absurd", Expected(named="attitude|heading|yaw|roll")),
+    ("yaw-jump yaw-drift yaw-ignored", Expected(named="heading|yaw|turn", bearable=True)),
+    ("velocity-nan velocity-absurd", Expected(named="velocity|speed|m/s")),
+    ("velocity-bias", Expected(named="velocity|speed|odometry", bearable=True)),
+    ("position-jump", Expected(named="velocity|speed|position|odometry", bearable=True)),
+    ("time-jump", Expected(named="time|clock|stamp|future|nothing heard", bearable=True)),
+    ("gimbal-nan gimbal-absurd", Expected(named="gimbal|camera")),
+    ("gimbal-stuck", Expected(named="gimbal|camera", bearable=True)),
+    ("battery-nan battery-low", Expected(named="battery")),
+    ("battery-drains", Expected(named="battery", bearable=True)),  # it may land before
+    ("never-done", Expected(named="movement|obey|not done", bearable=True)),
+    ("interrupted", Expected(named="movement|interrupted", bearable=True)),
+    ("no-take-off", Expected(named="take.?off")),
+    ("no-landing", Expected(named="still (flies|in the air)|not land|landing", may_fly=True)),
+    ("deaf", Expected(named="still (flies|in the air)|not land|obey|command", may_fly=True)),
+    ("motors-cut", Expected(named="motors|emergency", may_fall=True)),
+    ("emergency-state", Expected(named="motors|emergency")),
+    ("landed-state", Expected(named="has landed.*motors|still (flies|in the air)|not take off")),
+    ("pilot", Expected(named="pilot|manual", may_fly=True)),
+    ("wind drift", Expected(named="wind|drift|pushed", bearable=True)),
+    ("observe-raises", Expected(named=_RAISED)),
+    ("send-raises", Expected(named=_RAISED, may_fly=True)),
+    ("listener-raises", Expected(named=_RAISED, bearable=True)),
+    ("disk-full", Expected(named=r"written|space|File too large", reported=False)),
+)
+EXPECTED: Final = {kind: expected for kinds, expected in _EXPECTED for kind in kinds.split()}
 
 
 def problems(expected: Expected, phase: str, facts: Facts) -> tuple[str, ...]:
-    """Return the errors of a reaction, a few words each; none when it is right.
-
-    Args:
-        expected: of the fault's kind.
-        phase: in which the fault began.
-        facts: what happened.
-    """
+    """Return the errors of a reaction to a fault that began in a phase; none when it is right."""
     success = facts.outcome == Outcome.SUCCESS.value
     text = "\n".join([*facts.events, facts.error or "", "" if success else facts.reason or ""])
     words = re.sub(r"\S*/\S*", "", text)  # paths of nodes and files name no fault
     named = re.search(rf"\b(?:{expected.named})", words, re.IGNORECASE) is not None
+    # The mission may end as without the fault.
+    bearable = expected.bearable or (phase == MissionPhase.LAND and not expected.may_fall)
+    landed = not facts.motors_on and facts.on_mark is not False
+    flown_through = bearable and landed and success and not facts.emergency_landing
+    brief = shorten(f"{facts.outcome}: {facts.reason}", 100)
     wrong = {
         f"touched {', '.join(facts.touched)}": bool(facts.touched) and not expected.may_fall,
         "flew beyond the ground's edge": facts.beyond_edge,
@@ -130,15 +99,6 @@ def problems(expected: Expected, phase: str, facts: Facts) -> tuple[str, ...]:
         "a success, in the air": success and facts.motors_on,
         "a success, by an emergency landing": success and facts.emergency_landing,
         "no whole report": expected.reported and not facts.report_whole,
-        f"not named: {_brief(facts)}": not (named or flown_through(expected, phase, facts)),
+        f"not named: {brief}": not (named or flown_through),
     }
     return tuple(text for text, holds in wrong.items() if holds)
-
-
-def _brief(facts: Facts) -> str:
-    return shorten(f"{facts.outcome}: {facts.reason}", 100)
-
-
-def survived(facts: Facts) -> bool:
-    """Return whether nothing was touched and the ground's edge was not crossed."""
-    return not facts.touched and not facts.beyond_edge

@@ -1,254 +1,233 @@
-r"""Inject faults into flights and judge the reactions.
+"""Inject faults into flights and judge the reactions.
 
     python -m benchmarks.faults --out runs/faults                       # all kinds, all phases
     python -m benchmarks.faults --kind video-lost~3 late=0.7 --phase explore land
-    python -m benchmarks.faults --drone anafi:127.0.0.2 --kind black deaf --phase explore
-    python -m benchmarks.faults --list
 
-Each flight is a line of flights.jsonl in the output folder, written at once: the same command goes
-on where it was stopped. A right reaction: nothing but the ground touched, inside its edge, motors
-off at the end, the report whole, and the fault named; docs/faults.md says where less is asked for.
-
-Exit code 0: all reactions are right; 1: some are not; 2: something was refused.
+docs/faults.md says which reactions are right. Exit code 0: all are; 1: some are not; 2: refused.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import re
+import resource
 import sys
-from collections.abc import Iterable, Sequence
-from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final
 
-from benchmarks.fault_flight import KINDS, Case
-from benchmarks.fault_pilots import fly_each
-from benchmarks.fault_reactions import EXPECTED, Facts, problems, survived
-from benchmarks.loopback_drone import loopback_address
+from pebble import ProcessExpired, ProcessPool
+
+from benchmarks.fault_reactions import EXPECTED, Facts, problems
 from uav_bt import app
-from uav_bt.errors import FileError, InputError, UavBtError
-from uav_bt.files import reading, write_whole, writing
-from uav_bt.testing.faults import Fault
-from uav_bt.tree.shipped import resolve_tree
-from uav_bt.types import MissionPhase
+from uav_bt.errors import InputError
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.tick import TickRecord
+from uav_bt.protocols import Drone
+from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
+from uav_bt.types import MissionPhase, Observation
+from uav_bt.types.mission_rules import LandOn
 
-PHASES = (
-    MissionPhase.TAKE_OFF,
-    MissionPhase.EXPLORE,
-    MissionPhase.APPROACH,
-    MissionPhase.CENTER,
-    MissionPhase.LAND,
+PHASES: Final = ("take-off", "explore", "approach", "center", "land")
+_AFTER_S: Final = 3.0  # the drone is watched for this time after the program's end
+
+
+def _fill_disk() -> None:
+    """Let no file of this process grow; writing fails as it does on a full disk."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+
+
+_DISK_FULL: Final = FaultKind(
+    name="disk-full", what="nothing more can be written", follow=_fill_disk
 )
-LINES_FILE, TABLE_FILE = "flights.jsonl", "table.md"
-# What happens before the first phase begins can only be refused from the start on.
-_FROM_START = ("no-take-off",)
+KINDS: Final[Mapping[str, FaultKind]] = {**FAULTS, _DISK_FULL.name: _DISK_FULL}
 
 
-def shortened(tree: str, explore_s: float, folder: Path) -> Path:
-    """Write a mission with its time-outs set to a duration; return the file.
+class WatchedDrone(FaultyDrone):
+    """Follows a drone, also after the end of its flight."""
 
-    Raises:
-        InputError: the mission has no time-out, or the file cannot be written.
-    """
-    source = resolve_tree(tree)
-    with reading(source):
-        text = source.read_text(encoding="utf-8")
-    limit = r'\b(Timeout msec|duration_ms)="\d+"'
-    short, count = re.subn(limit, rf'\1="{1000 * explore_s:.0f}"', text)
-    if count == 0:
-        raise FileError(
-            source,
-            'has no <Timeout msec="..."> and no duration_ms="...", which --explore-s would set',
-        )
-    path = folder / f"{source.stem}-{explore_s:g}s.xml"
-    write_whole(path, short)
-    return path
+    def __init__(self, drone: Drone, fault: Fault) -> None:
+        super().__init__(drone, fault)
+        self.phases: set[str] = set()
+        self.touched: set[str] = set()
+        self.beyond_edge = False
+        self.motors_on = False
+        self.height_m = 0.0
+        self.on_mark: bool | None = None
+
+    def observe(self) -> Observation:
+        """Look at the truth, too."""
+        self._look()
+        return super().observe()
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Note the phase."""
+        self.phases.add(record.phase)
+        super().on_tick(record)
+
+    def disconnect(self) -> None:
+        """Watch the drone after the end of the program."""
+        ended_s = self.clock.now()
+        while self.phases and self.clock.now() < ended_s + _AFTER_S:
+            self.clock.sleep_until(self.clock.now() + 0.1)
+            self._look()
+        super().disconnect()
+
+    def _look(self) -> None:
+        if self.referee is None:
+            return
+        truth, rules = self.referee.truth(), JudgeConfig()
+        self.touched.update(n for n in truth.contacts if not rules.is_landing_surface(n))
+        self.beyond_edge |= not truth.inside_ground
+        self.motors_on, self.height_m = truth.motors_on, truth.pose.z_m
+        self.on_mark = truth.on_mark
 
 
-def make_cases(args: argparse.Namespace, tree: Path) -> list[Case]:
-    """Return the flights that are asked for, by kind, then by phase."""
-    cases = {}
-    for kind in args.kind or KINDS:
+def watched_drone(fault: Fault, *, drone: str, scene: str, seed: int) -> WatchedDrone:
+    """Return an unconnected drone with a fault; its images are small where masks are exact."""
+    options = app.FlightOptions(drone=drone, scene=scene, seed=seed)
+    if drone != "plain":
+        size_px = (320, 180) if fault.kind.in_image else (160, 90)
+        options = replace(options, image_size_px=size_px)
+    return WatchedDrone(app.make_drone(options), fault)
+
+
+def fly(
+    text: str,
+    tree: str,
+    folder: Path,
+    *,
+    drone: str = "twin",
+    scene: str = "train-a",
+    seed: int = 1,
+    ports: dict[str, str] | None = None,
+    time_limit_s: float = 120.0,
+    on_pad: bool = True,
+) -> Facts:
+    """Fly with a fault, its report in a folder, and return what happened."""
+    fault = Fault.parse(text, KINDS)
+    watched = watched_drone(fault, drone=drone, scene=scene, seed=seed)
+    path = folder / f"{fault}-{scene}-{seed}.json".replace(" ", "_")
+    path.unlink(missing_ok=True)
+    options = app.FlightOptions(
+        drone=watched,
+        seed=seed,
+        exact_masks=drone != "plain" and not fault.kind.in_image,
+        ports=ports or {},
+        record=path.with_suffix(".mcap") if fault.kind is _DISK_FULL else None,
+        judge=JudgeConfig(time_limit_s=time_limit_s, land_on=None if on_pad else LandOn.ANY),
+    )
+    result: dict[str, Any] | None = None
+    error, limits = None, resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        result = json.loads(json.dumps(app.fly(tree, options, report=path).to_json()))
+    except Exception as raised:
+        if isinstance(raised, InputError) and not watched.phases:
+            raise  # nothing was flown: the input is wrong, not the reaction
+        notes = getattr(raised, "__notes__", ())
+        error = "; ".join([f"{type(raised).__name__}: {raised}", *notes])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    try:
+        written = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        written = None
+    whole = written is not None and result in (None, written)
+    result = result or written or {}
+    events = ((each["kind"], each["text"]) for each in result.get("events", ()))
+    overrides = (f"{kind}: {what}" for kind, what in events if kind in {"override", "pilot"})
+    lost = (f"{output}: {why}" for output, why in result.get("lost_outputs", {}).items())
+    flies = ("still in the air",) if result.get("airborne_at_end") else ()
+    return Facts(
+        began_s=watched.began_s,
+        outcome=result.get("outcome"),
+        reason=result.get("reason"),
+        error=error,
+        events=(*overrides, *result.get("warnings", ()), *lost, *flies),
+        touched=tuple(sorted(watched.touched)),
+        beyond_edge=watched.beyond_edge,
+        emergency_landing=MissionPhase.EMERGENCY_LANDING in watched.phases,
+        motors_on=watched.motors_on,
+        on_mark=watched.on_mark if on_pad else None,
+        height_m=round(watched.height_m, 2),
+        report_whole=whole,
+    )
+
+
+def reaction(text: str, facts: Facts) -> str:
+    """Return the mistakes of the reaction to a fault, or that it has none."""
+    if facts.began_s is None:
+        return "not reached"
+    fault = Fault.parse(text, KINDS)
+    return "; ".join(problems(EXPECTED[fault.kind.name], fault.phase, facts)) or "right"
+
+
+def fly_each(flights: Iterable[Callable[[], Facts]], workers: int) -> Iterator[Facts]:
+    """Fly in processes of their own, so that one that dies ends only its flight."""
+    pool = ProcessPool(max_workers=workers, context=get_context("spawn"))
+    try:
+        for flight in [pool.schedule(flight) for flight in flights]:
+            try:
+                yield flight.result()
+            except ProcessExpired:
+                yield Facts(began_s=0.0, error="the process died", motors_on=True)
+    finally:
+        pool.stop()
+        pool.join()
+
+
+def faults_of(kinds: Sequence[str], phases: Sequence[str]) -> list[Fault]:
+    """Return faults of kinds such as `late=0.7~3`; they begin a second after a phase's begin."""
+    found = {}
+    for kind, phase in product(kinds, phases):
         name, wave, duration = kind.partition("~")
-        for phase in args.phase:
-            place = "start" if name in _FROM_START else phase
-            place += "" if "+" in place or place == "start" else f"+{args.after_s:g}"
-            fault = Fault.parse(f"{name}@{place}{wave}{duration}", KINDS)
-            cases[str(fault)] = Case(
-                fault=str(fault),
-                tree=str(tree),
-                scene=args.scene,
-                seed=args.seed,
-                drone=args.drone,
-                networks=args.networks,
-                time_limit_s=args.time_limit_s,
-                on_pad=not args.land_anywhere,
-            )
-    return list(cases.values())
-
-
-@dataclass(frozen=True, kw_only=True)
-class Flown:
-    """A flight that has been flown, judged by the rules of now."""
-
-    case: Case
-    facts: Facts
-    wall_s: float
-
-    @classmethod
-    def of(cls, line: dict[str, Any]) -> Self:
-        """Return the result in a line of the file."""
-        facts = Facts(**line["facts"])
-        return cls(case=Case(**line["case"]), facts=facts, wall_s=line["wall_s"])
-
-    @property
-    def reaction(self) -> str:
-        """Its mistakes, or that it has none."""
-        if self.facts.began_s is None:
-            return "not reached"
-        fault = self.case.parsed
-        return "; ".join(problems(EXPECTED[fault.kind.name], fault.phase, self.facts)) or "right"
-
-    def __str__(self) -> str:
-        end = self.facts.error or f"{self.facts.outcome}: {self.facts.reason}"
-        return f"{self.case.fault:32s}{self.reaction}  [{end}; {self.wall_s} s]"
-
-
-def read_lines(path: Path) -> dict[Case, str]:
-    """Return the whole lines of the file; a last line that was cut is left out.
-
-    Raises:
-        FileError: the file cannot be read, or is damaged.
-    """
-    if not path.exists():
-        return {}
-    with reading(path):
-        texts = path.read_text(encoding="utf-8").splitlines()
-    lines = {}
-    for number, text in enumerate(texts, start=1):
-        try:
-            lines[Flown.of(json.loads(text)).case] = text
-        except (ValueError, KeyError, TypeError) as error:
-            if number < len(texts):
-                raise FileError(path, f"damaged: {error}", line=number) from error
-    return lines
-
-
-def fly_all(cases: Sequence[Case], folder: Path, workers: int) -> list[Flown]:
-    """Fly the missing cases and return all flights, in the order of the cases."""
-    path = folder / LINES_FILE
-    lines = read_lines(path)
-    missing = [case for case in cases if case not in lines]
-    print(f"{len(cases)} flights, {len(cases) - len(missing)} of them are there", flush=True)
-    if missing:
-        write_whole(path, "".join(f"{line}\n" for line in lines.values()))  # without a cut one
-        with ExitStack() as stack:
-            stack.enter_context(writing(path))
-            out = stack.enter_context(path.open("a", encoding="utf-8"))
-            flights = stack.enter_context(closing(fly_each(missing, folder / "reports", workers)))
-            for case, line in flights:
-                lines[case] = json.dumps(line)
-                print(lines[case], file=out, flush=True)
-                print(Flown.of(line), flush=True)
-    return [Flown.of(json.loads(lines[case])) for case in cases]
-
-
-def table(flights: Iterable[Flown]) -> str:
-    """Return the reactions as a Markdown table, a row for each kind and a column for each phase."""
-    rows: dict[str, dict[str, str]] = {}
-    for flown in flights:
-        kind, _, place = flown.case.fault.partition("@")
-        place, wave, duration = place.partition("~")
-        rows.setdefault(kind + wave + duration, {})[place] = flown.reaction.replace("|", "/")
-    places = list(dict.fromkeys(place for row in rows.values() for place in row))
-    text = [f"| fault | {' | '.join(places)} |", f"|{'---|' * (len(places) + 1)}"]
-    text += [
-        f"| {kind} | {' | '.join(row.get(place, '') for place in places)} |"
-        for kind, row in rows.items()
-    ]
-    return "\n".join(text) + "\n"
-
-
-def parse_arguments(arguments: Sequence[str] | None = None) -> argparse.Namespace:
-    """Return the options, by default those of the command line; a wrong usage exits with 2."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--list", action="store_true", help="print the kinds of faults and exit")
-    parser.add_argument(
-        "--kind", nargs="+", metavar="KIND[=LEVEL][~SECONDS]", help="default: all kinds, for ever"
-    )
-    parser.add_argument(
-        "--phase",
-        nargs="+",
-        default=list(PHASES),
-        metavar="PHASE[+SECONDS]",
-        help="where they begin, or start+SECONDS of mission time; default: %(default)s",
-    )
-    parser.add_argument("--after-s", type=float, default=1.0, help="from a phase's begin [1]")
-    parser.add_argument("--tree", default="explore_and_land_segmentation", help="[%(default)s]")
-    parser.add_argument("--explore-s", type=float, default=20.0, help="the tree's time-outs [20]")
-    parser.add_argument("--scene", default="train-a", help="[train-a]")
-    parser.add_argument("--seed", type=int, default=1, help="[1]")
-    parser.add_argument(
-        "--drone",
-        default="twin",
-        help="plain flies without images; anafi:127.x.x.x flies a loopback ANAFI over Olympe, "
-        "served for each flight; no truth is known then, and its reports count [twin]",
-    )
-    parser.add_argument("--networks", action="store_true", help="instead of exact masks")
-    parser.add_argument("--time-limit-s", type=float, default=120.0, help="of a flight [120]")
-    parser.add_argument("--land-anywhere", action="store_true", help="the tree ends on no pad")
-    parser.add_argument("--workers", type=int, default=1, help="flights at once [1]")
-    parser.add_argument("--out", type=Path, default=Path("runs/faults"), help="[%(default)s]")
-    return parser.parse_args(arguments)
+        place = phase if "+" in phase else f"{phase}+1"
+        if name == "no-take-off":  # it can only be refused from the start on
+            place = "start"
+        fault = Fault.parse(f"{name}@{place}{wave}{duration}", KINDS)
+        found[str(fault)] = fault
+    return list(found.values())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Fly and print the table; print one line about input that is refused.
-
-    Args:
-        arguments: words of the command line; None: those of this process.
-
-    Returns:
-        The exit code.
-    """
+    """Fly, print the reactions, and return the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--kind", nargs="+", default=list(KINDS), metavar="KIND[=LEVEL][~SECONDS]")
+    parser.add_argument("--phase", nargs="+", default=PHASES, metavar="PHASE[+SECONDS]")
+    parser.add_argument("--tree", default="explore_and_land_segmentation")
+    parser.add_argument("--set", nargs="*", default=["ExploreFor.duration_ms=20000"])
+    parser.add_argument("--scene", default="train-a")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--drone", choices=("twin", "plain"), default="twin")
+    parser.add_argument("--workers", type=int, default=1, help="flights at once")
+    parser.add_argument("--out", type=Path, default=Path("runs/faults"), help="for the reports")
+    given = parser.parse_args(arguments)
+    where = {"drone": given.drone, "scene": given.scene, "seed": given.seed}
+    ports = dict(each.split("=", 1) for each in given.set)
+    right = 0
     try:
-        return run(parse_arguments(arguments))
+        faults = faults_of(given.kind, given.phase)
+        app.check(given.tree)
+        watched_drone(faults[0], **where)  # refused here, not in another process
+        given.out.mkdir(parents=True, exist_ok=True)
+        flights = [
+            partial(fly, str(fault), given.tree, given.out, ports=ports, **where)
+            for fault in faults
+        ]
+        for fault, facts in zip(faults, fly_each(flights, given.workers), strict=True):
+            judged = reaction(str(fault), facts)
+            right += judged == "right"
+            end = facts.error or f"{facts.outcome}: {facts.reason}"
+            print(f"{fault!s:32s}{judged}  [{end}]", flush=True)
     except InputError as error:
-        print(f"{error}", file=sys.stderr)
+        print(error, file=sys.stderr)
         return 2
-    except UavBtError as error:
-        print(f"{error}", file=sys.stderr)
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on from here", file=sys.stderr)
-    return 1
-
-
-def run(args: argparse.Namespace) -> int:
-    """Fly and print the table; return the exit code."""
-    if args.list:
-        for kind in KINDS.values():
-            level = "" if kind.level is None else f" [{kind.level:g} {kind.unit}]"
-            print(f"{kind.name:18s}{kind.what}{level}")
-        return 0
-    if args.workers > 1 and loopback_address(args.drone) is not None:
-        raise InputError(f"'{args.drone}' flies one flight at a time: leave --workers out")
-    with writing(args.out):
-        args.out.mkdir(parents=True, exist_ok=True)
-    cases = make_cases(args, shortened(args.tree, args.explore_s, args.out))
-    app.check(cases[0].tree)
-    cases[0].make_drone()
-    flights = fly_all(cases, args.out, args.workers)
-    text = table(flights)
-    write_whole(args.out / TABLE_FILE, text)
-    right = sum(flown.reaction == "right" for flown in flights)
-    lives = sum(survived(flown.facts) for flown in flights)
-    print(f"\n{text}\n{right} of {len(flights)} reactions right, {lives} flights survived")
-    return 0 if right == len(flights) else 1
+    print(f"{right} of {len(faults)} reactions right")
+    return 0 if right == len(faults) else 1
 
 
 if __name__ == "__main__":

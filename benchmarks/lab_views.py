@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import argparse
 import shutil
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 import cv2
 import numpy as np
@@ -27,45 +27,26 @@ from uav_bt.lab.lab import NETWORK_FILE, SCENES_FOLDER, Lab
 from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.lab_material import LabFrame, LabMaterial, Use
 from uav_bt.learning.views import ViewPlan, twin_views
-from uav_bt.progress import Advance, silent
 
-PICKS = 6500
-"""Number of picks on the images for training; the paper's was 6,484."""
+PICKS: Final = 6500  # on the images for training; the paper's were 6,484
+CHECK_VIEWS: Final = 30  # images of a scene for checks
 
 
-def draw_twin_picks(
-    plan: ViewPlan, config: TeacherConfig, *, total: int = PICKS, advance: Advance = silent
-) -> list[Pick]:
-    """Sample points of the exact ids instead of manual picks, evenly over the plan's scenes.
-
-    Args:
-        plan: Images; the picks are in pixels of the teacher's size.
-        config: Size of the teacher's images and patches.
-        total: Number of picks.
-        advance: Called after each scene.
-    """
+def draw_twin_picks(plan: ViewPlan, config: TeacherConfig, total: int) -> list[Pick]:
+    """Sample points of the exact ids, evenly over the scenes, in pixels of the teacher's size."""
     picks: list[Pick] = []
     size = (config.width_px, config.height_px)
-    for done, scene in enumerate(plan.scenes, start=1):
+    for number, scene in enumerate(plan.scenes, start=1):
         views = twin_views(replace(plan, scenes=(scene,), size_px=size, truth_size_px=size))
         samples = ((name, ids) for name, _, ids in views)
-        rng = np.random.default_rng((plan.seed, done))
+        rng = np.random.default_rng((plan.seed, number))
         share = total // len(plan.scenes)
         picks.extend(draw_picks(samples, rng, patch_px=config.patch_px, total=share))
-        advance("picks", done, len(plan.scenes))
     return picks
 
 
 def copy_lab(lab: Lab, folder: Path) -> LabMaterial:
-    """Copy a lab without its training files.
-
-    Args:
-        lab: The lab.
-        folder: Folder of the copy.
-
-    Raises:
-        FileError: The folder exists, or cannot be written.
-    """
+    """Copy a lab without its training files into a new folder."""
     if folder.exists():
         raise FileError(folder, "exists: give --out a new folder")
     training = shutil.ignore_patterns("frames", "training", "picks.csv", NETWORK_FILE)
@@ -81,14 +62,7 @@ def copy_lab(lab: Lab, folder: Path) -> LabMaterial:
 def write_views(
     material: LabMaterial, plans: dict[Use, ViewPlan], config: TeacherConfig, total: int = PICKS
 ) -> None:
-    """Draw the images of a lab and their picks.
-
-    Args:
-        material: The lab.
-        plans: Images by their use.
-        config: Size of the images and of the teacher's patches.
-        total: Number of picks on the images for training; those for checks get a fifth.
-    """
+    """Draw the images of a lab and picks on them; those for checks get a fifth of the picks."""
     material.frames.mkdir()
     frames, picks = [], []
     size = (config.width_px, config.height_px)
@@ -100,35 +74,25 @@ def write_views(
             )
             (material.frames / image).write_bytes(jpeg.tobytes())
             frames.append(LabFrame(image=image, source="twin", time_s=0.0, sharpness=0.0, use=use))
-        wanted = total if use == "train" else total // 5
-        drawn = draw_twin_picks(plan, config, total=wanted)
+        drawn = draw_twin_picks(plan, config, total if use == "train" else total // 5)
         picks += [replace(pick, image=f"{Path(pick.image).stem}.jpg") for pick in drawn]
     material.write_frames(frames)
     write_picks(material.picks, picks, material.lab.classes)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Write the lab."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("lab", nargs="?", default=DEFAULT_LAB)
-    parser.add_argument("--out", type=Path, required=True, help="folder of the copy")
     parser.add_argument("--views", type=int, default=1200, help="images of a scene for training")
-    parser.add_argument("--check-views", type=int, default=30, help="images of a scene for checks")
-    parser.add_argument("--picks", type=int, default=PICKS, help="picks on images for training")
-    parser.add_argument("--profile", default="lab", help="ideal, lab or harsh")
-    parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args(arguments)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the copy")
+    given = parser.parse_args()
     lab = load_lab(given.lab)
-    plan = ViewPlan(
-        scenes=scenes_of(lab, "*train-*"),
-        views=given.views,
-        profile=given.profile,
-        lowered=0.25,
-        seed=given.seed,
-    )
-    check = replace(plan, scenes=scenes_of(lab, "*val-*"), views=given.check_views)
+    scenes = scenes_of(lab, "*train-*")
+    plan = ViewPlan(scenes=scenes, views=given.views, profile="lab", lowered=0.25, seed=1)
+    check = replace(plan, scenes=scenes_of(lab, "*val-*"), views=CHECK_VIEWS)
     material = copy_lab(lab, given.out)
-    write_views(material, {"train": plan, "check": check}, TeacherConfig(), given.picks)
+    write_views(material, {"train": plan, "check": check}, TeacherConfig())
     print(f"{material.lab.folder}: next uav-bt lab train {material.lab.folder}")
 
 

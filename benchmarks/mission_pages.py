@@ -1,154 +1,172 @@
 """Write the generated parts of `docs/missions/`: drawing, film and figures of a flight.
 
-python -m benchmarks.mission_pages inventory            # fly it, cut the film, write the parts
-python -m benchmarks.mission_pages inventory --flown    # of the flight in runs/missions
-python -m benchmarks.mission_pages --drawings           # the drawings of all pages, no flight
+    python -m benchmarks.mission_pages inventory     # fly it and write all parts
+    python -m benchmarks.mission_pages --drawings    # the drawings of all pages
 
-Without `--flown` the mission flies first; its folder and its film must not exist yet.
+A part stands between the lines `<!-- NAME -->` and `<!-- end -->`; the rest of a page is written by
+hand. `runs/missions` keeps the flight, and must not have one of this mission yet.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import shlex
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+import av
+import cv2
 import numpy as np
 
-from benchmarks.animation import film_seconds, images_of, write_animation_within
-from benchmarks.page_parts import (
-    IMAGES,
-    PAGES,
-    ROOT,
-    Origin,
-    drawing_files,
-    flight,
-    page_names,
-    with_part,
-    write,
-)
 from uav_bt.app.provenance import commit
-from uav_bt.errors import FileError, UavBtError
-from uav_bt.files import reading
+from uav_bt.app.rules import rules_of
+from uav_bt.tree import NodeRegistry, load_tree
+from uav_bt.tree.render import ascii_art, render
+from uav_bt.tree.render.sketch import Box, sketch
+from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types.arrays import Image
+from uav_bt.types.mission_rules import LandOn
 
+ROOT: Final = Path(__file__).parents[1]
+PAGES: Final = ROOT / "docs" / "missions"
+IMAGES: Final = ROOT / "docs" / "images" / "missions"
 RUNS: Final = Path("runs/missions")  # relative to the repository, as in the commands of the pages
-SCENE: Final = "train-a"
-SEED: Final = 0
+END: Final = "<!-- end -->"
+SHOWN_IMAGES: Final = 90
+SHOWN_MS: Final = 150  # each
+SHOWN_PX: Final = (400, 478)
+LIMIT_BYTES: Final = 600_000
 
-_SHOWN_IMAGES: Final = 90
-_SHOWN_MS: Final = 150
-_WIDTH_PX: Final = 400
-_LIMIT_BYTES: Final = 600_000
-_MAP_ROWS: Final = 404  # of the 720 of a film, at the top of its right half
+
+def page_names() -> list[str]:
+    """Return the missions that have a page."""
+    return sorted(page.stem for page in PAGES.glob("*.md"))
+
+
+def with_part(page: Path, part: str, text: str) -> str:
+    """Return the text of a page with another text in one of its generated parts."""
+    before, found, rest = page.read_text(encoding="utf-8").partition(f"<!-- {part} -->\n")
+    _, ended, after = rest.partition(END)
+    if not found or not ended:
+        raise SystemExit(f"{page}: expected a line `<!-- {part} -->`, and `{END}` below it")
+    return f"{before}{found}{text}{END}{after}"
+
+
+def drawing_files(name: str) -> dict[Path, str]:
+    """Return page and whole drawing of a mission, by their files, as they are by today's trees."""
+    tree, page = load_tree(resolve_tree(name), NodeRegistry.installed()), PAGES / f"{name}.md"
+    text = resolve_tree(name).read_text(encoding="utf-8")
+    own = set(re.findall(r'<BehaviorTree ID="(\w+)"', text))
+    drawing = (
+        f"```text\n{ascii_art(_folded(sketch(tree.root), own), tree.name)}```\n\n"
+        "A `SubTree` without children is a shared tree of [trees/lib](../../trees/lib); "
+        f"the [whole drawing](../images/missions/{name}.svg) has all nodes.\n"
+    )
+    whole = {IMAGES / f"{name}.svg": render(tree, "svg")}
+    return {**whole, page: with_part(page, "drawing", drawing)}
+
+
+def _folded(box: Box, own: set[str]) -> Box:
+    """Return a box without the nodes below the subtrees of other files."""
+    word, _, tree_id = box.tag.partition(" ")
+    shown = () if word == "SubTree" and tree_id not in own else box.children
+    return replace(box, children=tuple(_folded(child, own) for child in shown))
+
+
+def flight_part(report: dict[str, Any], name: str, *, speed: float, source: str) -> str:
+    """Return the part `flight`: the film, its flight's figures, and where they come from.
+
+    Args:
+        report: the flight's report (`FlightReport.to_json`).
+        name: the mission.
+        speed: flight time by time of the film.
+        source: commit, day and command of the flight.
+    """
+    found, total = report["objects_found"], report["objects_total"]
+    figures = {
+        "scene, seed": f"`{report['scene']}`, {report['seed']}",
+        "outcome": f"{report['outcome']}: {report['reason']}",
+        "duration": f"{report['duration_s']:.1f} s",
+        "distance": f"{report['total_distance_m']:.1f} m",
+        "photographs": str(len(report["photos"])),
+        "objects found": f"{found} of {total}, {report['false_objects']} false",
+        "least clearance": f"{report['min_clearance_m']:.2f} m",
+    }
+    if not report["photos"]:
+        del figures["photographs"]
+    tree = load_tree(resolve_tree(name), NodeRegistry.installed())
+    if rules_of(tree).land_on in (None, LandOn.MARK):
+        figures["landing error"] = f"{report['landing_error_m']:.3f} m"
+    rows = (figures.keys(), ["---"] * len(figures), figures.values())
+    table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return (
+        f"![Camera and map of a flight of {name}](../images/missions/{name}.webp)\n\n"
+        "Camera above; below it the map that the drone makes, true outlines in blue. The film is "
+        f"{speed:.1f} times as fast as the flight.\n\n{table}\n{source}"
+        "Success rates: [results](../results.md#missions-of-places-and-objects). Other missions: "
+        "[missions](../missions.md).\n"
+    )
+
+
+def animate(film: Path, out: Path) -> float:
+    """Write camera and map of a film as an animated WebP; return how many times as fast it is."""
+    images: list[Image] = []
+    with av.open(str(film)) as container:
+        film_s = float((container.duration or 0) / av.time_base)
+        for one in container.decode(video=0):
+            if (one.time or 0.0) >= film_s / SHOWN_IMAGES * len(images):
+                image = np.asarray(one.to_ndarray(format="bgr24"), dtype=np.uint8)
+                image = np.vstack([image[:360, :640], image[:404, 640:]])  # of 720x1280
+                small = cv2.resize(image, SHOWN_PX, interpolation=cv2.INTER_AREA)
+                images.append(np.asarray(small, dtype=np.uint8))
+    animation = cv2.Animation()
+    animation.frames, animation.durations = images, [SHOWN_MS] * len(images)
+    for quality in (60, 50, 40, 30, 20, 10):
+        cv2.imwriteanimation(str(out), animation, [cv2.IMWRITE_WEBP_QUALITY, quality])
+        if out.stat().st_size <= LIMIT_BYTES:
+            break
+    return film_s / (len(images) * SHOWN_MS / 1000)
 
 
 def fly(name: str) -> None:
-    """Fly a mission as a user does; keep its outputs and their origin in `RUNS`.
-
-    Args:
-        name: a shipped mission.
-
-    Raises:
-        SystemExit: the flight was refused, or the mission did not succeed.
-    """
-    command = [
-        *("uav-bt", "fly", name, "--scene", SCENE, "--seed", str(SEED)),
-        *("--image-size", "320x180"),
-        *("--out", f"{RUNS / name}", "--video", f"{RUNS / name}.mp4"),
-    ]
+    """Fly a mission as a user does, and write film and figures to its page."""
+    video = RUNS / f"{name}.mp4"
+    command = (
+        f"uav-bt fly {name} --scene train-a --seed 0 --image-size 320x180 --out {RUNS / name} "
+        f"--video {video}"
+    )
     (ROOT / RUNS).mkdir(parents=True, exist_ok=True)
-    source = commit(ROOT) or "unknown"
-    head, plus, changes = source.partition("+")
+    head, plus, changes = (commit(ROOT) or "unknown").partition("+")
+    words = [sys.executable, "-m", "uav_bt", *command.split()[1:]]
+    subprocess.run(words, cwd=ROOT, check=True)  # noqa: S603 - our own program
+    report = json.loads((ROOT / RUNS / name / "report.json").read_text(encoding="utf-8"))
+    speed = animate(ROOT / video, IMAGES / f"{name}.webp")
     today = datetime.now(UTC).date()
-    origin = Origin(
-        command=shlex.join(command),
-        commit=f"{head[:7]}{plus}{changes}",
-        day=f"{today.day} {today:%B %Y}",
+    source = (
+        f"Commit `{head[:7]}{plus}{changes}`, {today.day} {today:%B %Y}, one flight in the twin, "
+        f"profile `{report['profile']}`:\n`{command}`.\n"
     )
-    done = subprocess.run(  # noqa: S603 - our own program
-        [sys.executable, "-m", "uav_bt", *command[1:]], cwd=ROOT, check=False
-    )
-    if done.returncode:
-        print(f"{name}: the flight ended with {done.returncode}; its page is unchanged")
-        sys.exit(done.returncode)
-    origin_file(name).write_text(json.dumps(origin.to_json(), indent=2) + "\n", encoding="utf-8")
-
-
-def origin_file(name: str) -> Path:
-    """Return the file that keeps command, commit and day of a mission's flight."""
-    return ROOT / RUNS / f"{name}.origin.json"
-
-
-def camera_and_map(image: Image) -> Image:
-    """Return the camera's pane of a film's image above the map's pane.
-
-    Args:
-        image: 720x1280x3, uint8, BGR.
-
-    Returns:
-        764x640x3, uint8, BGR.
-    """
-    high, half = image.shape[0] // 2, image.shape[1] // 2
-    return np.vstack([image[:high, :half], image[:_MAP_ROWS, half:]])
-
-
-def write_flight(name: str) -> None:
-    """Cut the film of the flight in `RUNS`, and write film and figures to the mission's page.
-
-    Args:
-        name: a shipped mission.
-
-    Raises:
-        FileError: there is no such flight, or the page has no such part.
-        ValueError: the film is too large.
-    """
-    for file in (origin_file(name), ROOT / RUNS / f"{name}.mp4"):
-        if not file.is_file():
-            raise FileError(file, "no such file: fly the mission first, without --flown")
-    origin_text, report_text = origin_file(name), ROOT / RUNS / name / "report.json"
-    with reading(report_text):
-        report = json.loads(report_text.read_text(encoding="utf-8"))
-        origin = Origin(**json.loads(origin_text.read_text(encoding="utf-8")))
-    film, out = ROOT / RUNS / f"{name}.mp4", IMAGES / f"{name}.webp"
-    film_s = film_seconds(film)
-    images = images_of(film, film_s / _SHOWN_IMAGES, _WIDTH_PX, camera_and_map)
-    write_animation_within(images, _SHOWN_MS, out, _LIMIT_BYTES)
-    speed = film_s / (len(images) * _SHOWN_MS / 1000)
+    part = flight_part(report, name, speed=speed, source=source)
     page = PAGES / f"{name}.md"
-    write({page: with_part(page, "flight", flight(report, origin, name, speed))})
-    print(f"{out.relative_to(ROOT)}: {len(images)} images, {out.stat().st_size} bytes")
+    page.write_text(with_part(page, "flight", part), encoding="utf-8")
 
 
 def main() -> None:
-    """Read the command line."""
+    """Write the parts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help="missions with a page")
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--drawings", action="store_true", help="write the drawings only")
-    which.add_argument("--flown", action="store_true", help=f"do not fly: flights are in {RUNS}")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="missions with a page, to fly")
+    parser.add_argument("--drawings", action="store_true", help="write the drawings only")
     given = parser.parse_args()
-    known = page_names()
-    if unknown := [name for name in given.names if name not in known]:
-        parser.error(f"no page of {', '.join(unknown)}; there are pages of {', '.join(known)}")
-    if not given.names and not given.drawings:
-        parser.error(f"expected the missions to fly: {', '.join(known)}; or --drawings")
-    IMAGES.mkdir(parents=True, exist_ok=True)
-    try:
-        for name in given.names or known:
-            if not given.drawings:
-                if not given.flown:
-                    fly(name)
-                write_flight(name)
-            write(drawing_files(name))
-    except (UavBtError, ValueError) as error:
-        print(error, file=sys.stderr)
-        sys.exit(2)
+    for name in page_names() if given.drawings else given.names:
+        if not given.drawings:
+            fly(name)
+        for path, text in drawing_files(name).items():
+            path.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """Score a segmentation network against the twin's exact class ids.
 
     python -m benchmarks.segmentation                                   # the shipped U-Net
-    python -m benchmarks.segmentation --lab depot --views 100
     python -m benchmarks.segmentation --lab depot --scenes "depot-val-*" --model net.onnx
 
 The score is the intersection over union over all pixels, by class and by role. Without `--model`
@@ -14,7 +13,7 @@ from __future__ import annotations
 import argparse
 import fnmatch
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from perception.networks.named import SHIPPED_UNET
@@ -28,20 +27,11 @@ from uav_bt.lab.shipped import DEFAULT_LAB, load_lab
 from uav_bt.learning.masks import MaskSource
 from uav_bt.learning.pick_scores import network_of_lab
 from uav_bt.learning.views import ViewPlan, twin_views
-from uav_bt.progress import Advance, silent
 from uav_bt.types.arrays import Image
 
 
 def scenes_of(lab: Lab, pattern: str) -> tuple[str, ...]:
-    """Return the scenes of a lab that match a pattern, as names or files.
-
-    Args:
-        lab: The lab; the scenes of the paper's lab are the shipped ones.
-        pattern: Pattern such as `test-*`.
-
-    Raises:
-        InputError: No scene matches.
-    """
+    """Return the scenes of a lab that match a pattern such as `test-*`, as names or files."""
     own = {name: str(file) for name, file in lab.scenes.items()}
     known = own or ({name: name for name in shipped_scenes()} if lab.name == DEFAULT_LAB else {})
     found = tuple(known[name] for name in fnmatch.filter(known, pattern))
@@ -52,28 +42,10 @@ def scenes_of(lab: Lab, pattern: str) -> tuple[str, ...]:
 
 
 def evaluate_segmentation(
-    segment: Callable[[Image], Image],
-    plan: ViewPlan,
-    classes: LabClasses,
-    *,
-    advance: Advance = silent,
+    segment: Callable[[Image], Image], plan: ViewPlan, classes: LabClasses
 ) -> SegmentationScore:
-    """Score a segmentation against the twin's exact ids.
-
-    Args:
-        segment: (H, W, 3) RGB to (h, w) class ids, for example `OnnxSegmenter.ids`.
-        plan: Images.
-        classes: Classes of the lab.
-        advance: Called after each image.
-    """
-    total = plan.views * len(plan.scenes)
-
-    def pairs() -> Iterator[tuple[Image, Image]]:
-        for done, (_, rgb, ids) in enumerate(twin_views(plan), start=1):
-            yield segment(rgb), ids
-            advance("evaluation", done, total)
-
-    return score_segmentation(pairs(), classes)
+    """Score a segmentation, (H, W, 3) RGB to (h, w) class ids, on images of the twin."""
+    return score_segmentation(((segment(rgb), ids) for _, rgb, ids in twin_views(plan)), classes)
 
 
 def segmenter(model: str | None, lab: Lab) -> Callable[[Image], Image]:
@@ -90,34 +62,24 @@ def segmenter(model: str | None, lab: Lab) -> Callable[[Image], Image]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the scores."""
+    """Print the scores as JSON."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--lab", default=DEFAULT_LAB)
     parser.add_argument("--scenes", default="*test-*", help="pattern of names")
     parser.add_argument("--views", type=int, default=100, help="images of each scene")
-    parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--model")
-    parser.add_argument("--size", default="640x360", help="of the images, pixels")
-    parser.add_argument("--profile", default="lab", help="ideal, lab or harsh")
-    parser.add_argument("--lowered", type=float, default=0.0, help="share with a lowered camera")
-    parser.add_argument("--out", type=Path, help="JSON file")
     given = parser.parse_args(arguments)
     lab = load_lab(given.lab)
-    width, height = map(int, given.size.split("x"))
     plan = ViewPlan(
         scenes=scenes_of(lab, given.scenes),
         views=given.views,
-        size_px=(width, height),
-        profile=given.profile,
-        lowered=given.lowered,
-        seed=given.seed,
+        size_px=(640, 360),
+        profile="lab",
+        lowered=0.0,
+        seed=2,
     )
-    scores = evaluate_segmentation(segmenter(given.model, lab), plan, lab.classes).to_json()
-    values = {key: str(value) for key, value in vars(given).items() if key != "out"} | scores
-    text = json.dumps(values, indent=2)
-    print(text)
-    if given.out is not None:
-        given.out.write_text(text + "\n", encoding="utf-8")
+    score = evaluate_segmentation(segmenter(given.model, lab), plan, lab.classes)
+    print(json.dumps(vars(given) | score.to_json(), indent=2))
 
 
 if __name__ == "__main__":

@@ -1,16 +1,12 @@
-"""Time networks and perception as they fly, and the teacher.
+"""Time the tree, perception, the student and records.
 
-    python benchmarks/timing.py segmenter --model unet --model runs/floats.onnx
-    python benchmarks/timing.py student --model runs/student.onnx
-    python benchmarks/timing.py pipeline --segmentation runs/floats.onnx --depth contact
-    python benchmarks/timing.py teacher --share 0.004 --count 2
+    python -m benchmarks.timing ticks       # ticks a second of a tree, and of py_trees
+    python -m benchmarks.timing pipeline    # milliseconds of each stage of perception
+    python -m benchmarks.timing student     # milliseconds of a decision
+    python -m benchmarks.timing record      # a tick with and without a record, and its size
 
-Contestants take turns, so that other work on the machine slows all of them. The processor's own
-time, which other work does not stretch, is that of all threads. `segmenter` and `student` see
-640x360 frames of noise: resizing, inference and decoding are in the time. `pipeline` is the second
-level's perception on 640x360 frames of the twin with noise and blur, stage by stage. `teacher`
-compares dense inference with scikit-learn patch by patch (the paper: every fifth pixel) on the same
-1152x648 images.
+Times are those of the processor, which other programs hardly stretch, but for `record`: wall time.
+Networks have one thread.
 """
 
 from __future__ import annotations
@@ -18,279 +14,247 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import platform
-import resource
+import tempfile
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any, Final
 
 import cv2
 import numpy as np
-import onnx
-from numpy.typing import NDArray
-from sklearn.multiclass import OneVsRestClassifier
-from sklearn.svm import LinearSVC
+from py_trees import behaviour, behaviours, composites
+from py_trees.common import Access
+from py_trees.common import Status as Theirs
 
-from benchmarks.lab_views import draw_twin_picks
 from perception.control.ego_state import state_size
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
-from perception.networks.named import SHIPPED_UNET, segmentation_file
-from perception.segmentation.clean import RefineConfig
-from perception.segmentation.features import hsv_of, patch_features
-from perception.segmentation.runtime import OnnxSegmenter
-from perception.segmentation.teacher import TeacherConfig, fit_teacher
-from perception.segmentation.training.picks import gather_patches
+from perception.segmentation.runtime import shipped_unet
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
+from uav_bt import app
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline
-from uav_bt.errors import UnknownNameError
-from uav_bt.lab.shipped import load_lab
-from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
+from uav_bt.board import ELAPSED
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.context import MissionContext, Proposals
+from uav_bt.clock import ManualClock
+from uav_bt.learning.views import VALIDATION_SCENES
+from uav_bt.mission.tick import TickRecord
+from uav_bt.plugins import make_policy
+from uav_bt.record.info import record_info
+from uav_bt.tree import Leaf, MissionTree, Port, Status
+from uav_bt.tree.nodes import AlwaysFailure, AlwaysSuccess, Fallback, Sequence
 from uav_bt.types import Frame
 
-WARM_UP = 10  # turns that are not counted
-GIMBAL_RAD = math.radians(-28.0)  # where a mission holds it
-Options = argparse.Namespace
+WARM_UP: Final = 10  # turns that are not counted
+TICKS: Final = 100  # in a turn
+GIMBAL_RAD: Final = math.radians(-28.0)  # where a mission holds it
+RECORDED: Final = """<root BTCPP_format="4"><BehaviorTree ID="Main"><ReactiveSequence>
+  <Segment model="unet"/><FindMark/><TrackMotion/><MapSite/>
+  <Sequence><TakeOff height_m="1.5"/><Turn degrees="60"/><HoverFor seconds="8"/><Land/>
+  </Sequence></ReactiveSequence></BehaviorTree></root>"""
 
 
-def _in_turns(
-    work: Mapping[str, Callable[[int], object]], count: int
-) -> dict[str, NDArray[np.float64]]:
-    """Run contestants in turns; return wall and processor time of each, (2, count) milliseconds."""
-    taken: dict[str, list[tuple[float, float]]] = {name: [] for name in work}
-    for index in range(WARM_UP + count):
+def in_turns(work: Mapping[str, Callable[[], object]], count: int) -> dict[str, list[float]]:
+    """Run contestants in turns and return the processor time of each in milliseconds."""
+    taken: dict[str, list[float]] = {name: [] for name in work}
+    for turn in range(WARM_UP + count):
         for name, run in work.items():
-            began = time.perf_counter(), time.process_time()
-            run(index)
-            taken[name].append((time.perf_counter() - began[0], time.process_time() - began[1]))
-    return {name: 1e3 * np.array(rows[WARM_UP:]).T for name, rows in taken.items()}
+            began_s = time.process_time()
+            run()
+            if turn >= WARM_UP:
+                taken[name].append(1e3 * (time.process_time() - began_s))
+    return taken
 
 
-def memory_mib() -> float:
-    """Return the peak memory of this process."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+def show(taken: Mapping[str, list[float]]) -> None:
+    """Print median and 99th percentile."""
+    for name, ms in taken.items():
+        p50, p99 = np.percentile(ms, [50, 99])
+        print(f"{name:20s} median {p50:8.2f} ms, 99 % {p99:8.2f} ms")
 
 
-def noise() -> NDArray[np.uint8]:
-    """Return eight 640x360 frames."""
-    return np.random.default_rng(0).integers(256, size=(8, 360, 640, 3), dtype=np.uint8)
+# --- ticks ----------------------------------------------------------------------------------------
 
 
-# --- networks -------------------------------------------------------------------------------------
+class Reader(Leaf):
+    """Reads a number through its port and answers."""
+
+    VALUE = Port("value", float, doc="what is read")
+    ports = (VALUE,)
+
+    def __init__(self, value: str, *, good: bool) -> None:
+        super().__init__(value=value)
+        self._limit = 0.0 if good else math.inf
+
+    def update(self) -> Status:
+        """Read and compare."""
+        return Status.SUCCESS if self.port(self.VALUE) >= self._limit else Status.FAILURE
 
 
-def segmenter_of(model: str, threads: int) -> OnnxSegmenter:
-    """Return the shipped U-Net by its name, or a network with its classes from an ONNX file."""
-    path = segmentation_file(model)
-    if path is None:
-        raise UnknownNameError("network to time", model, (SHIPPED_UNET, "FILE.onnx"))
-    return OnnxSegmenter(path, load_lab().classes, threads=threads)
+class TheirReader(behaviour.Behaviour):
+    """Reads a number through a blackboard client and answers."""
+
+    def __init__(self, *, good: bool) -> None:
+        super().__init__("reader")
+        self._limit = 0.0 if good else math.inf
+        self._client = self.attach_blackboard_client()
+        self._client.register_key("number", Access.WRITE)
+        self._client.number = 1.0
+
+    def update(self) -> Theirs:
+        """Read and compare."""
+        return Theirs.SUCCESS if self._client.number >= self._limit else Theirs.FAILURE
 
 
-def segmenter(given: Options) -> None:
-    """Print a line a network and number of threads."""
-    frames = noise()
-
-    def contestant(name: str, threads: int) -> Callable[[int], object]:
-        net = segmenter_of(name, threads)
-        return lambda index: net.ids(frames[index % len(frames)])
-
-    for threads in given.threads:
-        cv2.setNumThreads(threads)
-        nets = {name: contestant(name, threads) for name in given.model or [SHIPPED_UNET]}
-        for name, (wall, processor) in _in_turns(nets, given.count or 300).items():
-            p50, p99 = np.percentile(wall, [50, 99])
-            print(
-                f"{name}, {threads} thread(s): median {p50:.1f} ms, p99 {p99:.1f} ms, processor "
-                f"{np.median(processor):.1f} ms"
-            )
-    print(f"peak memory of this process {memory_mib():.0f} MiB")
+def root_of(leaf: Callable[..., Any], sequence: Callable[..., Any], fallback: Any) -> Any:
+    """Return a tree of 50 nodes, sequences and fallbacks in turn; each tick visits all of them."""
+    branches = []
+    for index in range(7):
+        leaves = [leaf(good=index % 2 == 0 or number == 5) for number in range(6)]
+        branches.append((fallback if index % 2 else sequence)(f"branch{index}", leaves))
+    return sequence("root", branches)
 
 
-def multiplications(path: Path) -> int:
-    """Return how many products of convolutions and dense layers one decision takes."""
-    graph = onnx.shape_inference.infer_shapes(onnx.load(path)).graph
-    shapes = {
-        value.name: tuple(size.dim_value for size in value.type.tensor_type.shape.dim)
-        for value in (*graph.input, *graph.value_info, *graph.output)
+def ticks() -> None:
+    """Print ticks a second."""
+    work: dict[str, Callable[[], object]] = {}
+    leaves: dict[str, Callable[..., object]] = {
+        "bare": lambda good: AlwaysSuccess() if good else AlwaysFailure(),
+        "{key}": partial(Reader, "{number}"),
+        "{@key}": partial(Reader, "{@elapsed_s}"),
     }
-    shapes |= {constant.name: tuple(constant.dims) for constant in graph.initializer}
-    total = 0
-    for node in graph.node:
-        if node.op_type == "Conv":
-            total += math.prod(shapes[node.output[0]]) * math.prod(shapes[node.input[1]][1:])
-        elif node.op_type == "Gemm":
-            total += shapes[node.output[0]][0] * math.prod(shapes[node.input[1]])
-    return total
+    for name, leaf in leaves.items():
+        tree, clock = MissionTree(root_of(leaf, Sequence, Fallback)), ManualClock()
+        board = Blackboard(clock, (ELAPSED,))
+        board.write(ELAPSED, 1.0)
+        tree.variables["number"] = 1.0
+        tree.setup(
+            MissionContext(board=board, clock=clock, proposals=Proposals(), policy=make_policy)
+        )
+        work[name] = tree.tick
+    theirs = (
+        lambda name, children: composites.Sequence(name, memory=True, children=children),
+        lambda name, children: composites.Selector(name, memory=True, children=children),
+    )
+    work["py_trees, bare"] = root_of(
+        lambda good: (behaviours.Success if good else behaviours.Failure)("answer"), *theirs
+    ).tick_once
+    work["py_trees, reads"] = root_of(TheirReader, *theirs).tick_once
+    turns = {name: partial(_often, tick) for name, tick in work.items()}
+    for name, ms in in_turns(turns, 50).items():
+        print(f"{name:16s}{1e3 * TICKS / np.median(ms):8,.0f} ticks a second")
 
 
-def parameters(path: Path) -> int:
-    """Return how many numbers the network learnt, its batch norms folded in."""
-    arrays = (constant for constant in onnx.load(path).graph.initializer)
-    kinds = (onnx.TensorProto.FLOAT, onnx.TensorProto.INT8)
-    return sum(math.prod(one.dims) for one in arrays if one.data_type in kinds and one.dims)
+def _often(tick: Callable[[], object]) -> None:
+    for _ in range(TICKS):
+        tick()
 
 
-def student(given: Options) -> None:
-    """Print a table: a decision on a new frame, size, and memory that the first one took."""
-    frames = noise()
-
-    def contestant(path: Path, threads: int) -> tuple[Callable[[int], object], float]:
-        before = memory_mib()
-        net = OnnxControlStudent(path, threads=threads)
-        numbers = np.zeros(state_size(net.config.views), dtype=np.float32)
-        views = [net.preprocess(frame) for frame in frames[: net.config.views]]
-
-        def decide(index: int) -> None:
-            views[:] = [net.preprocess(frames[index % len(frames)]), *views[:-1]]
-            net.estimate(views, numbers)
-
-        decide(0)
-        return decide, memory_mib() - before
-
-    print("| network | parameters | MB | million products | threads | ms, median | p99 |", end="")
-    print(" processor ms | MiB more |\n|---|---|---|---|---|---|---|---|---|")
-    for threads in given.threads:
-        cv2.setNumThreads(threads)
-        paths = [Path(name) for name in given.model or [SHIPPED_STUDENT]]
-        made = {str(path): contestant(path, threads) for path in paths}
-        times = _in_turns({name: run for name, (run, _) in made.items()}, given.count or 300)
-        for path in paths:
-            wall, processor = times[str(path)]
-            p50, p99 = np.percentile(wall, [50, 99])
-            print(
-                f"| {path.stem} | {parameters(path):,} | {path.stat().st_size / 1e6:.2f} | "
-                f"{multiplications(path) / 1e6:.0f} | {threads} | {p50:.1f} | {p99:.1f} | "
-                f"{np.median(processor):.1f} | {made[str(path)][1]:.0f} |"
-            )
+# --- perception -----------------------------------------------------------------------------------
 
 
-def pipeline(given: Options) -> None:
-    """Print a row a number of threads: median and 95th percentile by stage, milliseconds."""
-    frames = []
+def pipeline() -> None:
+    """Print the times of the second level's perception on frames of the twin, by stage."""
+    perception = Pipeline(
+        shipped_unet(threads=1),
+        load_depth_estimator("depth", threads=1),
+        anafi_camera(640, 360),
+        generator=np.random.default_rng(0),
+        timer=time.process_time,
+    )
+    taken: dict[str, list[float]] = {stage: [] for stage in (*STAGES, "whole")}
     for name in VALIDATION_SCENES:
-        scene = load_scene(name)
-        each = -(-(given.count or 120) // len(VALIDATION_SCENES))
+        scene, rng = load_scene(name), np.random.default_rng(7)
         poses = [
-            replace(pose, pitch_rad=GIMBAL_RAD)
-            for pose in sample_flight_poses(scene, np.random.default_rng(7), each)
+            replace(pose, pitch_rad=GIMBAL_RAD) for pose in sample_flight_poses(scene, rng, 60)
         ]
-        for view in render_views(scene, poses, profile=Profile.named("lab"), seed=7):
-            number = len(frames) + 1
-            frames.append(
-                Frame(
-                    image=view.image,
-                    index=number,
-                    captured_s=0.1 * number,
-                    gimbal_pitch_rad=GIMBAL_RAD,
-                    height_above_ground_m=view.pose.z_m,
-                )
+        for number, view in enumerate(render_views(scene, poses, profile=Profile(), seed=7)):
+            frame = Frame(
+                image=view.image,
+                index=number,
+                captured_s=0.1 * number,
+                gimbal_pitch_rad=GIMBAL_RAD,
+                height_above_ground_m=view.pose.z_m,
             )
-    print(f"{len(frames)} frames of 640x360, depth '{given.depth}'; median (p95), ms")
-    print(f"{'threads':<9}" + "".join(f"{stage:>16}" for stage in (*STAGES, "whole")))
-    for threads in given.threads:
-        cv2.setNumThreads(threads)
-        none = given.depth == "contact"
-        perception = Pipeline(
-            segmenter_of(given.segmentation, threads),
-            None if none else load_depth_estimator(given.depth, threads=threads),
-            anafi_camera(640, 360),
-            generator=np.random.default_rng(0),
-        )
-        spent = [perception.perceive(frame).stage_s for frame in frames][WARM_UP:]
-        times = np.array([[1e3 * row.get(stage, 0.0) for stage in STAGES] for row in spent])
-        whole = np.column_stack([times, times.sum(axis=1)])
-        cells = (f"{p50:.2f} ({p95:.2f})" for p50, p95 in np.percentile(whole, [50, 95], axis=0).T)
-        print(f"{threads:<9}" + "".join(f"{cell:>16}" for cell in cells))
+            spent_s = perception.perceive(frame).stage_s
+            for stage, ms in taken.items():
+                s = sum(spent_s.values()) if stage == "whole" else spent_s.get(stage, 0.0)
+                if number >= WARM_UP:
+                    ms.append(1e3 * s)
+    show(taken)
 
 
-# --- the teacher ----------------------------------------------------------------------------------
+def student() -> None:
+    """Print the time of a decision on a new frame."""
+    net = OnnxControlStudent(SHIPPED_STUDENT, threads=1)
+    frames = np.random.default_rng(0).integers(256, size=(8, 360, 640, 3), dtype=np.uint8)
+    numbers = np.zeros(state_size(net.config.views), dtype=np.float32)
+    views = deque((net.preprocess(frame) for frame in frames), net.config.views)
+
+    def decide() -> None:
+        views.appendleft(net.preprocess(frames[0]))
+        net.estimate(list(views), numbers)
+
+    show(in_turns({"student": decide}, 300))
 
 
-def seconds(work: Callable[[], object]) -> float:
-    """Return how long some work takes."""
-    began = time.perf_counter()
-    work()
-    return time.perf_counter() - began
+# --- records --------------------------------------------------------------------------------------
 
 
-def teacher(given: Options) -> None:
-    """Print how much faster dense inference is, and how far its scores are off."""
-    config, plan = TeacherConfig(), ViewPlan()
-    picks = draw_twin_picks(plan, config)
-    wanted = {pick.image for pick in picks}
-    shown = ((name, rgb) for name, rgb, _ in twin_views(plan) if name in wanted)
-    patches = gather_patches(picks, shown, config.patch_px, load_lab().classes)
-    fast = fit_teacher(patches, config)
-    svm = LinearSVC(C=config.cost, max_iter=config.max_iterations, random_state=0)
-    model = OneVsRestClassifier(svm).fit(patches.features, patches.labels)
-    views = ViewPlan(scenes=VALIDATION_SCENES[:1], views=given.count or 5, seed=9)
-    images = [rgb for _, rgb, _ in twin_views(views)]
+class Ticks:
+    """Keeps how long each tick computed, in milliseconds."""
 
-    rng = np.random.default_rng(0)
-    x, y = rng.integers(config.width_px, size=1000), rng.integers(config.height_px, size=1000)
-    hsv = hsv_of(images[0])
-    expected = model.decision_function(
-        patch_features(hsv, np.stack([x, y], axis=1), config.patch_px)
-    )
-    scores = dict(fast.scores(hsv))
-    dense = np.stack([scores[one][y, x] for one in model.classes_], axis=1)
-    off = (np.abs(dense - expected) / np.abs(expected)).max()
-    print(f"scores of {len(x)} random patches: largest relative difference {off:.1e}")
+    def __init__(self) -> None:
+        self.ms: list[float] = []
 
-    grid = np.meshgrid(np.arange(2, config.width_px, 5), np.arange(2, config.height_px, 5))
-    dots = np.stack([axis.ravel() for axis in grid], axis=1)
-    some = rng.permutation(dots)[: max(1, int(given.share * len(dots)))]
-
-    def predict(points: NDArray[np.int64], rgb: NDArray[np.uint8]) -> None:
-        model.predict(patch_features(rgb, points, config.patch_px))
-
-    walked = sum(seconds(partial(predict, dot[None], hsv)) for dot in some) * len(dots) / len(some)
-    batched = seconds(lambda: predict(dots, hsv_of(images[0])))
-    print(
-        f"scikit-learn, {len(dots)} patches one by one (walked {len(some)}): {walked:.2f} s a frame"
-    )
-    print(f"scikit-learn, all patches in one call: {batched:.2f} s a frame")
-    for name, work in {
-        "dense, every pixel": fast.window_ids,
-        "dense, then the paper's dots and components": fast.paper_ids,
-        "dense, then sharp borders": lambda rgb: fast.refined_ids(rgb, RefineConfig()),
-    }.items():
-        work(images[0])
-        took = float(np.median([seconds(partial(work, rgb)) for rgb in images]))
-        print(
-            f"{name + ':':46s}{took:6.3f} s a frame, {walked / took:6.0f} times faster than patch "
-            f"by patch, {batched / took:4.0f} than batched"
-        )
+    def on_tick(self, record: TickRecord) -> None:
+        """Keep a tick."""
+        self.ms.append(1e3 * record.compute_s)
 
 
-TIMED = {
-    "segmenter": segmenter,
-    "student": student,
+def record() -> None:
+    """Fly with and without a record in turns, at the pace of a real drone."""
+    kept = {name: Ticks() for name in ("none", "lossless", "high")}
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(3):
+            for name, each in kept.items():
+                options = app.FlightOptions(scene="train-a", seed=seed, realtime=True)
+                file = Path(folder) / f"{name}-{seed}.mcap"
+                if name != "none":
+                    options = replace(options, record=file, record_quality=name)
+                app.fly(RECORDED, options, listeners=[lambda _, each=each: [each]])
+                if name != "none":
+                    info = record_info(file)
+                    left_out = sum(channel.dropped for channel in info.channels)
+                    print(
+                        f"{name}: {60e-6 * info.bytes / info.duration_s:.0f} MB a minute, "
+                        f"{left_out} messages left out, {info.lost_ticks} lost ticks"
+                    )
+    show({name: each.ms for name, each in kept.items()})
+
+
+TIMED: Final = {
+    "ticks": ticks,
     "pipeline": pipeline,
-    "teacher": teacher,
+    "student": student,
+    "record": record,
 }
 
 
 def main() -> None:
-    """Read the command line and measure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    """Measure."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("what", choices=TIMED)
-    parser.add_argument("--model", action="append", help="'unet' or an ONNX file")
-    parser.add_argument("--count", type=int, help="frames, decisions or images that are timed")
-    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--segmentation", default=SHIPPED_UNET, help="'unet' or an ONNX file")
-    parser.add_argument("--depth", default="depth", help="a shipped one, an ONNX file, 'contact'")
-    parser.add_argument("--share", type=float, default=0.1, help="of the grid, patch by patch")
     given = parser.parse_args()
-    name = platform.processor() or platform.machine()
-    print(f"{name}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
-    TIMED[given.what](given)
+    cv2.setNumThreads(1)
+    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    TIMED[given.what]()
 
 
 if __name__ == "__main__":

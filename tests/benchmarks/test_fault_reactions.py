@@ -1,18 +1,22 @@
 """Flights that react to faults correctly, and the rules that judge a reaction.
 
-A corrected reaction gets a line in `RIGHT`. `benchmarks/faults.py` flies the whole matrix.
+A corrected reaction gets a line in `RIGHT`. `benchmarks/faults.py` flies all kinds in all phases.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import cast
 
 import pytest
 
-from benchmarks.fault_flight import KINDS, Case, fly
-from benchmarks.fault_reactions import EXPECTED, Expected, Facts, problems, survived
-from benchmarks.faults import Flown
+from benchmarks.fault_reactions import EXPECTED, Expected, Facts, problems
+from benchmarks.faults import KINDS, faults_of, fly, fly_each, main, reaction
+from uav_bt.testing.faults import Fault
 
 # Steps for two seconds, then a landing on the spot: a short flight.
 TREE = """
@@ -96,18 +100,18 @@ WITH_IMAGES = (
 )
 
 
-def case(tmp_path: Path, fault: str) -> Case:
-    tree = tmp_path / "short.xml"
+def short_flight(fault: str, folder: Path, time_limit_s: float = 40.0) -> Callable[[], Facts]:
+    tree = folder / "short.xml"
     tree.write_text(TREE, encoding="utf-8")
-    one = Case(fault=fault, tree=str(tree), time_limit_s=40.0, on_pad=False)
-    images = one.parsed.kind.in_image or fault in WITH_IMAGES
-    return one if images else replace(one, drone="plain")
+    images = Fault.parse(fault, KINDS).kind.in_image or fault in WITH_IMAGES
+    how = {"drone": "twin" if images else "plain", "time_limit_s": time_limit_s}
+    return partial(fly, fault, str(tree), folder, on_pad=False, **how)
 
 
 @pytest.mark.parametrize("fault", RIGHT)
 def test_the_reaction_is_right(tmp_path: Path, fault: str) -> None:
-    flown = Flown.of(fly(case(tmp_path, fault), tmp_path))
-    assert flown.reaction == "right", str(flown)
+    facts = short_flight(fault, tmp_path)()
+    assert reaction(fault, facts) == "right", facts
 
 
 def test_every_kind_says_what_is_expected() -> None:
@@ -116,8 +120,7 @@ def test_every_kind_says_what_is_expected() -> None:
 
 def test_a_flight_is_watched_to_its_end(tmp_path: Path) -> None:
     """After a refused landing the drone still flies; it had kept its position in the descent."""
-    refused = replace(case(tmp_path, "no-landing@explore"), time_limit_s=9.0)
-    facts = Flown.of(fly(refused, tmp_path)).facts
+    facts = short_flight("no-landing@explore", tmp_path, 9.0)()
     assert facts.began_s is not None
     assert facts.motors_on
     assert facts.height_m > 0.3
@@ -125,11 +128,41 @@ def test_a_flight_is_watched_to_its_end(tmp_path: Path) -> None:
     assert facts.report_whole
 
 
+# --- the command ----------------------------------------------------------------------------------
+
+
+def test_faults_begin_in_each_phase_and_those_of_the_take_off_at_the_start() -> None:
+    found = [str(fault) for fault in faults_of(["late=0.7~3", "no-take-off"], ["land", "center+2"])]
+    assert found == ["late=0.7@land+1~3", "late=0.7@center+2~3", "no-take-off@start"]
+
+
+def test_a_flight_whose_process_dies_is_wrong_and_the_next_one_flies(tmp_path: Path) -> None:
+    fault = "battery-low@explore"
+    deadly = cast("Callable[[], Facts]", partial(os._exit, 9))
+    dead, flown = fly_each([deadly, short_flight(fault, tmp_path)], 1)
+    assert "not named" in reaction(fault, dead)
+    assert reaction(fault, flown) == "right"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--kind", "blakc"], "unknown fault 'blakc'; did you mean 'black'?"),
+        (["--kind", "late=soon"], "expected a number as level, got 'soon'"),
+        (["--kind", "black", "--phase", "land", "--scene", "moon"], "moon"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused(
+    tmp_path: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*arguments, "--out", str(tmp_path)]) == 2
+    assert message in capsys.readouterr().err
+
+
 # --- the rules ------------------------------------------------------------------------------------
 
 LANDED = Facts(
     began_s=4.0,
-    ended_s=20.0,
     outcome="aborted",
     reason="no new frame for 15 s",
     error=None,
@@ -148,7 +181,6 @@ SUCCESS = replace(LANDED, outcome="success", reason="landed", on_mark=True)
 
 def test_landed_and_named_is_right() -> None:
     assert problems(STRICT, "explore", LANDED) == ()
-    assert survived(LANDED)
 
 
 @pytest.mark.parametrize(
@@ -219,4 +251,3 @@ def test_less_is_asked_for_where_nobody_could_do_better() -> None:
     assert problems(replace(STRICT, may_fly=True), "explore", hovers) == ()
     assert problems(replace(STRICT, may_fall=True), "explore", falls) == ()
     assert problems(replace(STRICT, reported=False), "explore", mute) == ()
-    assert not survived(falls)
