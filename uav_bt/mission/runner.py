@@ -210,11 +210,11 @@ class MissionRunner:
         status = Status.RUNNING if rests else self._tick_tree()
         compute_s = self._timer() - began_s
         if self._abort:
-            self._flown.tree.halt()
+            self._flown.halt()
         return status, compute_s
 
     def _tick_tree(self) -> Status:
-        return Status.IDLE if self._abort else self._flown.tree.tick()
+        return Status.IDLE if self._abort else self._flown.tick()
 
     def _arbitrate(self, observation: Observation, now_s: float) -> Command:
         frame, state = observation.frame, observation.state
@@ -320,7 +320,7 @@ class MissionRunner:
             NodeFailedError: a leaf raised when it was halted; the drone was landed.
         """
         try:
-            self._flown.tree.halt()
+            self._flown.halt()
         finally:
             self._context.proposals.clear()
             descent = Descent(
