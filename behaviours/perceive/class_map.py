@@ -20,7 +20,7 @@ from uav_bt.board import (
     STATE,
 )
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import FileError
+from uav_bt.errors import AnswerError, FileError
 from uav_bt.files import did_you_mean_file
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import make_mark_finder
@@ -50,8 +50,9 @@ class Segment(Leaf):
     A network with a second head writes the relative depth of the frame, too. After `LearnGround`
     has learned the place, its network replaces that of `model`. The network of a learned lab is
     compared with its statement `learned.yaml` in the first seconds at flight height: in another
-    place or at another height the network `any` takes over, with a warning. The age of the class
-    map on the board shows staleness.
+    place or at another height the network `any` takes over, with a warning. A frame for
+    which the network gives NaN has no class map. The age of the class map on the board shows
+    staleness.
     """
 
     answers = (Status.SUCCESS,)
@@ -101,8 +102,12 @@ class Segment(Leaf):
             self._judge_place(frame)
             given, learned = self._context.segmenter, self._context.learned.segmenter
             segmenter = self._segmenter if given is not None or learned is None else learned
-            with self._timer:
-                class_map = segmenter.segment(frame)
+            try:
+                with self._timer:
+                    class_map = segmenter.segment(frame)
+            except AnswerError as error:
+                self._context.warn_once(f"no class map: {error}", self.path)
+                return Status.SUCCESS
             self.write(CLASS_MAP, class_map, captured_s=frame.captured_s)
             network = self._network if segmenter is self._segmenter else segmenter
             depth = network.relative_depth if isinstance(network, DepthBeside) else None

@@ -206,6 +206,11 @@ class MissionContext:
         elapsed_s = self.board.read(ELAPSED).value or 0.0
         self.notes.add(FlightEvent(time_s=round(elapsed_s, 3), kind=kind, text=text, node=node))
 
+    def warn_once(self, text: str, node: str) -> None:
+        """Add a warning to the flight's notes, unless the node has given it before."""
+        if all((event.text, event.node) != (text, node) for event in self.notes.events):
+            self.add_event(EventKind.WARNING, text, node)
+
 
 NO_CONTEXT: Final = """\
 setup needs the mission's surroundings; in a plain py_trees tree:
