@@ -35,6 +35,7 @@ FLOOR_ONE = {
         "plugins",
         "progress",
         "protocols",
+        "settings",
         "still_camera",
         "yaml_file",
         "yaml_values",

@@ -7,6 +7,7 @@ UavBtError                      exit code 1 unless a subclass states another
     FileError                     a file is missing, malformed or damaged (file and line)
       SceneError                    a scene file
       WeightsError                  a weights file
+        AnswerError                   the answer of a network to one frame
       TreeError                     a tree file; carries every finding of the file
     UnknownNameError              a name that is not registered, with a suggestion
     MissingDependencyError        a package or a system library is absent, with the remedy
@@ -91,6 +92,10 @@ class SceneError(FileError):
 
 class WeightsError(FileError):
     """A weights file is absent, damaged or made for another network."""
+
+
+class AnswerError(WeightsError):
+    """The answer of a network to one frame cannot be used, such as NaN."""
 
 
 class TreeError(FileError):

@@ -278,7 +278,7 @@ class SteeringLeaf(CourseLeaf):
         return None if view is None or view[0].captured_s < self._view_from_s else view
 
     def decide(self) -> Answer | None:
-        """Ask the policy about the newest view; None without a view."""
+        """Ask the policy about the newest view; None without a view or an answer to it."""
         view = self.current_view()
         if view is None:
             self.feedback_message = "waiting for a view"
@@ -291,6 +291,7 @@ class SteeringLeaf(CourseLeaf):
             clearances=self._clearances,
         )
         with self._timer:
-            answer = ask(self._policy, shown)
-        self.feedback_message = answer.reason
+            answer = ask(self, self._policy, shown)
+        if answer is not None:
+            self.feedback_message = answer.reason
         return answer

@@ -47,13 +47,16 @@ class Advise(Leaf):
         self._last_index = frame.index
         held, tie_break = self.read(HELD_TURN).value or HeldTurn(), float(self._rng.random())
 
-        def asked(turn: HeldTurn) -> Answer:
+        def asked(turn: HeldTurn) -> Answer | None:
             shown = policy_view(
                 self, *view, held=turn, tie_break=tie_break, clearances=self._clearances
             )
-            return ask(self._policy, shown)
+            return ask(self, self._policy, shown)
 
         answer = asked(held)
+        fresh = answer if held == HeldTurn() else asked(HeldTurn())
+        if answer is None or fresh is None:
+            return Status.SUCCESS
         advice = Advice(
             frame_index=frame.index,
             captured_s=frame.captured_s,
@@ -65,7 +68,7 @@ class Advise(Leaf):
             turning=held.direction,
             full_turns=held.full_turns,
             answer=answer,
-            fresh=answer if held == HeldTurn() else asked(HeldTurn()),
+            fresh=fresh,
         )
         self.feedback_message = answer.reason
         self.write(ADVICE, advice, captured_s=frame.captured_s)

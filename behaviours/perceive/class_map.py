@@ -20,7 +20,7 @@ from uav_bt.board import (
     STATE,
 )
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import FileError
+from uav_bt.errors import AnswerError, FileError
 from uav_bt.files import did_you_mean_file
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import make_mark_finder
@@ -43,8 +43,8 @@ def _mapping_file(classes: str) -> None:
 class Segment(Leaf):
     """Segment each new frame into the classes of the lab; SUCCESS always.
 
-    A network with a second head writes the relative depth of the frame, too. The age of the class
-    map on the board shows staleness.
+    A network with a second head writes the relative depth of the frame, too. A frame for which the
+    network gives NaN has no class map. The age of the class map on the board shows staleness.
     """
 
     answers = (Status.SUCCESS,)
@@ -92,8 +92,12 @@ class Segment(Leaf):
         frame = self.read(FRAME).value
         if frame is not None and frame.index != self._last_index:
             self._last_index = frame.index
-            with self._timer:
-                class_map = self._segmenter.segment(frame)
+            try:
+                with self._timer:
+                    class_map = self._segmenter.segment(frame)
+            except AnswerError as error:
+                self._context.warn_once(f"no class map: {error}", self.path)
+                return Status.SUCCESS
             self.write(CLASS_MAP, class_map, captured_s=frame.captured_s)
             network = self._network
             depth = network.relative_depth if isinstance(network, DepthBeside) else None

@@ -22,6 +22,7 @@ from uav_bt.board import (
     STATE,
 )
 from uav_bt.board.context import MissionContext
+from uav_bt.errors import AnswerError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import DepthMap, Frame
@@ -34,8 +35,8 @@ class EstimateDepth(Leaf):
     """Estimate the metric depth of each new frame; SUCCESS always.
 
     Nothing is written for a frame without metric depth (black, frozen, too little ground, no
-    height), and the leaf's message gives the reason. If `MapSite` ticks before this leaf, the base
-    of a box gives its range even after the base has left the view.
+    height, a network's depth of zero or NaN), and the leaf's message gives the reason. If `MapSite`
+    ticks before this leaf, the base of a box gives its range even after the base has left the view.
     """
 
     answers = (Status.SUCCESS,)
@@ -119,15 +120,20 @@ class EstimateDepth(Leaf):
         if frame is None or camera is None or class_map is None or frame.index == self._last_index:
             return Status.SUCCESS
         self._last_index = frame.index
-        metric = self._stage.perceive(
-            frame,
-            class_map,
-            camera,
-            state=state,
-            near=None if site_map is None else site_map.near,
-            motion=self.read(ODOMETRY).value,
-            spent=self._spent,
-        )
+        try:
+            metric = self._stage.perceive(
+                frame,
+                class_map,
+                camera,
+                state=state,
+                near=None if site_map is None else site_map.near,
+                motion=self.read(ODOMETRY).value,
+                spent=self._spent,
+            )
+        except AnswerError as error:
+            self.feedback_message = f"no depth: {error}"
+            self.mission.warn_once(self.feedback_message, self.path)
+            return Status.SUCCESS
         self.feedback_message = f"no depth: {metric.refusal}" if metric.refusal else ""
         if metric.relative is not None:
             self.write(RELATIVE_DEPTH, metric.relative, captured_s=frame.captured_s)

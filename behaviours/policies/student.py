@@ -79,7 +79,7 @@ class StudentPolicy:
 
         Raises:
             MissionError: no recent views are on the board.
-            WeightsError: an output of the network is not a finite number.
+            AnswerError: an output of the network is not a finite number.
         """
         if view.recent is None:
             raise MissionError(

@@ -17,7 +17,7 @@ from uav_bt.board import (
     SITE_MAP,
 )
 from uav_bt.board.blackboard import Key
-from uav_bt.errors import MissionError, PolicyFailedError
+from uav_bt.errors import AnswerError, MissionError, PolicyFailedError
 from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import Leaf
 from uav_bt.types import (
@@ -56,8 +56,8 @@ def current_view(leaf: Leaf) -> tuple[Frame, ClassMap, CameraModel] | None:
     return (frame, class_map, camera) if class_map.captured_s == frame.captured_s else None
 
 
-def ask(policy: LeafPolicy, view: PolicyView) -> Answer:
-    """Return a policy's answer to a view.
+def ask(leaf: Leaf, policy: LeafPolicy, view: PolicyView) -> Answer | None:
+    """Return a policy's answer to a view; None with a warning where its network has none.
 
     Raises:
         PolicyFailedError: the policy raised an exception.
@@ -65,6 +65,10 @@ def ask(policy: LeafPolicy, view: PolicyView) -> Answer:
     """
     try:
         answer: object = policy.decide(view)
+    except AnswerError as error:
+        leaf.feedback_message = f"no answer: {error}"
+        leaf.mission.warn_once(leaf.feedback_message, leaf.path)
+        return None
     except Exception as error:
         raise PolicyFailedError(policy, error) from error
     if not isinstance(answer, Answer):

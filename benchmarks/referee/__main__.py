@@ -43,7 +43,9 @@ def main() -> int:
         after = before if given.action == "make" else Path(scratch, "answers")
         if given.action == "make":
             make_inputs(program, inputs, given.traces, given.cases)
-        elif absent := {f"{part}.jsonl" for part, _ in jobs} - {one.name for one in before.glob("*")}:
+        elif absent := {f"{part}.jsonl" for part, _ in jobs} - {
+            one.name for one in before.glob("*")
+        }:
             parser.error(f"{before} has no {', '.join(sorted(absent))}; call make for them")
         found: dict[str, dict[str, Any]] = {}
         with ThreadPoolExecutor(given.jobs) as pool:

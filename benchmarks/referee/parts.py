@@ -60,7 +60,10 @@ def commands(program: Program, inputs: Path) -> Rows:
             for option, more in re.findall(r"(?m)^ {2}(-.*)\n((?: {5,}.*\n)*)", done.stdout):
                 head, _, text = option.partition("  ")
                 notes = re.findall(r"\[[^a-z]*(?:default|required|x|\d)[^\]]*\]", text + more)
-                yield f"{name} {head.split()[0].strip(',')}", [head, " ".join(" ".join(notes).split())]
+                yield (
+                    f"{name} {head.split()[0].strip(',')}",
+                    [head, " ".join(" ".join(notes).split())],
+                )
             lists = re.findall(r"(?m)^[A-Z][\w ]*ommands:\n((?: +.*\n)+)", done.stdout)
             found = re.findall(r"(?m)^ {2}([a-z][\w-]*)", "".join(lists))
             level += [[*words, command] for command in found]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from perception.control.ego_state import OUTPUTS, VERSION, ControlNetConfig, state_size
 from perception.networks.onnx_runtime import compile_model, read_model, shrunk
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
+from uav_bt.errors import AnswerError, ShapeError, ValueRangeError, WeightsError
 
 SHIPPED_STUDENT: Final = SHIPPED_WEIGHTS / "student.onnx"
 
@@ -93,7 +93,7 @@ class OnnxControlStudent:
         Raises:
             ShapeError: an argument has another number or size.
             ValueRangeError: a number of the state is not finite.
-            WeightsError: an output of the network is not finite.
+            AnswerError: an output of the network is not finite.
         """
         frames = np.stack(images)
         _, views, channels, height, width = self._frames
@@ -110,7 +110,7 @@ class OnnxControlStudent:
         planes = np.ascontiguousarray(frames.transpose(0, 3, 1, 2), dtype=np.float32) / 255.0
         prediction = self._run(planes[None], state[None])
         if not np.isfinite(prediction).all():
-            raise WeightsError(self._path, "the network's answer holds NaN or infinity")
+            raise AnswerError(self._path, "the network's answer holds NaN or infinity")
         return decode(prediction)
 
     def _run(self, frames: NDArray[np.float32], state: NDArray[np.float32]) -> NDArray[np.float32]:

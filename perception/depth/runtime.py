@@ -19,7 +19,7 @@ from perception.networks.onnx_runtime import (
     read_model,
     shrunk,
 )
-from uav_bt.errors import UnknownNameError, WeightsError
+from uav_bt.errors import AnswerError, UnknownNameError, WeightsError
 from uav_bt.types import DepthMap, Frame
 
 _MAX_DEPTH: Final = 1e4  # for a disparity of zero, in the network's unit
@@ -69,7 +69,7 @@ class OnnxDepthEstimator:
         """Return the relative depth of a frame, at the size of the network's output.
 
         Raises:
-            WeightsError: the network's output is not finite or not positive.
+            AnswerError: the network's output is not finite or not positive.
         """
         depth = self.depth(frame.image)
         return DepthMap(
@@ -83,10 +83,10 @@ class OnnxDepthEstimator:
         """Return relative depth, (h, w) float32, positive, of an image, (H, W, 3) uint8 RGB."""
         output = self._run(shrunk(rgb, self._size)).reshape(self._output_px[::-1])
         if not np.isfinite(output).all():
-            raise WeightsError(self._path, "the network's answer holds NaN or infinity")
+            raise AnswerError(self._path, "the network's answer holds NaN or infinity")
         if output.min() < 0.0 or (output.min() == 0.0 and not self._inverse):
             meant = "disparity" if self._inverse else "depth"
-            raise WeightsError(self._path, f"a {meant} must be positive, got {output.min():.3g}")
+            raise AnswerError(self._path, f"a {meant} must be positive, and one is not")
         if self._inverse:
             return np.asarray(1.0 / np.maximum(output, 1.0 / _MAX_DEPTH), dtype=np.float32)
         return np.array(output, dtype=np.float32)  # a copy: the next frame overwrites the tensor

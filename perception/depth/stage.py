@@ -86,6 +86,9 @@ class DepthStage:
                 frame, no remembered obstacle is used.
             spent: called with the name of a stage, `relative_depth` if the network ran and
                 `metric_depth`, and its wall time in seconds.
+
+        Raises:
+            AnswerError: the network's output cannot be used.
         """
         refusal = self._frozen(frame, state) or self._misfit(frame, camera)
         if refusal:

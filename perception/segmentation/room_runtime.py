@@ -16,7 +16,7 @@ from perception.networks.onnx_runtime import (
     read_model,
     shrunk,
 )
-from uav_bt.errors import WeightsError
+from uav_bt.errors import AnswerError, WeightsError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.roles import OBSTACLE, OUTSIDE
 from uav_bt.types import ClassMap, DepthMap, Frame
@@ -65,7 +65,7 @@ class RoomSegmenter:
         """Return the class map of a frame, at the size of the network's input.
 
         Raises:
-            WeightsError: the network's output is not usable, for example NaN.
+            AnswerError: the network's output holds NaN or infinity.
         """
         class_map, self._depth = self._perceive(frame)
         return class_map
@@ -88,7 +88,7 @@ class RoomSegmenter:
         self._request.infer([np.ascontiguousarray(rgb[None])])
         numbers, sound, depth = (self._request.get_output_tensor(at).data for at in range(3))
         if not bool(sound):
-            raise WeightsError(self._path, "the network's answer holds NaN or infinity")
+            raise AnswerError(self._path, "the network's answer holds NaN or infinity")
         height, width = numbers.shape[-2:]
         # A copy: the next frame overwrites the tensor.
         return numbers.reshape(height, width), np.array(depth.reshape(depth.shape[-2:]), np.float32)

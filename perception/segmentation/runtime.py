@@ -26,7 +26,7 @@ from perception.segmentation.mapping import ClassMapping, class_id_of, read_mapp
 from perception.segmentation.output_form import OutputForm, output_form
 from perception.segmentation.room_runtime import RoomSegmenter
 from perception.segmentation.teacher import Teacher, load_teacher
-from uav_bt.errors import ValueRangeError, WeightsError
+from uav_bt.errors import AnswerError, ValueRangeError, WeightsError
 from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import ClassMap, Frame
@@ -116,7 +116,8 @@ class OnnxSegmenter:
         """Return the class map of a frame, at the size of the network's output.
 
         Raises:
-            WeightsError: the network's output is not usable, for example NaN.
+            AnswerError: the network's output holds NaN or infinity.
+            WeightsError: the network's output does not fit its mapping.
         """
         ids = self.ids(frame.image)
         return ClassMap(ids=ids, classes=self._classes, captured_s=frame.captured_s)
@@ -125,7 +126,7 @@ class OnnxSegmenter:
         """Return class ids, (h, w) uint8, of an image, (H, W, 3) uint8 RGB."""
         numbers, sound = self._run(shrunk(rgb, self._size))
         if not sound:
-            raise WeightsError(self._path, "the network's answer holds NaN or infinity")
+            raise AnswerError(self._path, "the network's answer holds NaN or infinity")
         if self._scores:
             return np.asarray(self._table[numbers], dtype=np.uint8)
         known = (numbers >= 0) & (numbers < len(self._table))

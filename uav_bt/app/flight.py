@@ -30,7 +30,7 @@ from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.results import FlownMission, PathLog
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
-from uav_bt.errors import FileError, InputError, UavBtError
+from uav_bt.errors import InputError, UavBtError
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightChanges, FlightReport, write_report
@@ -247,22 +247,25 @@ def _run(
         for what, write in keep.items():
             try:
                 write(result)
-            except (FileError, OSError) as fault:  # a failed output must not lose the report
-                result = replace(result, lost_outputs={**result.lost_outputs, what: str(fault)})
+            except Exception as fault:  # noqa: BLE001  # no output may lose the report
+                lost = {**result.lost_outputs, what: _words(fault)}
+                result = replace(result, lost_outputs=lost)
         return result
 
     try:
         with landing_on_signals(runner), controls(runner):
             verdict = runner.run()
     except Exception as error:
-        ours = isinstance(error, UavBtError)
-        reason = str(error) if ours else f"{type(error).__name__}: {error}"
-        flown = finish(Verdict(outcome=Outcome.ERROR, reason=reason))
+        flown = finish(Verdict(outcome=Outcome.ERROR, reason=_words(error)))
         if flown.airborne_at_end:
             error.add_note(STILL_IN_THE_AIR)
         raise
     site_map = last_map(flight.context.board)
     return FlownMission(**vars(finish(verdict)), path=path.array(), site_map=site_map)
+
+
+def _words(error: Exception) -> str:
+    return str(error) if isinstance(error, UavBtError) else f"{type(error).__name__}: {error}"
 
 
 def _coverage(drone: Drone) -> CoveredGround | None:

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter, ValidationError
 import uav_bt
 from uav_bt.app import provenance
 from uav_bt.app.assembly import Flight
-from uav_bt.app.place_of_flight import site_of
+from uav_bt.app.place_of_flight import limits_of, site_of
 from uav_bt.app.recorded_files import lab_files, scene_files, tree_facts, tree_files
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError
@@ -53,6 +53,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
     values = {
         **{each.name: getattr(options, each.name) for each in fields(options)},
         "judge": flight.judge_config,
+        "limits": limits_of(options),
         "area": None if flight.area is None else flight.area.polygons,
         "uav_bt": uav_bt.__version__,
         "started": datetime.now(tz=UTC).isoformat(timespec="seconds"),

@@ -218,9 +218,12 @@ class FlightOptions:
             least=1,
         ),
     )
-    limits: Limits = field(
-        default_factory=Limits,
-        metadata=about("Limits that no command exceeds; with site or lab the smaller ones hold."),
+    limits: Limits | None = field(
+        default=None,
+        metadata=about(
+            "Limits that no command exceeds; None: those of site or lab. Where both state limits, "
+            "the smaller ones hold."
+        ),
     )
     runner: RunnerConfig = field(
         default_factory=RunnerConfig,
@@ -322,7 +325,7 @@ FlightOptions.__doc__ = (
 )
 
 _TYPES: Final[Mapping[str, tuple[Any, str]]] = {
-    "limits": (Limits, "a Limits"),
+    "limits": (Limits | None, "a Limits"),
     "runner": (RunnerConfig, "a RunnerConfig"),
     "judge": (JudgeConfig, "a JudgeConfig"),
     "tree_id": (str | None, "the ID of a tree, or None"),

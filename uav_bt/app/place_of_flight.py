@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import Site
 from uav_bt.errors import InputError
@@ -80,22 +78,17 @@ def _scenes_text(lab: Lab) -> str:
 
 
 def limits_of(options: FlightOptions) -> Limits:
-    """Return the limits of all commands.
-
-    Those of site or lab replace the default limits. If the options have other limits than the
-    default, each smaller one holds.
-    """
+    """Return the limits of all commands: of options, site or lab; the stricter where both state."""
     site, given = site_of(options), options.limits
-    if site is None:
-        return given
-    if given == Limits():
-        return site.limits
-    smaller = {
-        name: min(getattr(given, name), getattr(site.limits, name))
-        for name in ("speed_mps", "climb_mps", "yaw_rate_radps", "ceiling_m")
-    }
-    charge = max(given.critical_battery, site.limits.critical_battery)
-    return replace(given, **smaller, critical_battery=charge)
+    if site is None or given is None:
+        return given or (site or Site()).limits
+    greater = {"floor_m", "critical_battery"}
+    return Limits(
+        **{
+            name: (max if name in greater else min)(limit, getattr(site.limits, name))
+            for name, limit in vars(given).items()
+        }
+    )
 
 
 def mark_of(options: FlightOptions, drone: Drone) -> LandingMark:

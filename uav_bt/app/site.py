@@ -25,6 +25,7 @@ from uav_bt.lab.mark_section import MarkSection, mark_of_section, mark_pose
 from uav_bt.lab.shipped import default_mark
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
+from uav_bt.settings import check_numbers
 from uav_bt.types import NARROWER_M, Airframe, Clearances, LandingMark, Pose2D
 from uav_bt.types.place import Place, area_corners
 from uav_bt.yaml_file import YamlFile, read_yaml
@@ -55,6 +56,9 @@ class Site:
         return_home: whether the drone returns by itself during a flight; None: as it is set.
         file: the site file or lab file that it was read from; None: none.
         lab: name of the lab that it was made of; None: none.
+
+    Raises:
+        ValueRangeError: a number is out of its range.
     """
 
     flight_height_m: float | None = None
@@ -79,6 +83,10 @@ class Site:
     lab: str | None = field(default=None, compare=False)
 
     __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        least = {"take_off_surface_m": 0.0, "video_latency_s": 0.0}
+        check_numbers(self, least, dict.fromkeys(("http_port", "rtsp_port"), 65_535))
 
     @property
     def source(self) -> str:

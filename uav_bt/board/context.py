@@ -30,6 +30,7 @@ class Proposals:
     def __init__(self) -> None:
         self._movement: tuple[str, Movement] | None = None
         self._gimbal: tuple[str, GimbalTo] | None = None
+        self._ended: set[str] = set()  # leaves that have ended in this tick
         self._next_id = 1
 
     def next_id(self) -> int:
@@ -41,19 +42,17 @@ class Proposals:
         """Drop all proposals; ids continue."""
         self._movement = None
         self._gimbal = None
+        self._ended.clear()
 
     def propose(self, owner: str, movement: Movement) -> None:
         """Propose a movement.
 
         Raises:
             TypeError: the value is not a movement.
-            ProposalConflictError: another leaf has already proposed one in this tick.
+            ProposalConflictError: a leaf that runs on has already proposed one in this tick.
         """
         _check_type(movement, Movement, "a movement")
-        if self._movement is not None and self._movement[0] != owner:
-            raise ProposalConflictError(
-                f"leaves '{self._movement[0]}' and '{owner}' both propose a movement in one tick"
-            )
+        self._check_free(self.movement_owner, owner, "a movement")
         self._movement = (owner, movement)
 
     def propose_gimbal(self, owner: str, gimbal: GimbalTo) -> None:
@@ -61,14 +60,26 @@ class Proposals:
 
         Raises:
             TypeError: the value is not a camera direction.
-            ProposalConflictError: another leaf has already proposed one in this tick.
+            ProposalConflictError: a leaf that runs on has already proposed one in this tick.
         """
         _check_type(gimbal, GimbalTo, "a camera direction")
-        if self._gimbal is not None and self._gimbal[0] != owner:
-            raise ProposalConflictError(
-                f"leaves '{self._gimbal[0]}' and '{owner}' both propose a gimbal pitch in one tick"
-            )
+        self._check_free(self.gimbal_owner, owner, "a gimbal pitch")
         self._gimbal = (owner, gimbal)
+
+    def _check_free(self, other: str | None, owner: str, what: str) -> None:
+        if other not in {None, owner} and other not in self._ended:
+            raise ProposalConflictError(
+                f"leaves '{other}' and '{owner}' both propose {what} in one tick"
+            )
+        self._ended.discard(owner)
+
+    def end(self, owner: str) -> None:
+        """Let another leaf of this tick replace the proposals of a leaf that has ended.
+
+        Args:
+            owner: the leaf's path.
+        """
+        self._ended.add(owner)
 
     def withdraw(self, owner: str) -> None:
         """Take back the proposals of a leaf in this tick.
@@ -175,6 +186,11 @@ class MissionContext:
         """
         elapsed_s = self.board.read(ELAPSED).value or 0.0
         self.notes.add(FlightEvent(time_s=round(elapsed_s, 3), kind=kind, text=text, node=node))
+
+    def warn_once(self, text: str, node: str) -> None:
+        """Add a warning to the flight's notes, unless the node has given it before."""
+        if all((event.text, event.node) != (text, node) for event in self.notes.events):
+            self.add_event(EventKind.WARNING, text, node)
 
 
 NO_CONTEXT: Final = """\

@@ -10,10 +10,11 @@ from uav_bt.app.drone_of_flight import is_simulated
 from uav_bt.app.option_values import port_values, variable_values
 from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.flight_lines import FlightKey
-from uav_bt.errors import FileError, InputError, ValueRangeError
+from uav_bt.errors import FileError, InputError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import lab_address
 from uav_bt.mission.judge import JudgeConfig
+from uav_bt.settings import check_numbers
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.parameters import Plain
 from uav_bt.types.mission_rules import LandOn
@@ -151,13 +152,7 @@ class CampaignPlan:
 
     def __post_init__(self) -> None:
         _check_shared(self.options)
-        if self.flights < 1 or self.seed_from < 0:
-            raise ValueRangeError(
-                "a campaign needs at least one flight and seeds from 0, got "
-                f"{self.flights} flights from seed {self.seed_from}"
-            )
-        if not self.timeout_s > 0.0:
-            raise ValueRangeError(f"a flight's time limit must be positive, got {self.timeout_s} s")
+        check_numbers(self, {"seed_from": 0})
         for what, files in (("tree", self.trees), ("scene", self.scenes)):
             names = [file.name for file in files]
             if not names:

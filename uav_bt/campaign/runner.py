@@ -11,7 +11,6 @@ from queue import SimpleQueue
 from typing import Any, Protocol
 
 from uav_bt.app.flight import changes_of
-from uav_bt.app.random_faults import drawn
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.workers import FAILED, FLOWN, REFUSED, Answer, WorkerPool
 from uav_bt.errors import InputError, ValueRangeError
@@ -38,6 +37,9 @@ class Backend(Protocol):
 def flown_line(task: FlightTask, answer: Mapping[str, Any]) -> dict[str, Any]:
     """Return the line to keep of a flight: what was flown, or the error that it ended with.
 
+    The line of a lost process has the options as they were given, `random` among the faults: to
+    draw them takes the drone, which may have ended that process.
+
     Raises:
         InputError: the worker refused the task, as it would all others of the campaign.
     """
@@ -45,7 +47,7 @@ def flown_line(task: FlightTask, answer: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError(str(answer[REFUSED]))
     if FLOWN in answer:
         return dict(answer[FLOWN])
-    options = drawn(task.flight_options())
+    options = task.flight_options()
     return {
         "scene": task.scene,
         "seed": task.seed,

@@ -6,6 +6,7 @@ an abort, which is a landing, or by an error if the drone is out of reach.
 
 from __future__ import annotations
 
+from uav_bt.board.keys import STATE
 from uav_bt.errors import DroneError
 from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.limits import Limits
@@ -68,7 +69,7 @@ class Contingencies:
             return f"the drone does not obey: {fault}"
         if self._map.trouble is not None and override is None:
             return self._map.trouble
-        return self._out_of_touch(now_s, override, screening)
+        return self._out_of_touch(now_s, override, screening, now_s - state.captured_s)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -76,11 +77,13 @@ class Contingencies:
         return self._map.warnings
 
     def _out_of_touch(
-        self, now_s: float, override: Override | None, screening: Screening
+        self, now_s: float, override: Override | None, screening: Screening, state_age_s: float
     ) -> str | None:
         limits = self._limits
         blind_s = self._blind.update(now_s, holds=override is Override.STALE_FRAME)
-        refused_s = self._refused.update(now_s, holds=screening.state_fault is not None)
+        # A few impossible values among good ones, or before them, do not count.
+        refused = screening.state_fault is not None and state_age_s > STATE.max_age_s
+        refused_s = self._refused.update(now_s, holds=refused)
         unheard_s = self._unheard.update(now_s, holds=override is Override.LINK)
         if unheard_s > limits.link_lost_s and screening.state_fault is None:
             raise DroneError(f"nothing heard from the drone for {unheard_s:.0f} s: {_OUT_OF_REACH}")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from uav_bt.tree import MissionTree
+from uav_bt.errors import NodeFailedError
+from uav_bt.tree import MissionTree, Status
 from uav_bt.tree.branch_watch import BranchWatch
 from uav_bt.tree.budget import BudgetWatch
 
@@ -33,6 +34,30 @@ class FlownTree:
         self.budgets = BudgetWatch(tree, timer=timer)
         self.branches = BranchWatch(tree)
         self._next_tree = next_tree
+        self._is_halted = True  # not ticked since the last halt
+
+    def tick(self) -> Status:
+        """Tick the tree.
+
+        Raises:
+            NodeFailedError: a node raised; the tree is halted.
+        """
+        self._is_halted = False
+        try:
+            return self.tree.tick()
+        except NodeFailedError:
+            self._is_halted = True
+            raise
+
+    def halt(self) -> None:
+        """Halt the tree once: each further halt would run its `_onHalted` scripts again.
+
+        Raises:
+            NodeFailedError: a leaf raised when it was halted.
+        """
+        if not self._is_halted:
+            self._is_halted = True
+            self.tree.halt()
 
     def renew(self) -> None:
         """Switch to the next tree, if there is one; call it between two ticks.
@@ -46,7 +71,7 @@ class FlownTree:
         tree = None if self._next_tree is None else self._next_tree()
         if tree is None:
             return
-        self.tree.halt()
+        self.halt()
         former, self.tree = self.tree, tree
         self.budgets.follow(tree)
         self.branches.follow(tree)

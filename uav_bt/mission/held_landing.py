@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from uav_bt.errors import ValueRangeError
+from uav_bt.settings import check_numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +34,7 @@ class HeldLandingConfig:
     overrun: float = 1.5
 
     def __post_init__(self) -> None:
-        positive = min(self.speed_per_s, self.least_mps, self.own_from_m) > 0.0
-        if not (positive and self.most_mps >= self.least_mps and self.overrun >= 1.0):
-            raise ValueRangeError(
-                "a held landing needs positive numbers, most_mps of at least least_mps and an "
-                f"overrun of at least 1, got {self}"
-            )
+        check_numbers(self, {"most_mps": self.least_mps, "overrun": 1.0})
 
 
 class HeldLanding:

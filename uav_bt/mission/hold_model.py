@@ -9,6 +9,7 @@ from statistics import median
 from typing import Final
 
 from uav_bt.mission.held_landing import HeldLandingConfig
+from uav_bt.settings import check_numbers
 from uav_bt.types import Airframe, BodyVelocity, rotate
 from uav_bt.types.dead_reckoning import MotionEstimate
 
@@ -71,6 +72,9 @@ class HoldConfig:
         fresh_s: no disturbance is learned after this time without ground in view, seconds. Chosen:
             about `learn_s`.
         landing: speed and end of a held landing.
+
+    Raises:
+        ValueRangeError: a number is negative or not finite.
     """
 
     gain_per_s: float = 0.6
@@ -94,6 +98,9 @@ class HoldConfig:
     lately_s: float = 8.0
     fresh_s: float = 1.0
     landing: HeldLandingConfig = field(default_factory=HeldLandingConfig)
+
+    def __post_init__(self) -> None:
+        check_numbers(self, dict.fromkeys(vars(self), 0.0))
 
 
 class LatelyLearned:

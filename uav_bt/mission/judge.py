@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from uav_bt.clock import TIME_LIMIT_S
-from uav_bt.errors import ValueRangeError
 from uav_bt.lab.shipped import default_mark
+from uav_bt.settings import check_numbers, member
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, LandingMark, Truth
 from uav_bt.types.mission_rules import LandOn, MissionRules
@@ -51,7 +51,8 @@ class JudgeConfig:
             mark.
 
     Raises:
-        ValueRangeError: the time limit is not positive.
+        ValueRangeError: a time is not positive.
+        UnknownNameError: `land_on` is no member of `LandOn`.
     """
 
     time_limit_s: float | None = None
@@ -60,8 +61,9 @@ class JudgeConfig:
     land_on: LandOn | None = None
 
     def __post_init__(self) -> None:
-        if self.time_limit_s is not None and self.time_limit_s <= 0.0:
-            raise ValueRangeError(f"the time limit must be positive, got {self.time_limit_s}")
+        check_numbers(self)
+        if self.land_on is not None:
+            object.__setattr__(self, "land_on", member("land_on", self.land_on, LandOn))
 
     @property
     def limit_s(self) -> float:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from uav_bt.errors import ValueRangeError
+from uav_bt.settings import check_numbers
 from uav_bt.types import Airframe, DroneState, MoveBy, Movement, Velocity, clamp, limit_length
 
 
@@ -32,8 +33,7 @@ class Limits:
             long as a connection may take (`OlympeConfig.connect_limit_s`).
 
     Raises:
-        ValueRangeError: a limit of a movement is not a positive number, or the floor is not below
-            the ceiling.
+        ValueRangeError: a number is out of its range, or the floor is not below the ceiling.
     """
 
     speed_mps: float = 1.0
@@ -47,14 +47,10 @@ class Limits:
     link_lost_s: float = 10.0
 
     def __post_init__(self) -> None:
-        for name in ("speed_mps", "climb_mps", "yaw_rate_radps", "ceiling_m", "step_m"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueRangeError(f"{name} must be a positive number, got {value:g}")
-        if not 0.0 <= self.floor_m < self.ceiling_m:
+        check_numbers(self, {"floor_m": 0.0, "critical_battery": 0.0}, {"critical_battery": 1.0})
+        if not self.floor_m < self.ceiling_m:
             raise ValueRangeError(
-                f"floor_m must be from 0 to below the ceiling of {self.ceiling_m:g} m, "
-                f"got {self.floor_m:g}"
+                f"floor_m must be below the ceiling of {self.ceiling_m:g} m, got {self.floor_m:g}"
             )
 
 

@@ -187,7 +187,7 @@ class ObedienceWatch:
     def _camera(self, command: Command, state: DroneState, now_s: float) -> str | None:
         if command.gimbal is not None:
             self._gimbal_rad = command.gimbal.pitch_rad
-        if self._gimbal_rad is None:
+        if self._gimbal_rad is None or state.times.gimbal_s == -math.inf:  # it reports no pitch
             return None
         away = abs(state.gimbal_pitch_rad - self._gimbal_rad) > self._config.gimbal_rad
         if self._away.update(now_s, holds=away) > self._config.start_s:

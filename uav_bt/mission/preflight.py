@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from uav_bt.errors import DroneError, ValueRangeError
+from uav_bt.errors import DroneError
 from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.protocols import Drone
+from uav_bt.settings import check_numbers
 from uav_bt.types import DroneState, FlyingState, Observation
 
 _STEP_S: Final = 0.1  # time between two observations, seconds; chosen, as a tick of a mission
@@ -30,7 +31,7 @@ class PreflightConfig:
             the 2 s after which a still video counts as frozen (`uav_bt.app.assembly`).
 
     Raises:
-        ValueRangeError: a share lies outside 0 to 1, or a time is negative.
+        ValueRangeError: a number is out of its range.
     """
 
     battery: float = 0.3
@@ -39,12 +40,8 @@ class PreflightConfig:
     look_s: float = 2.5
 
     def __post_init__(self) -> None:
-        shares = 0.0 <= self.battery <= 1.0 and 0.0 <= self.link <= 1.0
-        if not (shares and self.wait_s > 0.0 and self.look_s >= 0.0):
-            raise ValueRangeError(
-                "battery and link are shares from 0 to 1, the wait is positive, the look at the "
-                f"images not negative: {self}"
-            )
+        shares = {"battery": 0.0, "link": 0.0}
+        check_numbers(self, {**shares, "look_s": 0.0}, dict.fromkeys(shares, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True)

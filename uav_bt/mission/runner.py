@@ -11,7 +11,6 @@ from functools import partial
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
-from uav_bt.errors import ValueRangeError
 from uav_bt.mission.abort import Abort
 from uav_bt.mission.contingencies import Contingencies
 from uav_bt.mission.descent import Descent, DescentEnd
@@ -28,6 +27,7 @@ from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
 from uav_bt.mission.whereabouts import Whereabouts
 from uav_bt.protocols import Drone
+from uav_bt.settings import check_numbers
 from uav_bt.tree import MissionTree, Status
 from uav_bt.types import Command, DroneState, FlyingState, Hover, Land, Observation, TakeOff
 from uav_bt.types.area import Area
@@ -46,7 +46,7 @@ class RunnerConfig:
         hold: gains and thresholds of the position hold.
 
     Raises:
-        ValueRangeError: the tick is not positive, or longer than a second.
+        ValueRangeError: a time is not positive, or the tick is longer than a second.
     """
 
     tick_s: float = 0.1
@@ -54,8 +54,7 @@ class RunnerConfig:
     hold: HoldConfig = field(default_factory=HoldConfig)
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tick_s <= 1.0:
-            raise ValueRangeError(f"a tick must last more than 0 and at most 1 s: {self.tick_s}")
+        check_numbers(self, most={"tick_s": 1.0})
 
 
 _OVER = frozenset({Status.SUCCESS, Status.FAILURE})
@@ -210,11 +209,11 @@ class MissionRunner:
         status = Status.RUNNING if rests else self._tick_tree()
         compute_s = self._timer() - began_s
         if self._abort:
-            self._flown.tree.halt()
+            self._flown.halt()
         return status, compute_s
 
     def _tick_tree(self) -> Status:
-        return Status.IDLE if self._abort else self._flown.tree.tick()
+        return Status.IDLE if self._abort else self._flown.tick()
 
     def _arbitrate(self, observation: Observation, now_s: float) -> Command:
         frame, state = observation.frame, observation.state
@@ -320,7 +319,7 @@ class MissionRunner:
             NodeFailedError: a leaf raised when it was halted; the drone was landed.
         """
         try:
-            self._flown.tree.halt()
+            self._flown.halt()
         finally:
             self._context.proposals.clear()
             descent = Descent(

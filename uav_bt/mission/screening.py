@@ -87,8 +87,9 @@ class Screening:
             self._jump(state),
         )
         if self.state_fault is None:
-            self._state = state
-            return state
+            shares = {"battery": _known(state.battery), "link": _known(state.link)}
+            self._state = replace(state, **shares)
+            return self._state
         good = self._state or DroneState(captured_s=-math.inf, flying=state.flying)
         # Flying state, movement and faults are believed: a landing must be recognised.
         return replace(
@@ -168,6 +169,11 @@ class Screening:
         if abs(climbed_m) > max_m:
             return f"its altitude changed by {climbed_m:.1f} m in {passed_s:.1f} s"
         return None
+
+
+def _known(share: float | None) -> float | None:
+    """Return a share from 0 to 1; None for a negative one, by which autopilots say unknown."""
+    return None if share is not None and share < 0.0 else share
 
 
 def _first(*faults: str | None) -> str | None:

@@ -126,11 +126,11 @@ class Leaf(Node):
     def propose(self, movement: Movement) -> None:
         """Propose a movement for this tick; repeat it every tick while the movement is wanted.
 
-        The name of a leaf that does not declare `PHASE` among its `writes` becomes the mission's
-        phase.
+        In the tick in which the leaf ends, the proposal of a later leaf replaces it. The name of a
+        leaf that does not declare `PHASE` among its `writes` becomes the mission's phase.
 
         Raises:
-            ProposalConflictError: another leaf has proposed a movement in this tick.
+            ProposalConflictError: a leaf that runs on has proposed a movement in this tick.
         """
         self.mission.proposals.propose(self.path, movement)
         if PHASE not in self.writes:
@@ -216,6 +216,7 @@ class Leaf(Node):
             raise MissionError(self._wrong_answer(status))
         if status is RUNNING:
             return status
+        self.mission.proposals.end(self.path)
         if status is SKIPPED:
             if standing is not RUNNING:
                 self._end(IDLE)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 
-from uav_bt.errors import ValueRangeError
+from uav_bt.settings import check_numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +31,7 @@ class Clearances:
     lane_m: float = 0.7
 
     def __post_init__(self) -> None:
-        values = (self.obstacle_m, self.edge_m, self.unknown_m, self.lane_m)
-        if not all(0.0 <= value < math.inf for value in values):
-            raise ValueRangeError(f"clearances must be zero or positive metres, got {self}")
+        check_numbers(self, dict.fromkeys(vars(self), 0.0))
 
     def below(self, radius_m: float) -> dict[str, float]:
         """Return the least value of each distance that is too small for a hull, by its name.

@@ -19,7 +19,7 @@ from tests.behaviours.leaf_world import (
 )
 from tests.behaviours.path.test_ways_out import mover
 from tests.paper_lab import paper_map
-from uav_bt.answers import Advance, Done, FollowLeg, Rotate
+from uav_bt.answers import Advance, Answer, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
     FLIGHT_HEIGHT,
@@ -31,7 +31,8 @@ from uav_bt.board import (
     SITE_MAP,
     STATE,
 )
-from uav_bt.errors import NodeFailedError, UnknownNameError
+from uav_bt.errors import AnswerError, NodeFailedError, UnknownNameError
+from uav_bt.protocols import PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, live, show
@@ -67,6 +68,21 @@ def test_steps_ahead_while_the_way_is_free() -> None:
     assert bench.proposed == MoveBy(id=1, forward_m=0.3)
     assert bench.board[PHASE] == "explore"
     assert bench.feedback == "clear"
+
+
+def test_a_view_to_which_the_network_has_no_answer_is_waited_through() -> None:
+    class Once(Says):
+        def decide(self, view: PolicyView) -> Answer:
+            if not self.views:
+                self.views.append(view)
+                raise AnswerError("net.onnx", "holds NaN")
+            return super().decide(view)
+
+    bench = stepping(Once(ADVANCE))
+    assert bench.proposed is None
+    assert [event.text for event in bench.notes.events] == ["no answer: net.onnx: holds NaN"]
+    live(bench)
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
 
 
 def test_a_step_is_proposed_until_it_is_done() -> None:

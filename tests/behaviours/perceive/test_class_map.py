@@ -17,6 +17,7 @@ from tests.perception.marks.ground_views import view as view_of_ground
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import view_of
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
+from uav_bt.errors import AnswerError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting
 from uav_bt.plugins import make_mark_finder
@@ -41,10 +42,13 @@ class Counts:
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
+        self.no_number = False
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return ground."""
         self.frames.append(frame)
+        if self.no_number:
+            raise AnswerError("net.onnx", "holds NaN")
         return paper_map(ids=ground(), captured_s=frame.captured_s)
 
 
@@ -71,6 +75,18 @@ def test_each_frame_is_segmented_once() -> None:
     bench.tick()
     assert len(network.frames) == 2
     assert bench.board[CLASS_MAP].captured_s == pytest.approx(0.15)
+
+
+def test_a_frame_without_an_answer_has_no_class_map() -> None:
+    """The mission flies on, and the report has one warning."""
+    bench, network = segmenting()
+    for no_number in (False, True, True, False):
+        network.no_number = no_number
+        bench.hover()
+        assert bench.tick(advance_s=0.1) is Status.SUCCESS
+        fresh = bench.board[CLASS_MAP].captured_s == bench.board[FRAME].captured_s
+        assert fresh is not no_number
+    assert [event.text for event in bench.notes.events] == ["no class map: net.onnx: holds NaN"]
 
 
 def test_without_a_frame_there_is_no_class_map() -> None:

@@ -14,7 +14,7 @@ from perception.depth.metric import LEAST_CONFIDENCE
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, HELIPAD_H, paper_map
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import InputError
+from uav_bt.errors import AnswerError, InputError
 from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.lab.roles import RoleName
 from uav_bt.lab.shipped import default_mark
@@ -42,10 +42,13 @@ class Network:
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
+        self.holed = False
 
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the ground plane's depth."""
         self.frames.append(frame)
+        if self.holed:
+            raise AnswerError("net.onnx", "one is not positive")
         view = CameraView(
             camera=CAMERA.resized(80, 64),
             pitch_rad=frame.gimbal_pitch_rad,
@@ -149,6 +152,17 @@ def test_each_frame_is_estimated_once(estimating: LeafBench) -> None:
     assert len(Loaded.network.frames) == 2
     times = estimating.leaf.mission.stage_times_s
     assert len(times["relative_depth"]) == len(times["metric_depth"]) == 2
+
+
+def test_a_frame_without_an_answer_has_no_depth(estimating: LeafBench) -> None:
+    """The mission flies on, and the report has one warning."""
+    for holed in (False, True, True, False):
+        Loaded.network.holed = holed
+        assert fly(estimating) is Status.SUCCESS
+        fresh = estimating.board[METRIC_DEPTH].captured_s == estimating.board[FRAME].captured_s
+        assert fresh is not holed
+        assert estimating.feedback == ("no depth: net.onnx: one is not positive" if holed else "")
+    assert len(estimating.notes.events) == 1
 
 
 def test_the_depth_of_the_segmentation_replaces_that_of_any() -> None:

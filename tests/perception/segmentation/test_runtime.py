@@ -15,7 +15,7 @@ from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping
 from tests.paper_lab import CLASSES
 from tests.perception.segmentation.patterned import samples
-from uav_bt.errors import FileError, ValueRangeError, WeightsError
+from uav_bt.errors import AnswerError, FileError, ValueRangeError, WeightsError
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Frame
@@ -334,7 +334,7 @@ def test_an_answer_that_is_not_a_number_is_refused(tmp_path: Path) -> None:
     rgb = np.full((8, 16, 3), 90, dtype=np.uint8)
     assert segmenter.ids(rgb).shape == (8, 16)
     rgb[3, 5, 1] = 0  # one score of one pixel, and not its best
-    with pytest.raises(WeightsError, match="NaN or infinity"):
+    with pytest.raises(AnswerError, match="NaN or infinity"):
         segmenter.ids(rgb)
 
 

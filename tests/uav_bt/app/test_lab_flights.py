@@ -159,14 +159,23 @@ def test_the_command_line_comes_before_the_lab_and_the_lab_before_the_tree(
     assert given.find("TakeOff").port_value("height_m") == 0.8
 
 
-def test_the_smaller_limits_of_options_and_lab_hold(make_lab: MakeLab) -> None:
-    make_lab(f"{MARK}limits: {{speed_mps: 0.5, ceiling_m: 3.0}}\nbattery: {{critical: 0.2}}\n")
-    usual = app.FlightOptions(lab="hall")
-    assert (limits_of(usual).speed_mps, limits_of(usual).ceiling_m) == (0.5, 3.0)
-    own = replace(usual, limits=Limits(speed_mps=0.8, climb_mps=0.2, floor_m=0.5))
-    assert limits_of(own) == Limits(
-        speed_mps=0.5, climb_mps=0.2, ceiling_m=2.4, floor_m=0.5, critical_battery=0.2
-    )
+@pytest.mark.parametrize(
+    ("given", "flown"),
+    [
+        (None, Limits(speed_mps=2.0, ceiling_m=3.0, critical_battery=0.2)),
+        (Limits(), Limits(critical_battery=0.2)),
+        (Limits(speed_mps=1.0, ceiling_m=3.5), Limits(ceiling_m=3.0, critical_battery=0.2)),
+        (
+            Limits(speed_mps=2.5, climb_mps=0.2, floor_m=0.5, critical_battery=0.3, blind_s=5.0),
+            Limits(speed_mps=2.0, climb_mps=0.2, floor_m=0.5, critical_battery=0.3, blind_s=5.0),
+        ),
+    ],
+)
+def test_the_smaller_limits_of_options_and_lab_hold(
+    make_lab: MakeLab, given: Limits | None, flown: Limits
+) -> None:
+    make_lab(f"{MARK}limits: {{speed_mps: 2.0, ceiling_m: 3.0}}\nbattery: {{critical: 0.2}}\n")
+    assert limits_of(app.FlightOptions(lab="hall", limits=given)) == flown
 
 
 def test_the_areas_of_rules_and_lab_both_hold(make_lab: MakeLab, tmp_path: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import pydoc
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -14,13 +16,19 @@ from sim_bridge.olympe import AnafiConfig, SphinxConfig
 from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
+from tests.uav_bt.campaign.campaign_world import plan
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
-from uav_bt.errors import FileError, InputError
+from uav_bt.app.perceive.inputs import PerceiveOptions
+from uav_bt.app.replay.replayer import ReplayOptions
+from uav_bt.errors import FileError, InputError, ValueRangeError
+from uav_bt.mission.held_landing import HeldLandingConfig
+from uav_bt.mission.hold_model import HoldConfig
 from uav_bt.mission.limits import Limits
+from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.protocols import PolicyView
 from uav_bt.testing import ScriptedDrone
-from uav_bt.types import Airframe
+from uav_bt.types import Airframe, Clearances
 
 
 class Ahead:
@@ -99,6 +107,50 @@ def test_a_value_that_cannot_be_used_is_refused_when_it_is_given(
     with pytest.raises(InputError, match=message) as caught:
         app.FlightOptions(**given)
     assert "\n" not in str(caught.value)
+
+
+SETTINGS = (
+    *(app.Limits, app.RunnerConfig, app.JudgeConfig, app.Site, HoldConfig, HeldLandingConfig),
+    *(PreflightConfig, Clearances, PerceiveOptions, plan),
+)
+"""What makes the settings that users hand over; all of its numbers have defaults."""
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (make, each.name)
+        for make in SETTINGS
+        for each in fields(make if isinstance(make, type) else type(make()))
+        if str(each.type).partition(" ")[0] in {"int", "float"}
+    ],
+)
+def test_every_number_is_checked_when_it_is_given(make: Callable[..., Any], name: str) -> None:
+    for wrong in (math.nan, math.inf, -math.inf, -7, "3", True):
+        with pytest.raises(ValueRangeError, match=f"^{name} must be .*number.*, got {wrong!r}"):
+            make(**{name: wrong})
+
+
+@pytest.mark.parametrize(
+    ("make", "given", "message"),
+    [
+        (app.RunnerConfig, {"landing_grace_s": 0.0}, "must be a positive number, got 0.0"),
+        (app.RunnerConfig, {"tick_s": 1.5}, "must be a positive number up to 1, got 1.5"),
+        (app.Limits, {"critical_battery": 1.5}, "must be a number from 0 up to 1, got 1.5"),
+        (app.Site, {"http_port": 70_000}, "must be a positive whole number up to 65535, got 70000"),
+        (PerceiveOptions, {"every": 1.5}, "must be a positive whole number, got 1.5"),
+        (PerceiveOptions, {"gimbal_pitch_rad": -2.0}, "must be a number from -1.5708 up to 1.5708"),
+        (plan, {"flights": 0}, "must be a positive whole number, got 0"),
+        (app.JudgeConfig, {"land_on": "nowhere"}, "unknown land_on 'nowhere' .*ground, mark, none"),
+        (ReplayOptions, {"masks": "exact"}, "masks: expected network or recorded.*, got 'exact'"),
+        (ReplayOptions, {"tree_folders": "lib"}, "tree_folders: expected a TreeFolders, got 'lib'"),
+    ],
+)
+def test_values_of_nested_settings_are_refused(
+    make: Callable[..., Any], given: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        make(**given)
 
 
 @pytest.mark.parametrize(

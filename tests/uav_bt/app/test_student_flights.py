@@ -1,4 +1,4 @@
-"""Flights of the shipped control student in the twin, and of one that fails in flight."""
+"""Flights of the shipped control student in the twin, and of one without answers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import pytest
 
 from perception.control.runtime import SHIPPED_STUDENT
 from uav_bt import app
-from uav_bt.errors import NodeFailedError
 
 ROOT = Path(__file__).parents[3]
 SMALL = app.FlightOptions(scene="val-b", seed=3, image_size_px=(320, 180))
@@ -34,8 +33,8 @@ def test_the_shipped_student_explores_and_comes_home(mission: str, tmp_path: Pat
     assert (report.outcome, report.reason) == ("success", "landed")
 
 
-def test_a_network_that_fails_in_flight_ends_the_mission(tmp_path: Path) -> None:
-    """An invalid answer never becomes zero: the drone lands as after any fault, with an error."""
+def test_a_network_without_an_answer_lets_the_drone_hover(tmp_path: Path) -> None:
+    """An invalid answer never becomes zero: the drone waits for the next view, with a warning."""
     model = onnx.load(SHIPPED_STUDENT)
     (bias,) = [one for one in model.graph.initializer if one.name == "head.bias"]
     bias.CopyFrom(onnx.numpy_helper.from_array(np.full(5, np.nan, np.float32), bias.name))
@@ -43,7 +42,8 @@ def test_a_network_that_fails_in_flight_ends_the_mission(tmp_path: Path) -> None
     tree = shortened("explore_and_land_student", tmp_path)
     text = tree.read_text(encoding="utf-8")
     tree.write_text(text.replace('"student"', f'"student:{tmp_path}/nan.onnx"'), encoding="utf-8")
-    with pytest.raises(
-        NodeFailedError, match=r"step_or_turn/Explore.*answer holds NaN or infinity"
-    ):
-        app.fly(tree, SMALL)
+    flown = app.fly(tree, SMALL)
+    assert flown.outcome == "success"
+    (warning,) = [event for event in flown.events if event.kind == "warning"]
+    assert warning.text.endswith("nan.onnx: the network's answer holds NaN or infinity")
+    assert warning.node.endswith("step_or_turn/Explore")

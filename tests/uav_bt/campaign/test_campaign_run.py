@@ -35,9 +35,13 @@ def test_one_and_two_workers_fly_the_same_flights(tmp_path: Path) -> None:
     assert len({flight["wall_s"] for flight in one.flights}) == 1, "one process flies them all"
 
 
-def test_what_crashes_hangs_or_raises_is_an_error_and_the_campaign_goes_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("faults", [[], ["random"]])
+def test_what_crashes_hangs_or_raises_is_an_error_and_the_campaign_goes_on(
+    tmp_path: Path, faults: list[str]
+) -> None:
+    """The drone is made in the worker only: the scene of this plan does not exist."""
     fates = {"1": "crashes", "2": "exits", "3": "raises"}
-    flights = flown(plan(flights=5, policies=fates), tmp_path).flights
+    flights = flown(plan(flights=5, policies=fates, faults=faults), tmp_path).flights
     assert [flight["outcome"] for flight in flights] == [
         *("success", "error", "error", "error", "success")
     ]
@@ -46,6 +50,7 @@ def test_what_crashes_hangs_or_raises_is_an_error_and_the_campaign_goes_on(tmp_p
         "its process ended by itself, with exit code 3",
         "RuntimeError: out of luck",
     ]
+    assert [flight["faults"] for flight in flights[1:4]] == [faults] * 3
 
 
 def test_a_flight_that_hangs_is_an_error(tmp_path: Path) -> None:

@@ -42,9 +42,7 @@ def test_a_height_that_does_not_sink_ends_it_after_half_as_much_again(
     assert time_s == pytest.approx(after_s, abs=2 * TICK_S)
 
 
-@pytest.mark.parametrize(
-    "bad", [{"speed_per_s": 0.0}, {"own_from_m": -0.1}, {"most_mps": 0.1}, {"overrun": 0.9}]
-)
+@pytest.mark.parametrize("bad", [{"most_mps": 0.1}, {"overrun": 0.9}])
 def test_numbers_out_of_order_are_refused(bad: dict[str, float]) -> None:
-    with pytest.raises(ValueRangeError, match="held landing needs"):
+    with pytest.raises(ValueRangeError, match=f"{next(iter(bad))} must be a number from"):
         HeldLandingConfig(**bad)

@@ -19,6 +19,7 @@ from uav_bt.types import (
     GimbalTo,
     Hover,
     Land,
+    MeasurementTimes,
     MoveBy,
     Movement,
     MovementState,
@@ -189,11 +190,21 @@ def test_movements_that_turn_too_little_or_the_wrong_way_are_named(turns_rad: fl
     assert first_complaint(body) == "it does not turn"
 
 
-def test_a_camera_that_stays_is_named() -> None:
-    stuck = first_complaint(lambda _: (Hover(), HOVERS), gimbal_rad=-1.0)
-    assert "gimbal stuck" in stuck
-    points = replace(HOVERS, gimbal_pitch_rad=-0.97)
-    assert first_complaint(lambda _: (Hover(), points), gimbal_rad=-1.0) == ""
+@pytest.mark.parametrize(
+    ("pitch_rad", "age_s", "complaint"),
+    [
+        (0.0, 0.0, "its camera does not point where it should: is the gimbal stuck?"),
+        (-0.97, 0.0, ""),
+        (0.0, math.inf, ""),  # a drone that never reports its gimbal
+    ],
+)
+def test_a_camera_that_stays_is_named(pitch_rad: float, age_s: float, complaint: str) -> None:
+    def body(now_s: float) -> tuple[Movement, DroneState]:
+        times = replace(MeasurementTimes.all_at(now_s), gimbal_s=now_s - age_s)
+        state = replace(HOVERS, captured_s=now_s, measured=times, gimbal_pitch_rad=pitch_rad)
+        return Hover(), state
+
+    assert first_complaint(body, gimbal_rad=-1.0) == complaint
 
 
 def test_a_landing_that_does_not_begin_is_named() -> None:

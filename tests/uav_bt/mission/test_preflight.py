@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from uav_bt.app.assembly import frame_judge
 from uav_bt.clock import ManualClock
-from uav_bt.errors import DroneError, ValueRangeError
+from uav_bt.errors import DroneError
 from uav_bt.mission.preflight import Check, PreflightConfig, check_drone, refuse_faults
 from uav_bt.types import (
     CameraModel,
@@ -186,11 +186,3 @@ def test_telemetry_that_cannot_be_is_no_telemetry() -> None:
 def test_frames_of_another_size_than_the_cameras_are_a_fault() -> None:
     drone = Filming(lambda _: np.zeros((18, 32, 3)))
     assert "its image is 32x18, expected 64x36" in faults(drone)["video"].found
-
-
-@pytest.mark.parametrize(
-    "changes", [{"battery": 1.5}, {"link": -0.1}, {"wait_s": 0.0}, {"look_s": -1.0}]
-)
-def test_absurd_demands_are_refused(changes: dict[str, float]) -> None:
-    with pytest.raises(ValueRangeError, match="shares from 0 to 1"):
-        PreflightConfig(**changes)

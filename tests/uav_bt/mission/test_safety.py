@@ -387,16 +387,6 @@ def test_nobody_climbs_through_the_ceiling() -> None:
     assert decide(Velocity(down_mps=0.3), height_m=2.4) == Velocity(down_mps=0.3)
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-@pytest.mark.parametrize(
-    "name", ["speed_mps", "climb_mps", "yaw_rate_radps", "ceiling_m", "step_m"]
-)
-def test_limits_must_be_positive(name: str, value: float) -> None:
-    with pytest.raises(ValueRangeError, match=f"{name} must be a positive number, got"):
-        dataclasses.replace(LIMITS, **{name: value})
-
-
-@pytest.mark.parametrize("floor_m", [-0.1, 2.4, math.nan])
-def test_the_floor_is_below_the_ceiling(floor_m: float) -> None:
-    with pytest.raises(ValueRangeError, match=r"floor_m must be from 0 to below the ceiling"):
-        dataclasses.replace(LIMITS, floor_m=floor_m)
+def test_the_floor_is_below_the_ceiling() -> None:
+    with pytest.raises(ValueRangeError, match=r"floor_m must be below the ceiling of 2\.4 m"):
+        dataclasses.replace(LIMITS, floor_m=2.4)

@@ -98,10 +98,12 @@ def test_without_any_good_telemetry_it_is_infinitely_old() -> None:
     assert seen.frame is None
 
 
-def test_an_unknown_battery_is_no_fault() -> None:
+@pytest.mark.parametrize("unknown", [None, -0.01, -1.0])
+def test_an_unknown_battery_is_no_fault(unknown: float | None) -> None:
     screening = Screening(CAMERA)
-    screening.usable(observed(replace(STATE, battery=None, link=None)), 1.0)
+    seen = screening.usable(observed(replace(STATE, battery=unknown, link=unknown)), 1.0).state
     assert screening.state_fault is None
+    assert (seen.battery, seen.link) == (None, None)
 
 
 @pytest.mark.parametrize(

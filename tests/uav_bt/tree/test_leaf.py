@@ -18,7 +18,7 @@ from uav_bt.errors import (
 )
 from uav_bt.tree import Leaf, MissionTree, Node, NodeKind, Port, Status
 from uav_bt.tree.nodes import Fallback, Parallel, ReactiveFallback, Sequence
-from uav_bt.types import Hover, Land
+from uav_bt.types import GimbalTo, Hover, Land, Velocity
 
 SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", writer="Radar", max_age_s=1.0)
 
@@ -305,6 +305,46 @@ def test_two_proposals_are_an_error_that_names_both(world: World) -> None:
     with pytest.raises(NodeFailedError, match="'Mission/p/land' and 'Mission/p/hover'") as error:
         tree.tick()
     assert isinstance(error.value.__cause__, ProposalConflictError)
+
+
+class Proposes(Leaf):
+    """Flies and points with a tenth of its number; its answer is one letter."""
+
+    answers = Probe.answers
+    moves = points = True
+    ports = (Port("number", float), Port("answer", str, default="R"))
+
+    def update(self) -> Status:
+        number: float = self.port_value("number") / 10
+        self.propose(Velocity(forward_mps=number))
+        self.point(GimbalTo(pitch_rad=number))
+        return Probe.letters[self.port_value("answer")]  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("root", "answers", "number"),
+    [
+        (Sequence, "SR", 2),  # the next leaf flies in the same tick
+        (Sequence, "KR", 2),
+        (Fallback, "FSR", 2),
+        (Sequence, "SSR", 3),
+        (Sequence, "S", 1),  # nobody else proposes: it stands for this tick
+        (Parallel, "SRS", None),  # the second runs on when the third proposes
+        (Parallel, "RS", None),
+    ],
+)
+def test_a_leaf_that_has_ended_makes_way_for_the_next(
+    world: World, root: type[Node], answers: str, number: int | None
+) -> None:
+    leaves = [Proposes(number=at, answer=answer) for at, answer in enumerate(answers, start=1)]
+    tree = ready(world, root("p", leaves))
+    if number is None:
+        with pytest.raises(NodeFailedError, match="both propose a movement in one tick"):
+            tree.tick()
+        return
+    tree.tick()
+    assert world.proposals.movement == Velocity(forward_mps=number / 10)
+    assert world.proposals.gimbal == GimbalTo(pitch_rad=number / 10)
 
 
 def test_siblings_of_one_name_get_numbers() -> None:

@@ -12,7 +12,7 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.errors import FileError
 from uav_bt.record.channels import FrameNote
 from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
@@ -40,18 +40,9 @@ class FixedTelemetry:
     Args:
         height_m: above the ground.
         gimbal_pitch_rad: 0 level, negative down.
-
-    Raises:
-        ValueRangeError: the height is not positive, or the pitch not within a right angle.
     """
 
     def __init__(self, *, height_m: float, gimbal_pitch_rad: float) -> None:
-        if not (math.isfinite(height_m) and height_m > 0.0):
-            raise ValueRangeError(f"the camera must be above the ground, got {height_m} m")
-        if not abs(gimbal_pitch_rad) <= math.pi / 2 + 1e-9:
-            raise ValueRangeError(
-                f"gimbal pitch must lie within -pi/2 and pi/2 rad, got {gimbal_pitch_rad}"
-            )
         self._height_m = height_m
         self._pitch_rad = gimbal_pitch_rad
 

@@ -33,6 +33,7 @@ from uav_bt.lab.classes import LabClasses
 from uav_bt.lab.shipped import load_lab
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.footage import RECORD_SUFFIX, flight_record
+from uav_bt.settings import check_numbers
 from uav_bt.types import CameraModel
 
 _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a video are square
@@ -61,13 +62,12 @@ class PerceiveOptions:
     seed: int = 0  # of the ground's pixels that are drawn for the scale
 
     def __post_init__(self) -> None:
-        if self.every < 1 or self.threads < 1:
-            raise ValueRangeError(
-                f"every and threads must be at least 1, got {self.every}, {self.threads}"
-            )
-        if self.longest_s is not None and not self.longest_s > 0.0:
-            raise ValueRangeError(f"the time to perceive must be positive, got {self.longest_s} s")
-        FixedTelemetry(height_m=self.height_m, gimbal_pitch_rad=self.gimbal_pitch_rad)
+        straight_rad = math.pi / 2
+        check_numbers(
+            self,
+            {"gimbal_pitch_rad": -straight_rad, "seed": 0},
+            {"gimbal_pitch_rad": straight_rad},
+        )
         if self.classes is not None and not (self.segmentation or "").lower().endswith(".onnx"):
             raise InputError("a class-mapping file belongs to an ONNX segmentation network")
 

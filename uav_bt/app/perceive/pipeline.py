@@ -19,12 +19,12 @@ from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
 from perception.depth.confidence import Confidences
 from perception.depth.corridor import CorridorBuilder, CorridorConfig
-from perception.depth.metric import MetricDepthMaker
+from perception.depth.metric import MetricDepth, MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.depth.stage import DepthStage
 from perception.marks.tracked_mark import TrackedMark
 from uav_bt.display.video.perception_video import Seen
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import AnswerError, ValueRangeError
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting, MarkView
 from uav_bt.plugins import make_mark_finder
@@ -138,9 +138,12 @@ class Pipeline:
             self._state = state
         with self._timed(spent, "segmentation"):
             class_map = self._segmenter.segment(frame)
-        metric = self._depth.perceive(
-            frame, class_map, self.camera, state=self._state, spent=spent.__setitem__
-        )
+        try:
+            metric = self._depth.perceive(
+                frame, class_map, self.camera, state=self._state, spent=spent.__setitem__
+            )
+        except AnswerError as error:
+            metric = MetricDepth.refused(str(error))
         corridor = intruding = None
         if metric.depth is not None:
             height_px, width_px = metric.depth.depth.shape

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 from uav_bt.app.assembly import Flight
 from uav_bt.app.flight_record import RecordedOptions, recorded_options
 from uav_bt.app.loading import Mission, is_text, read_mission
-from uav_bt.app.option_values import check_policies, files
+from uav_bt.app.option_values import check_policies, expect, files, refuse
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
@@ -64,6 +64,9 @@ class ReplayOptions:
     def __post_init__(self) -> None:
         check_policies(self.policies)
         files(self.leaves)
+        expect("tree_folders", self.tree_folders, TreeFolders, "a TreeFolders")
+        if self.masks not in {None, *get_args(Masks)}:
+            refuse("masks", "network or recorded, or None", self.masks)
 
 
 def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayReport:

@@ -20,7 +20,7 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS, read_weights, writ
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from tests.paper_lab import CLASSES
 from tests.perception.control.control_world import TINY
-from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
+from uav_bt.errors import AnswerError, ShapeError, ValueRangeError, WeightsError
 
 RNG = np.random.default_rng(3)
 PICTURES = [RNG.integers(0, 256, (16, 32, 3), dtype=np.uint8) for _ in range(3)]
@@ -191,7 +191,7 @@ def test_an_onnx_file_of_another_version_is_refused(weights: Path, tmp_path: Pat
 
 
 def test_an_answer_that_is_no_number_is_an_error(weights: Path, tmp_path: Path) -> None:
-    """Never a silent zero: the mission lands, and says why."""
+    """Never a silent zero."""
     import onnx  # noqa: PLC0415
 
     model = onnx.load(weights.with_suffix(".onnx"))
@@ -199,7 +199,7 @@ def test_an_answer_that_is_no_number_is_an_error(weights: Path, tmp_path: Path) 
     bias.CopyFrom(onnx.numpy_helper.from_array(np.full(5, np.nan, np.float32), bias.name))
     path = tmp_path / "nan.onnx"
     path.write_bytes(model.SerializeToString())
-    with pytest.raises(WeightsError, match="answer holds NaN or infinity"):
+    with pytest.raises(AnswerError, match="answer holds NaN or infinity"):
         OnnxControlStudent(path).estimate(PICTURES, NUMBERS)
 
 

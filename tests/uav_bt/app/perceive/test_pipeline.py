@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from perception.camera.ground_plane import ground_depth, view_of
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline, PipelineConfig
-from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.errors import AnswerError, ShapeError, ValueRangeError
 from uav_bt.types import (
     BodyVelocity,
     CameraModel,
@@ -174,6 +174,15 @@ def test_what_has_no_depth_says_why_and_has_no_corridor(
     assert seen.confidences.scale.reason
     assert seen.corridor is None
     assert seen.intruding is None
+
+
+def test_a_frame_without_an_answer_of_the_network_has_no_depth() -> None:
+    class Holed(Halves):
+        def estimate(self, frame: Frame) -> DepthMap:
+            raise AnswerError("net.onnx", f"frame {frame.index} holds NaN")
+
+    seen = pipeline(bare_ground(), Holed()).perceive(frame())
+    assert (seen.depth, seen.refusal) == (None, "net.onnx: frame 0 holds NaN")
 
 
 def test_a_black_frame_has_no_depth() -> None:

@@ -1,0 +1,65 @@
+"""Checks of settings: numbers by the types of their fields, and choices."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from numbers import Integral, Real
+from typing import Any, Final, TypeVar
+
+from uav_bt.errors import UnknownNameError, ValueRangeError
+
+Choice = TypeVar("Choice", bound=enum.Enum)
+
+_KINDS: Final = {"int": (Integral, "whole number"), "float": (Real, "number")}
+_UNBOUNDED: Final[Mapping[str, float]] = {}
+
+
+def check_numbers(
+    settings: Any,
+    least: Mapping[str, float] = _UNBOUNDED,
+    most: Mapping[str, float] = _UNBOUNDED,
+) -> None:
+    """Refuse numbers that are not finite or out of their range.
+
+    Args:
+        settings: A dataclass object; its fields of the types int and float, or None, are checked.
+        least: Smallest values by field; all other numbers are positive.
+        most: Greatest values by field.
+
+    Raises:
+        ValueRangeError: A number is not finite, out of its range, or of another type.
+    """
+    for each in fields(settings):
+        name, optional, _ = str(each.type).partition(" | None")
+        value = getattr(settings, each.name)
+        if name not in _KINDS or (optional and value is None):
+            continue
+        kind, words = _KINDS[name]
+        low, high = least.get(each.name), most.get(each.name, math.inf)
+        fits = isinstance(value, kind) and not isinstance(value, bool) and math.isfinite(value)
+        if fits and (value > 0 if low is None else value >= low) and value <= high:
+            continue
+        expected = f"a positive {words}" if low is None else f"a {words} from {low:g}"
+        upwards = "" if math.isinf(high) else f" up to {high:g}"
+        raise ValueRangeError(f"{each.name} must be {expected}{upwards}, got {value!r:.80}")
+
+
+def member(name: str, value: object, choices: type[Choice]) -> Choice:
+    """Return a choice from its value or from itself.
+
+    Args:
+        name: Name of the setting in the message.
+        value: Value from the caller.
+        choices: All choices.
+
+    Raises:
+        UnknownNameError: There is no such choice.
+    """
+    try:
+        return choices(value)
+    except ValueError:
+        known = [str(choice.value) for choice in choices]
+        raise UnknownNameError(name, f"{value}", known) from None
