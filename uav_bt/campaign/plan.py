@@ -17,7 +17,6 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.settings import check_numbers
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.parameters import Plain
-from uav_bt.types.mission_rules import LandOn
 
 SHARED: Final = (
     *("drone", "lab", "profile", "image_size_px", "exact_masks", "movers", "vary_room", "faults"),
@@ -286,8 +285,6 @@ def _with_options(values: Mapping[str, Any]) -> dict[str, Any]:
     folders = TreeFolders(**shared.pop("tree_folders"))
     judge = dict(shared.pop("judge"))
     judge["landing_surfaces"] = tuple(judge["landing_surfaces"])
-    if judge["land_on"] is not None:
-        judge["land_on"] = LandOn(judge["land_on"])
     options = FlightOptions(**shared, tree_folders=folders, judge=JudgeConfig(**judge))
     others = {name: value for name, value in values.items() if name not in SHARED}
     return {**others, "options": options}

@@ -100,7 +100,10 @@ class ObedienceWatch:
         turned_rad = math.remainder(state.attitude.yaw_rad - self._yaw_rad, math.tau)
         self._last_s, self._yaw_rad = now_s, state.attitude.yaw_rad
         if now_s - state.captured_s > STATE.max_age_s:
-            return None  # old telemetry says nothing about the present
+            # Old telemetry says nothing about the present, nor about the time until it is new.
+            for lasting in (self._not_landing, self._not_rising, self._away, self._unended):
+                lasting.reset()
+            return None
         self._move_turned_rad += turned_rad
         found = (
             self._landing(command, state, now_s),

@@ -207,6 +207,18 @@ def test_a_camera_that_stays_is_named(pitch_rad: float, age_s: float, complaint:
     assert first_complaint(body, gimbal_rad=-1.0) == complaint
 
 
+def test_an_outage_is_no_time_in_which_the_camera_stays() -> None:
+    """The camera is sent down as telemetry ends, and turns in the first second after the outage."""
+    watch, complaints = ObedienceWatch(), set()
+    for tick in range(110):
+        now_s, known = TICK_S * tick, tick < 2 or tick > 95
+        heard_s = now_s if known else TICK_S
+        state = replace(HOVERS, captured_s=heard_s, measured=MeasurementTimes.all_at(heard_s))
+        command = Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-1.0))
+        complaints.add(watch.complaint(command, state, now_s))
+    assert complaints == {None}
+
+
 def test_a_landing_that_does_not_begin_is_named() -> None:
     assert first_complaint(lambda _: (Land(), HOVERS)) == "it does not land"
     lands = replace(HOVERS, flying=FlyingState.LANDING)
