@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
 from uav_bt.types import NearObstacles
 from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import SiteMap
+
+_SAME_M: Final = 0.25  # points within this distance of a point of the map are dropped as the same
+_LEAST: Final = 3  # smaller groups of points are dropped as errors of a network
 
 
 def _nothing() -> Floats:
@@ -35,8 +39,6 @@ def recent_obstacles(
     obstacles: NearObstacles | None,
     site_map: SiteMap,
     *,
-    same_m: float = 0.25,
-    least: int = 3,
     unmapped_s: float = math.inf,
 ) -> RecentObstacles:
     """Return the recently seen obstacles around the drone that are not on the map.
@@ -47,8 +49,6 @@ def recent_obstacles(
     Args:
         obstacles: Points around the drone, in the body frame; None while unknown.
         site_map: The newest map.
-        same_m: Points within this distance of a point of the map are dropped as the same.
-        least: Smaller groups of points are dropped as errors of a network.
         unmapped_s: Points last seen longer ago are dropped on ground that the map has seen: a lost
             drone may have misplaced them.
     """
@@ -59,11 +59,11 @@ def recent_obstacles(
     to_map = site_map.pose.points_to_world
     points_m = _believed(site_map, to_map(obstacles.points_m), obstacles.points_age_s, unmapped_s)
     edges_m = _believed(site_map, to_map(obstacles.edges_m), obstacles.edges_age_s, unmapped_s)
-    new_m = points_m[~has_near(points_m, site_map.obstacles_m, same_m, 1)]
+    new_m = points_m[~has_near(points_m, site_map.obstacles_m, _SAME_M, 1)]
     return RecentObstacles(
-        seen_m=new_m[has_near(new_m, new_m, same_m, least)],
+        seen_m=new_m[has_near(new_m, new_m, _SAME_M, _LEAST)],
         assumed_m=to_map(obstacles.assumed_m),
-        edges_m=edges_m[~has_near(edges_m, site_map.edges_m, same_m, 1)],
+        edges_m=edges_m[~has_near(edges_m, site_map.edges_m, _SAME_M, 1)],
     )
 
 

@@ -9,7 +9,6 @@ count, because they may be ground.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -41,22 +40,12 @@ class SurveyConfig:
     min_leg_m2: float = 0.06
 
 
-def new_ground_per_second(new_m2: Floats, time_s: Floats) -> Floats:
-    """Return the value of routes: the new ground that they cover per second."""
-    return new_m2 / time_s
-
-
-def best_route(
-    clearance: ClearanceMap,
-    config: SurveyConfig | None = None,
-    value: Callable[[Floats, Floats], Floats] = new_ground_per_second,
-) -> Route | None:
-    """Return the route of the greatest value; None if none is worth it.
+def best_route(clearance: ClearanceMap, config: SurveyConfig | None = None) -> Route | None:
+    """Return the route that covers the most new ground per second; None if none is worth it.
 
     Args:
         clearance: The clearance map.
         config: The worth of ground.
-        value: Function from new ground, m2, and time, s, of each route to its value.
     """
     cfg, cell_m, paths = config or SurveyConfig(), clearance.map.cell_m, clearance.fastest
     passed = passed_for_the_first_time(
@@ -74,7 +63,7 @@ def best_route(
     worth_it = roomy & (new_m2 >= cfg.min_leg_m2) & moves
     if not worth_it.any():
         return None
-    best = int(np.where(worth_it, value(new_m2, spent_s), -math.inf).argmax())
+    best = int(np.where(worth_it, new_m2 / spent_s, -math.inf).argmax())
     row, column = divmod(int(paths.reached[best]), paths.time_s.shape[1])
     path = paths.to((row, column))
     return clearance.route_along(path, time_s=float(spent_s[best]), new_m2=float(new_m2[best]))

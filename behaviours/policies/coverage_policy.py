@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,11 +12,10 @@ from behaviours.path.gimbal_pointing import GimbalConfig, ground_share
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.passages import ClearanceMaps
-from behaviours.path.survey import SurveyConfig, best_route, new_ground_per_second
+from behaviours.path.survey import SurveyConfig, best_route
 from uav_bt.answers import Answer, Blocked, Done, Rotate
 from uav_bt.errors import MissionError
 from uav_bt.protocols import PolicyView
-from uav_bt.types.arrays import Floats
 from uav_bt.types.site_map import SiteMap
 
 
@@ -57,19 +55,13 @@ class CoveragePolicy:
 
     Args:
         config: How routes are chosen and flown.
-        value: The value of routes from the new ground of each, m2, and its time, s.
     """
 
-    def __init__(
-        self,
-        config: CoverageConfig | None = None,
-        value: Callable[[Floats, Floats], Floats] = new_ground_per_second,
-    ) -> None:
+    def __init__(self, config: CoverageConfig | None = None) -> None:
         # Here and not at the top: see that module.
         import behaviours.path.compiled_loops  # noqa: F401, PLC0415
 
         self.config = config or CoverageConfig()
-        self._value = value
 
     def decide(self, view: PolicyView) -> Answer:
         """Return a heading and a speed; a turn when no way is known; done when all is covered.
@@ -99,15 +91,15 @@ class CoveragePolicy:
         recent = recent_obstacles(site_map.near, site_map, unmapped_s=cfg.follow.unmapped_s)
         maps = ClearanceMaps(site_map, recent, margins, past_assumed=True)
         clearance = maps[Passage.ORDINARY]
-        route = best_route(clearance, cfg.survey, self._value)
+        route = best_route(clearance, cfg.survey)
         if route is None or route.new_m2 < cfg.little_m2ps * route.time_s:
             clearance = maps[Passage.TIGHT]
-            route = best_route(clearance, cfg.survey, self._value) or route
+            route = best_route(clearance, cfg.survey) or route
         if route is None and (clearance.shut_in or clearance.too_narrow):
             clearance = maps[Passage.TIGHTEST]
             if clearance.shut_in:
                 clearance = maps[Passage.OUT]
-            route = best_route(clearance, cfg.survey, self._value)
+            route = best_route(clearance, cfg.survey)
         if route is None:
             # Moving obstacles block ground only for a while.
             still = not site_map.movers and not len(site_map.lanes_m)

@@ -156,14 +156,10 @@ class ScaleEstimator(Protocol):
 
 
 class AdaptiveScale:
-    """The paper's adaptive scale: each frame's median ratio, smoothed over time.
+    """The paper's adaptive scale: each frame's median ratio, smoothed over time."""
 
-    Args:
-        smooth: the filter over time.
-    """
-
-    def __init__(self, smooth: ScaleFilter | None = None) -> None:
-        self._filter = smooth or ScaleFilter()
+    def __init__(self) -> None:
+        self._filter = ScaleFilter()
         self._measured = 0.0  # confidence of the last frame that entered the filter
 
     def restart(self) -> None:

@@ -75,12 +75,13 @@ _PER_FRAME: Final = (
 )
 
 
-def shrink(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Resize an image, (H, W, 3), by area to the size of footage; it is never cropped."""
-    if image.shape[1::-1] == FOOTAGE_SIZE_PX:
+def shrink(
+    image: NDArray[np.uint8], size_px: tuple[int, int] = FOOTAGE_SIZE_PX
+) -> NDArray[np.uint8]:
+    """Resize an image, (H, W, 3), by area to a width and height; it is never cropped."""
+    if image.shape[1::-1] == size_px:
         return image
-    small = cv2.resize(image, FOOTAGE_SIZE_PX, interpolation=cv2.INTER_AREA)
-    return np.asarray(small, dtype=np.uint8)
+    return np.asarray(cv2.resize(image, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 @dataclass(frozen=True, kw_only=True)

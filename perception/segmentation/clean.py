@@ -25,6 +25,7 @@ from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.lab.roles import NO_ROLE
 
 _MIN_SHARE: Final = 1e-4  # added to the prior to keep its logarithm finite
+_SURROUND: Final = 0.95  # share of a hole's rim that must be of the class around it
 
 
 def dilated_grid(
@@ -108,7 +109,6 @@ def filled_holes(
     inside: Collection[int],
     but: Collection[int] = (),
     area_px: int,
-    surround: float = 0.95,
 ) -> NDArray[np.uint8]:
     """Return the map without holes, which are small pieces surrounded by one class.
 
@@ -117,7 +117,6 @@ def filled_holes(
         inside: the classes whose holes are filled.
         but: classes whose pieces are never holes.
         area_px: area of the largest piece that counts as a hole.
-        surround: share of a piece's rim that must be the surrounding class.
     """
     filled = ids.copy()
     around = np.ones((3, 3), dtype=np.uint8)
@@ -135,7 +134,7 @@ def filled_holes(
             rim = ids[rows, columns][(cv2.dilate(piece, around) > piece)]
             counts = np.bincount(rim)
             outer = int(counts.argmax())
-            if outer in inside and counts[outer] >= surround * rim.size:
+            if outer in inside and counts[outer] >= _SURROUND * rim.size:
                 filled[rows, columns][piece.astype(bool)] = outer
     return filled
 

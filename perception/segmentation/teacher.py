@@ -132,17 +132,16 @@ class Teacher:
             np.maximum(best, inner, out=best)
         return spread_to_border(ids, self.config.patch_px)
 
-    def paper_ids(self, rgb: NDArray[np.uint8], *, step_px: int = 5) -> NDArray[np.uint8]:
+    def paper_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return the class map by the paper's procedure: dots, dilation, largest components.
 
         Args:
             rgb: (H, W, 3) uint8, at the teacher's size.
-            step_px: distance between dots, px.
 
         Returns:
             (H, W) uint8 class ids.
         """
-        dots = dilated_grid(self.window_ids(rgb), step_px=step_px, dilation_px=step_px + 2)
+        dots = dilated_grid(self.window_ids(rgb))
         scattered = self.classes.of_role(OUTSIDE) + self.classes.of_role(GROUND)
         return keep_largest_components(dots, scattered)
 

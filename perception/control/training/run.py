@@ -45,7 +45,7 @@ def choice_loss(prediction: Tensor, labels: Tensor, turning: Tensor) -> Tensor:
 
     Args:
         prediction: (N, 5) float, `ego_state.OUTPUTS`.
-        labels: (N, 4) float, the rule's decision: `samples.LABELS`.
+        labels: (N, 4) float, the rule's answer, as in `ControlFlight`.
         turning: (N,) float, the turn under way.
     """
     forward_m, yaw_rad, ends, free_m = labels.unbind(dim=1)

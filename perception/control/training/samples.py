@@ -19,9 +19,6 @@ from uav_bt.files import whole_file
 from uav_bt.protocols import Advice
 from uav_bt.types.dead_reckoning import OdometryPose
 
-LABELS: Final = ("forward_m", "yaw_rad", "ground_ends", "free_m")
-"""The columns of a label: the rule's answer."""
-
 # Shrinking has already removed noise; a JPEG has a sixth of a PNG's bytes.
 _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 95]
 
@@ -35,7 +32,8 @@ class ControlFlight:
     ends: NDArray[np.int64]  # (N,) end of each file in `images`
     poses: NDArray[np.float64]  # (N, 4) time, x, y, yaw: `OdometryPose`
     ego: NDArray[np.float64]  # (N, 4) `EgoState`'s fields
-    # (N, 2, 4) `LABELS`: answers with the turn under way, and without it; free_m NaN if unknown.
+    # (N, 2, 4) forward_m, yaw_rad, ground_ends, free_m of the rule's answer with the turn under
+    # way, and without it; free_m NaN if unknown.
     labels: NDArray[np.float32]
 
     def __len__(self) -> int:
@@ -187,7 +185,7 @@ class Batch:
 
     frames: NDArray[np.uint8]  # (N, V, H, W, 3) RGB, the present view first
     state: NDArray[np.float32]  # (N, S) `state_vector`
-    labels: NDArray[np.float32]  # (N, 4) `LABELS`
+    labels: NDArray[np.float32]  # (N, 4) as in `ControlFlight`
     turning: NDArray[np.float32]  # (N,) the turn under way
 
 

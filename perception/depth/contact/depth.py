@@ -70,32 +70,20 @@ class ContactDepth:
 
 
 def contact_depth(
-    class_map: ClassMap,
-    view: CameraView,
-    config: ContactDepthConfig | None = None,
-    *,
-    ground: GroundPlane | None = None,
-    remembered: Remembered | None = None,
-    network_m: NDArray[np.float32] | None = None,
+    class_map: ClassMap, view: CameraView, *, remembered: Remembered | None = None
 ) -> ContactDepth:
     """Estimate the depth of ground, boxes, roofs and mark.
 
     Args:
         class_map: the class map.
         view: the camera, at the map's size.
-        config: dimensions of the lab.
-        ground: `GroundPlane.of(view)`, if already computed.
         remembered: bases seen earlier, for boxes whose base is now out of view.
-        network_m: (H, W) a network's metric depth, for the roofs of such boxes.
 
     Raises:
-        ShapeError: a map has another size than the view.
+        ShapeError: the map has another size than the view.
         ValueRangeError: the lens is not above the ground.
     """
-    estimation = ContactEstimation(class_map, ground or GroundPlane.of(view), config, remembered)
-    if network_m is not None:
-        estimation.complete(network_m)
-    return estimation.result()
+    return ContactEstimation(class_map, GroundPlane.of(view), remembered=remembered).result()
 
 
 class ContactEstimation:

@@ -181,16 +181,6 @@ def add_parallax(
     return DepthLabels(depth_m=depth, at_most_m=labels.at_most_m)
 
 
-def exact_labels(depth_m: NDArray[np.floating]) -> DepthLabels:
-    """Label a flight with a simulator's exact depth: the upper bound to compare with.
-
-    Args:
-        depth_m: (N, H, W) along the optical axis, metres, of each frame.
-    """
-    small = [_small(exact.astype(np.float32)) for exact in depth_m]
-    return DepthLabels(depth_m=np.stack(small).astype(np.float16))
-
-
 def write_labels(path: Path, labels: DepthLabels) -> None:
     """Write a flight's labels, compressed; the file is replaced in one step."""
     arrays = {"depth_m": labels.depth_m}

@@ -32,6 +32,8 @@ from uav_bt.lab.classes import MAX_CLASSES, LabClasses
 Origin = Literal["hand", "simulated"]
 _MAX_BYTES: Final = 50_000_000  # a pick takes about 50
 _COLUMNS: Final = ("image", "x", "y", "class", "origin")
+_IMAGES_PER_CLASS: Final = (7, 9)  # least and most in a scene; the paper's
+_PURITY: Final = 0.9  # share of the class in a drawn patch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,8 +230,6 @@ def draw_picks(
     *,
     patch_px: int,
     total: int = 6500,
-    images_per_class: tuple[int, int] = (7, 9),
-    purity: float = 0.9,
 ) -> list[Pick]:
     """Sample picks from exact class ids well inside each class, like a person's clicks.
 
@@ -242,8 +242,6 @@ def draw_picks(
         rng: random generator for images and points.
         patch_px: side of the teacher's patches, pixels.
         total: number of points over all classes of this scene.
-        images_per_class: least and largest number of images per class.
-        purity: required share of the class in a patch.
 
     Returns:
         Picks labelled ``simulated``, by class.
@@ -258,16 +256,16 @@ def draw_picks(
             raise ShapeError("class ids", expected="HxW", actual=ids.shape)
         for class_id in np.unique(ids).tolist():
             sites.setdefault(class_id, []).append(
-                _site(name, ids == class_id, rng, patch_px=patch_px, purity=purity)
+                _site(name, ids == class_id, rng, patch_px=patch_px)
             )
     if not sites:
         raise ValueRangeError("cannot draw picks: not one sample came")
     picks: list[Pick] = []
     for class_id in sorted(sites):
-        wanted = int(rng.integers(images_per_class[0], images_per_class[1] + 1))
+        wanted = int(rng.integers(_IMAGES_PER_CLASS[0], _IMAGES_PER_CLASS[1] + 1))
         # All images that reach the purity are equally good, so that distances and angles vary.
         order = rng.permutation(len(sites[class_id]))
-        ranked = sorted(order, key=lambda i: -min(sites[class_id][i].share, purity))
+        ranked = sorted(order, key=lambda i: -min(sites[class_id][i].share, _PURITY))
         chosen = [sites[class_id][i] for i in ranked[:wanted]]
         share = -(-total // (len(sites) * len(chosen)))
         for site in chosen:
@@ -279,13 +277,11 @@ def draw_picks(
     return picks
 
 
-def _site(
-    name: str, mask: NDArray[np.bool_], rng: np.random.Generator, *, patch_px: int, purity: float
-) -> _Site:
+def _site(name: str, mask: NDArray[np.bool_], rng: np.random.Generator, *, patch_px: int) -> _Site:
     means = WindowMeans(width_px=mask.shape[1], height_px=mask.shape[0], side_px=patch_px)
     share = spread_to_border(means.of(mask.astype(np.float64)), patch_px)
     share[~mask] = 0.0  # a person clicks on the object
     best = float(share.max())
-    points = np.argwhere(share >= min(purity, 0.95 * best))[:, ::-1].astype(np.int64)
+    points = np.argwhere(share >= min(_PURITY, 0.95 * best))[:, ::-1].astype(np.int64)
     # A few hundred points are enough; whole masks of every image would fill the memory.
     return _Site(image=name, share=best, points=rng.permutation(points)[:500])

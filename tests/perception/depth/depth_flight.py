@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.training.labelling import LABEL_SIZE_PX, DepthLabels
 from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
@@ -27,6 +29,14 @@ class KnownFlight:
     depth_m: NDArray[np.float32]  # (N, 256, 320)
     ids: NDArray[np.uint8]  # (N, 256, 320)
     poses: list[CameraPose]
+
+    def labels(self) -> DepthLabels:
+        """Return the true depth of every frame at the size of labels."""
+        small = [
+            cv2.resize(exact, LABEL_SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT)
+            for exact in self.depth_m
+        ]
+        return DepthLabels(depth_m=np.stack(small).astype(np.float16))
 
     def motion(self, origin: int, target: int) -> NDArray[np.float64]:
         """Return the true movement of points from one camera's frame to another's, (3, 4)."""

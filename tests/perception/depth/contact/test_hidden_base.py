@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from perception.camera.ground_plane import CameraView
-from perception.depth.contact.depth import ContactDepth, ContactDepthConfig, contact_depth
+from perception.camera.ground_plane import CameraView, GroundPlane
+from perception.depth.contact.depth import ContactDepth, ContactDepthConfig, ContactEstimation
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import BoxSpec, Helipad
@@ -43,7 +43,10 @@ def noisy(drawn: View, spread: float = 0.2) -> np.ndarray:
 
 
 def estimate(drawn: View, network_m: np.ndarray | None) -> ContactDepth:
-    return contact_depth(paper_map(drawn.ids), VIEW, CONFIG, network_m=network_m)
+    estimation = ContactEstimation(paper_map(drawn.ids), GroundPlane.of(VIEW), CONFIG)
+    if network_m is not None:
+        estimation.complete(network_m)
+    return estimation.result()
 
 
 @pytest.mark.parametrize("yaw_deg", [0.0, 20.0, 45.0])

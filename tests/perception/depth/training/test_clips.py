@@ -10,7 +10,6 @@ from perception.depth.training import clips
 from perception.depth.training.clip import Clip
 from perception.depth.training.clip import mirrored as mirrored_clip
 from perception.depth.training.clip import turned as turned_clip
-from perception.depth.training.labelling import exact_labels
 from perception.depth.training.losses import photometric_error, warp
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
 from uav_bt.errors import ShapeError, ValueRangeError
@@ -25,7 +24,7 @@ def known() -> KnownFlight:
 
 @pytest.fixture(scope="module")
 def flight(known: KnownFlight) -> clips.Flight:
-    return clips.Flight(footage=known.footage, labels=exact_labels(known.depth_m))
+    return clips.Flight(footage=known.footage, labels=known.labels())
 
 
 def _draw(flight: clips.Flight, config: clips.ClipConfig = PLAIN, seed: int = 0) -> Clip:

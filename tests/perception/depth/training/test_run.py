@@ -10,7 +10,6 @@ import pytest
 import torch
 
 from perception.depth.training import clips, network, run
-from perception.depth.training.labelling import exact_labels
 from perception.networks.training.loop import Progress
 from perception.odometry.camera_track import Footage
 from tests.perception.depth.depth_flight import known_flight
@@ -39,7 +38,7 @@ def flight() -> clips.Flight:
     footage: Footage = replace(
         whole, frames=np.stack(frames).astype(np.uint8), camera=whole.camera.resized(*SIZE)
     )
-    labels = exact_labels(known.depth_m).depth_m[:, 2::4, 2::5]
+    labels = known.labels().depth_m[:, 2::4, 2::5]
     return clips.Flight(footage=footage, labels=clips.DepthLabels(depth_m=labels))
 
 
