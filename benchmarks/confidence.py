@@ -13,28 +13,21 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
 
-from benchmarks.confidence_views import OTHER_LAB, RIGHT, ROOM, JudgedScale, judged_scales
-from uav_bt.lab.shipped import DEFAULT_LAB
+from benchmarks.confidence_views import RIGHT, JudgedScale, judged_scales
 
-WRONG_WEIGHT = 20.0
-"""How many right scales a wrong one counts as."""
-
+WRONG_WEIGHT = 20.0  # how many right scales a wrong one counts as
 _PENALTY = 1e-4  # of the squared coefficients
 
 
 def fitted(judged: Sequence[JudgedScale], wrong_weight: float = WRONG_WEIGHT) -> dict[str, float]:
-    """Return the intercept and the coefficients, none negative, of a logistic regression.
-
-    Args:
-        judged: Scales; those of earlier frames do not count.
-        wrong_weight: How many right scales a wrong one counts as.
-    """
+    """Return the intercept and the coefficients, none negative, of a logistic regression."""
     own = [each for each in judged if each.measures]
     names = list(own[0].measures)
     values = np.array([[each.measures[name] for name in names] for each in own])
@@ -56,39 +49,31 @@ def fitted(judged: Sequence[JudgedScale], wrong_weight: float = WRONG_WEIGHT) ->
 
 
 def table(judged: Sequence[JudgedScale]) -> str:
-    """Return the share of right scales by confidence, and by lab and condition."""
-    lines = ["confidence  scales  right  worst factor"]
+    """Return shares of the scales by confidence, by lab and condition, and by lab."""
+    parts: dict[str, list[JudgedScale]] = defaultdict(list)
     for tenth in range(10):
-        part = [each for each in judged if min(9, int(10.0 * each.confidence)) == tenth]
-        lines.append(f"{tenth / 10:.1f} to {(tenth + 1) / 10:.1f}  {_row(part)}")
-    sure = [each for each in judged if each.confidence > 0.5]
-    lines += [f"over 0.5    {_row(sure)}", "", "lab and condition: scales, right; over 0.5: ..."]
-    keys = sorted({(each.lab, each.condition) for each in judged})
-    for lab, condition in keys:
-        part = [each for each in judged if (each.lab, each.condition) == (lab, condition)]
-        lines.append(f"{lab}, {condition}: {_row(part)}; {_over_half(part)}")
-    known = [each for each in judged if each.condition in RIGHT]
-    for lab in (DEFAULT_LAB, OTHER_LAB, ROOM):
-        part = [each for each in known if each.lab == lab]
-        lines.append(f"{lab}, its own network: {_row(part)}; {_over_half(part)}")
-    lines.append(f"all: {_row(judged)}; {_over_half(judged)}")
-    return "\n".join(lines)
+        parts[f"{tenth / 10:.1f} to {(tenth + 1) / 10:.1f}"] = []
+    for each in judged:
+        tenth = min(9, int(10.0 * each.confidence))
+        parts[f"{tenth / 10:.1f} to {(tenth + 1) / 10:.1f}"].append(each)
+        parts[f"{each.lab}, {each.condition}"].append(each)
+        if each.condition in RIGHT:
+            parts[f"{each.lab}, its own network"].append(each)
+        parts["all"].append(each)
+    return "\n".join(f"{name}: {_row(part)}" for name, part in parts.items())
 
 
 def _row(part: Sequence[JudgedScale]) -> str:
     if not part:
-        return "    0"
-    right = sum(each.right for each in part) / len(part)
-    worst = math.exp(max(abs(math.log(each.over_exact)) for each in part))
-    return f"{len(part):5d}  {right:6.3f}  {worst:5.2f}"
-
-
-def _over_half(part: Sequence[JudgedScale]) -> str:
+        return "0 scales"
     right = [each for each in part if each.right]
+    worst = math.exp(max(abs(math.log(each.over_exact)) for each in part))
     sure = sum(each.confidence > 0.5 for each in right)
     wrong = sum(each.confidence > 0.5 for each in part if not each.right)
-    share = f"{sure / len(right):.2f}" if right else "-"
-    return f"over 0.5: {share} of the right, {wrong} wrong"
+    return (
+        f"{len(part)} scales, {len(right)} right, worst factor {worst:.2f}; "
+        f"over 0.5: {sure} of the right, {wrong} wrong"
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -75,20 +75,14 @@ class JudgedScale:
 def judged_scales(
     split: str, views: int, seed: int = 31, *, rooms: Path | None = None
 ) -> Iterator[JudgedScale]:
-    """Judge the scales of both labs' views, of the second lab in other colours, and of rooms.
-
-    Args:
-        split: `train`, `val` or `test`: which scenes.
-        views: poses of a scene; a third of them where the lab is painted, a sixth in a room.
-        seed: seed of poses, colours and errors.
-        rooms: folder of generated rooms, in which the network `any` finds the ground.
-    """
+    """Judge the scales of views of both labs, the second in other colours, too, and of rooms."""
     paper, depot = load_lab(), load_lab(OTHER_LAB)
     masks = {lab.name: _Masks(lab) for lab in (paper, depot)}
     for folder in () if rooms is None else sorted(rooms.iterdir()):
         lab = load_lab(folder)
+        scene = str(folder / "scenes" / f"{folder.name}.yaml")
         judge = _Judge(ROOM, lab, (_Masks(lab), masks[OTHER_LAB]))
-        for sequence in _sequences(_scene(folder), max(1, views // 6), seed):
+        for sequence in _sequences(scene, max(1, views // 6), seed):
             yield from judge(sequence, np.random.default_rng((seed, len(folder.name))))
     with TemporaryDirectory() as folder:
         painted = [_painted(depot, Path(folder) / str(each), each) for each in _PAINTED[split]]
@@ -103,10 +97,6 @@ def judged_scales(
             for scene in scenes_of(lab, f"{prefix}{split}-*"):
                 for number, sequence in enumerate(_sequences(scene, count, seed)):
                     yield from judge(sequence, np.random.default_rng((seed, number)))
-
-
-def _scene(room: Path) -> str:
-    return str(room / "scenes" / f"{room.name}.yaml")
 
 
 def _painted(lab: Lab, folder: Path, seed: int) -> Lab:

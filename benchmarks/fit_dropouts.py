@@ -25,7 +25,6 @@ from sim_bridge.twin.scene_file import load_scene
 from uav_bt import app
 from uav_bt.app.assembly import Flight
 from uav_bt.board import CLASS_MAP, MARK, ODOMETRY
-from uav_bt.errors import UavBtError
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.types import Frame, Pose
@@ -38,19 +37,19 @@ Sample = tuple[float, bool]  # share or distance, and whether the frame dropped 
 
 
 class DropOuts:
-    """Notes the drop-outs of a flight.
+    """Notes the drop-outs of flights in a scene with a landing mark."""
 
-    Args:
-        flight: the flight.
-        scene: its scene, with a landing mark.
-    """
-
-    def __init__(self, flight: Flight[Drone], scene: Scene) -> None:
-        self._board, self._scene = flight.context.board, scene
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
         self._true: PoseHistory[Pose] = PoseHistory(memory_s=3.0)
         self._seen_s = -math.inf
         self.motion: list[Sample] = []
         self.mark: list[Sample] = []
+
+    def follow(self, flight: Flight[Drone]) -> list[TickListener]:
+        """Become a listener of a flight."""
+        self._board = flight.context.board
+        return [self]
 
     def on_tick(self, record: TickRecord) -> None:
         """Note the newest frame, once."""
@@ -86,24 +85,15 @@ class DropOuts:
         return float(np.hypot(ahead_m, right_m).mean()) if inside.all() else None
 
 
-def fly(drone: str, scene: str, profile: str, seconds: int) -> DropOuts:
+def fly(drone: str, scene: str, profile: str) -> DropOuts:
     """Fly a survey and return its drop-outs."""
-    logs: list[DropOuts] = []
-
-    def listen(flight: Flight[Drone]) -> list[TickListener]:
-        logs.append(DropOuts(flight, load_scene(scene)))
-        return [logs[0]]
-
-    options = app.FlightOptions(
-        drone=drone,
-        scene=scene,
-        profile=profile,
-        ports={"ExploreFor.duration_ms": str(1000 * seconds)},
-    )
+    log = DropOuts(load_scene(scene))
+    ports = {"ExploreFor.duration_ms": "60000"}
+    options = app.FlightOptions(drone=drone, scene=scene, profile=profile, ports=ports)
     if drone == "twin":
         options = replace(options, image_size_px=(320, 180))
-    app.fly("survey_and_land", options, listeners=[listen])
-    return logs[0]
+    app.fly("survey_and_land", options, listeners=[log.follow])
+    return log
 
 
 def shares(samples: Iterable[Sample], edges: tuple[float, ...]) -> str:
@@ -117,28 +107,20 @@ def shares(samples: Iterable[Sample], edges: tuple[float, ...]) -> str:
 
 
 def main() -> None:
-    """Fly, and print the tables."""
+    """Fly, and print the shares."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--profile", default="lab")
     parser.add_argument("--scenes", default="val-a,val-b")
-    parser.add_argument("--seconds", type=int, default=60)
     given = parser.parse_args()
-    try:
-        flown = {
-            drone: [
-                fly(drone, scene, given.profile, given.seconds) for scene in given.scenes.split(",")
-            ]
-            for drone in ("twin", "plain")
-        }
-    except UavBtError as error:
-        parser.exit(2, f"{error}\n")
-    for what, unit, edges in (("motion", "ground", GROUND), ("mark", "m", RANGES_M)):
-        bins = " | ".join(f"{a:g} to {b:g} {unit}" for a, b in itertools.pairwise(edges))
-        print(f"\nFrames without {what}; {given.profile}\n| drone | {bins} |")
-        print("|---" * len(edges) + "|")
+    scenes = given.scenes.split(",")
+    flown = {
+        drone: [fly(drone, scene, given.profile) for scene in scenes] for drone in ("twin", "plain")
+    }
+    for what, edges in (("motion", GROUND), ("mark", RANGES_M)):
+        print(f"frames without {what}, between {', '.join(map(str, edges))}")
         for drone, logs in flown.items():
             samples = itertools.chain.from_iterable(getattr(log, what) for log in logs)
-            print(f"| {drone} | {shares(samples, edges)} |")
+            print(f"  {drone}: {shares(samples, edges)}")
 
 
 if __name__ == "__main__":

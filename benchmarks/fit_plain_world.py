@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -83,22 +83,20 @@ def views(
             yield scene, view.pose, frame
 
 
-def row(name: str, pairs: Iterable[tuple[Points, int, int]]) -> str:
+def row(name: str, pairs: Sequence[tuple[Points, int, int]]) -> str:
     """Return a line: median and 90 % of the absolute range error by range, and shares."""
-    some = list(pairs)
-    errors = np.concatenate([found for found, _, _ in some])
+    errors = np.concatenate([found for found, _, _ in pairs])
     cells = []
     for near, far in itertools.pairwise(RANGES_M):
         off_m = 100 * np.abs(errors[(errors[:, 0] >= near) & (errors[:, 0] < far), 1])
         cells.append("{:.1f} {:.1f}".format(*np.percentile(off_m, [50, 90])) if len(off_m) else "-")
-    total = len(errors) + sum(missed for _, missed, _ in some)
-    missed = sum(missed for _, missed, _ in some) / max(total, 1)
-    false = sum(false for _, _, false in some) / max(total, 1)
-    return f"| {name} | {' | '.join(cells)} | {missed:.1%} | {false:.1%} |"
+    missed, false = (sum(pair[index] for pair in pairs) for index in (1, 2))
+    total = max(len(errors) + missed, 1)
+    return f"  {name}: {', '.join(cells)}; missed {missed / total:.1%}, false {false / total:.1%}"
 
 
 def main() -> None:
-    """Print the tables."""
+    """Print the errors."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--jitter", type=float, nargs="*", default=[SightErrors.jitter_px])
     parser.add_argument("--profile", default="lab")
@@ -130,10 +128,8 @@ def main() -> None:
         for name, ids in maps.items():
             for kind, seen, true in zip(kinds, points_of(ids, classes, frame), exact, strict=True):
                 found[kind].setdefault(name, []).append(errors_of(seen, true))
-    bins = " | ".join(f"{a:g} to {b:g} m" for a, b in itertools.pairwise(RANGES_M))
     for kind in kinds:
-        print(f"\nAbsolute range error of {kind}, cm: median, 90 %; {given.profile}")
-        print(f"| perception | {bins} | missed | false |\n|{'---|' * (len(RANGES_M) + 2)}")
+        print(f"{kind}: median and 90 % of the absolute range error in cm between {RANGES_M} m")
         for name, pairs in found[kind].items():
             print(row(name, pairs))
 

@@ -1,4 +1,4 @@
-r"""Make furnished rooms, and train the network `any` on them.
+"""Make furnished rooms, and train the network `any` on them.
 
     python -m benchmarks.rooms assets --furniture LIBRARY.sh3f --pictures DIR --out runs/assets
     python -m benchmarks.rooms furnish runs/assets --use train --rooms 480 --out runs/rooms/train
@@ -22,9 +22,8 @@ from benchmarks.rooms.assets import USES, load_assets, make_assets
 from benchmarks.rooms.furnish import FLOWN, Assets, RoomPlan, write_room
 from benchmarks.rooms.room_views import ViewKind
 from benchmarks.rooms.score import score_rooms
-from benchmarks.rooms.training import SCENES, RoomTraining, export_any, train_any
+from benchmarks.rooms.training import SCENES, export_any, train_any
 from perception.networks.named import SHIPPED_UNET, segmentation_file
-from perception.networks.training.room_run import RoomTrainingConfig
 from perception.segmentation.runtime import load_segmenter
 from uav_bt.lab.shipped import load_lab
 
@@ -55,39 +54,6 @@ def score(rooms: Path, models: list[str], views: int) -> None:
 
 def main() -> None:
     """Run one of the commands."""
-    given = _parser().parse_args()
-    if given.command == "assets":
-        make_assets(given.furniture, given.pictures, given.out)
-    elif given.command == "furnish":
-        plan = FLOWN if given.flown else RoomPlan()
-        furnish(load_assets(given.assets, given.use), plan, given.seed, given.rooms, given.out)
-    elif given.command == "export":
-        export_any(given.weights, given.rooms, given.out)
-    elif given.command == "score":
-        score(given.rooms, given.model, given.views)
-    else:
-        train_any(
-            RoomTraining(
-                rooms=given.rooms,
-                views=given.views,
-                depth_scenes=given.depth_scenes,
-                depth_parts=given.depth_parts,
-                workers=given.workers,
-                start=given.start,
-                checkpoint=given.checkpoint,
-                out=given.out,
-            ),
-            RoomTrainingConfig(
-                steps=given.steps,
-                batch=given.batch,
-                learning_rate=given.learning_rate,
-                average=given.average,
-                device=given.device,
-            ),
-        )
-
-
-def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
     command = commands.add_parser("assets", help="convert furniture and pictures")
@@ -108,10 +74,6 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--depth-parts", type=int, default=6, help="sets of images of each")
     command.add_argument("--steps", type=int, default=13_000)
     command.add_argument("--batch", type=int, default=256)
-    command.add_argument("--learning-rate", type=float, default=3e-3)
-    command.add_argument("--average", type=float, default=0.999, help="decay of the mean weights")
-    command.add_argument("--start", type=Path, help="weights to begin with")
-    command.add_argument("--checkpoint", type=Path, help="state of the run, to go on from")
     command.add_argument("--workers", type=int, default=0)
     command.add_argument("--device", default="cpu")
     command.add_argument("--out", type=Path, required=True)
@@ -123,7 +85,18 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("rooms", type=Path)
     command.add_argument("--model", nargs="+", default=["any", SHIPPED_UNET])
     command.add_argument("--views", type=int, default=24, help="images of a room")
-    return parser
+    given = parser.parse_args()
+    if given.command == "assets":
+        make_assets(given.furniture, given.pictures, given.out)
+    elif given.command == "furnish":
+        plan = FLOWN if given.flown else RoomPlan()
+        furnish(load_assets(given.assets, given.use), plan, given.seed, given.rooms, given.out)
+    elif given.command == "train":
+        train_any(given)
+    elif given.command == "export":
+        export_any(given.weights, given.rooms, given.out)
+    else:
+        score(given.rooms, given.model, given.views)
 
 
 if __name__ == "__main__":

@@ -1,38 +1,52 @@
-"""The folder of assets: furniture and photographs, each for training or for testing."""
+"""The folder of assets: furniture as closed meshes, and photographs, for training or for testing.
+
+A library of Sweet Home 3D (`.sh3f`) is a ZIP archive with a catalogue and OBJ models, which are
+open and far finer than a lab's mesh may be. Each model becomes a few convex pieces (Wei et al.,
+"Approximate Convex Decomposition for 3D Meshes with Collision-Aware Concavity", SIGGRAPH 2022; the
+package coacd).
+"""
 
 from __future__ import annotations
 
 import json
+import re
 import zipfile
 import zlib
-from pathlib import Path
-from typing import Final
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
 
 import cv2
+import numpy as np
 
 from benchmarks.rooms.furnish import Assets, Furniture
 
 USES: Final = ("train", "test")
 LIST: Final = "furniture.json"
 PHOTOGRAPH_PX: Final = 512
-
-
-def use_of(name: str) -> str:
-    """Return `test` for about every fourth model, by its name, else `train`."""
-    return "test" if zlib.crc32(name.encode()) % 4 == 0 else "train"
+CATALOGUE: Final = "PluginFurnitureCatalog.properties"
+HEIGHTS_M: Final = (0.3, 2.45)  # of furniture that stands on the floor
+WIDEST_M: Final = 2.6
+FINEST: Final = 40_000  # triangles; finer models take minutes
+CONVEX: Final = {
+    "threshold": 0.08,  # largest concavity that is left, relative
+    "max_convex_hull": 20,
+    "preprocess_resolution": 30,
+    "resolution": 500,
+    "mcts_nodes": 6,
+    "mcts_iterations": 20,
+    "mcts_max_depth": 2,
+    "decimate": True,
+    "max_ch_vertex": 48,
+}
 
 
 def load_assets(folder: Path, use: str) -> Assets:
-    """Return the assets of a folder for training or for testing.
-
-    Args:
-        folder: Written by `make_assets`.
-        use: `train` or `test`.
-    """
-    listed = json.loads((folder / LIST).read_text(encoding="utf-8"))
+    """Return the assets of a folder of `make_assets` for `train` or `test`."""
     furniture = [
         Furniture(path=folder / "furniture" / each["file"], size_m=tuple(each["size_m"]))
-        for each in listed
+        for each in json.loads((folder / LIST).read_text(encoding="utf-8"))
         if each["use"] == use
     ]
     paths = sorted((folder / "pictures" / use).glob("*.jpg"))
@@ -50,18 +64,17 @@ def make_assets(library: Path, pictures: Path, out: Path) -> None:
         pictures: Folders `train` and `test` with photographs of materials.
         out: Folder of the assets.
     """
-    # Late: only this command needs coacd.
-    from benchmarks.rooms import furniture  # noqa: PLC0415
-
     (out / "furniture").mkdir(parents=True, exist_ok=True)
     listed = []
     with zipfile.ZipFile(library) as archive:
-        for model in furniture.list_models(archive):
-            path = out / "furniture" / f"{model.name.lower()}.obj"
-            if not path.exists() and not furniture.convert(archive, model, path):
+        for model, size_m, author in standing_models(archive):
+            name = PurePosixPath(model).stem
+            path = out / "furniture" / f"{name.lower()}.obj"
+            if not path.exists() and not convert(archive.read(model).decode("latin-1"), path):
                 continue
-            entry = {"file": path.name, "size_m": model.size_m, "author": model.author}
-            listed.append({**entry, "use": use_of(model.name)})
+            # About every fourth model is for tests, by its name.
+            use = "test" if zlib.crc32(name.encode()) % 4 == 0 else "train"
+            listed.append({"file": path.name, "size_m": size_m, "author": author, "use": use})
     (out / LIST).write_text(json.dumps(listed, indent=1) + "\n", encoding="utf-8")
     for use in USES:
         (out / "pictures" / use).mkdir(parents=True, exist_ok=True)
@@ -71,3 +84,49 @@ def make_assets(library: Path, pictures: Path, out: Path) -> None:
             small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
             target = out / "pictures" / use / f"{source.stem.lower()}.jpg"
             cv2.imwrite(str(target), small, [cv2.IMWRITE_JPEG_QUALITY, 85])
+
+
+def standing_models(library: zipfile.ZipFile) -> Iterator[tuple[str, list[float], str]]:
+    """Yield OBJ file, size in metres and author of the models that stand on the floor of a room."""
+    text = library.read(CATALOGUE).decode("latin-1")
+    entries: dict[str, dict[str, str]] = {}
+    for key, number, value in re.findall(r"^(\w+)#(\d+)=(.*?)\s*$", text, re.MULTILINE):
+        entries.setdefault(number, {})[key] = value
+    for entry in entries.values():
+        size_m = [float(entry[key]) / 100.0 for key in ("width", "depth", "height")]
+        stands = float(entry.get("elevation", 0.0)) == 0.0 and entry["doorOrWindow"] == "false"
+        fits = HEIGHTS_M[0] <= size_m[2] <= HEIGHTS_M[1] and max(size_m[:2]) <= WIDEST_M
+        if stands and fits and min(size_m[:2]) >= 0.1:
+            yield entry["model"].lstrip("/"), size_m, entry.get("creator", "")
+
+
+def convert(text: str, path: Path) -> bool:
+    """Write an OBJ model, y up, as convex pieces, z up; return whether it is coarse enough."""
+    corners, triangles = _triangles(text)
+    if len(triangles) > FINEST:
+        return False
+    import coacd  # noqa: PLC0415 - only this command needs it
+
+    coacd.set_log_level("error")
+    lines, first = [], 1
+    for points, faces in coacd.run_coacd(coacd.Mesh(corners, triangles), **CONVEX):
+        lines += [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in points]
+        lines += [f"f {a + first} {b + first} {c + first}" for a, b, c in faces]
+        first += len(points)
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return True
+
+
+def _triangles(text: str) -> tuple[Any, Any]:
+    """Return corners, (V, 3), and triangles, (N, 3), of an OBJ file."""
+    corners, triangles = [], []
+    for line in text.splitlines():
+        key, *words = line.split() or ("",)
+        if key == "v":
+            x, y, z = map(float, words[:3])
+            corners.append((x, -z, y))
+        elif key == "f":
+            face = [int(word.partition("/")[0]) for word in words]
+            face = [each - 1 if each > 0 else len(corners) + each for each in face]
+            triangles += [(face[0], a, b) for a, b in pairwise(face[1:])]
+    return np.array(corners), np.array(triangles)

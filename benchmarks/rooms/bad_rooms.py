@@ -1,21 +1,19 @@
-r"""Fly in rooms and with inputs that perception is not made for.
+"""Fly in rooms and with inputs that perception is not made for.
 
     python -m benchmarks.rooms.bad_rooms --out runs/bad-rooms
     python -m benchmarks.rooms.bad_rooms --cases mirror "camera x2" --seeds 3 --out runs/bad-rooms
 
 Each case is a lab folder without a network, so the network `any` flies there. The rooms are made of
-the depot's own files. The flights are written at once as lines of `flights.jsonl`; the same command
-resumes where it was stopped. Exit codes: 0 without a contact, 1 with one.
+the depot's own files. Each flight is printed as a line of JSON.
 """
 
 from __future__ import annotations
 
 import argparse
-import copy
 import json
+import math
 import shutil
-import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -24,24 +22,26 @@ import cv2
 import numpy as np
 import yaml
 
-from benchmarks.rooms.bad_flights import BadFlight, fly
 from sim_bridge.anafi import anafi_camera
+from uav_bt import app
+from uav_bt.board import FRAME, METRIC_DEPTH, ODOMETRY
 from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
 from uav_bt.lab.shipped import load_lab
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.tick import TickRecord
+from uav_bt.protocols import Drone
 
 SIZE_PX: Final = (320, 180)
-FLIGHTS_FILE: Final = "flights.jsonl"
 CAMERA_FILE: Final = "camera.yaml"
 MIRROR_X_M: Final = 0.0
-_COLUMNS: Final = (
-    *("case", "seed", "outcome", "reason", "contacts", "time, s", "covered", "drift, m"),
-    *("trusted and wrong", "doubted", "followed"),
-)
+TRUSTED: Final = 0.5  # least confidence of a trusted depth
+WRONG: Final = math.log(1.2)
+GROUND: Final = 0.2  # least share of an image that shows ground, as in `SensesAgree`
+_NEAR_M: Final = 6.0  # depth beyond is not compared
+_FLYING_M: Final = 0.8  # lower than this it takes off or lands
+_HULL_M: Final = 0.15  # half of the body's length
 _GREY_FILE: Final = "grey.png"
-_FROM: Final = "depot"
-_SCENE: Final = "depot-val-a"
 _NEAR_MIRROR_M: Final = 0.8  # no object stands nearer to its image than twice this
-_TAKE_OFF: Final = {"from": [-2.4, 1.4], "yaw_deg": -35}
 
 Lab = dict[str, Any]
 Scene = dict[str, Any]
@@ -49,21 +49,13 @@ Scene = dict[str, Any]
 
 @dataclass(frozen=True, kw_only=True)
 class BadRoom:
-    """A room, or an input, that perception is not made for.
-
-    Attributes:
-        name: Its name in the table.
-        change: Changes the lab file and the scene of the good room.
-        focal: Factor of the focal length in the camera file; None: no camera file.
-        faults: Of the drone.
-        mirror_x_m: World x of a mirror that nothing shows; None without one.
-    """
+    """A room, or an input, that perception is not made for."""
 
     name: str
-    change: Callable[[Lab, Scene], None] = lambda _lab, _scene: None
-    focal: float | None = None
+    change: Callable[[Lab, Scene], None] = lambda _lab, _scene: None  # of the good room
+    focal: float | None = None  # factor of the focal length in the camera file; None: no file
     faults: tuple[str, ...] = ()
-    mirror_x_m: float | None = None
+    mirror_x_m: float | None = None  # world x of a mirror that nothing shows
 
 
 def _plain_floor(lab: Lab, scene: Scene) -> None:
@@ -147,122 +139,112 @@ BAD_ROOMS: Final = (
 
 
 def write_bad_room(room: BadRoom, folder: Path) -> Path:
-    """Write a bad room as a lab folder without a network, and return its scene.
-
-    Args:
-        room: The room.
-        folder: The folder; it must not exist.
-    """
-    depot = load_lab(_FROM)
+    """Write a bad room as a new lab folder without a network, and return its scene."""
+    depot = load_lab("depot")
     lab = yaml.safe_load(depot.file.read_text(encoding="utf-8"))
-    scene = yaml.safe_load(depot.scenes[_SCENE].read_text(encoding="utf-8"))
+    scene = yaml.safe_load(depot.scenes["depot-val-a"].read_text(encoding="utf-8"))
     lab.pop("network", None)
     lab = {**lab, "limits": {"speed_mps": 0.6, "ceiling_m": 2.6}}
-    scene = {"objects": scene["objects"], "take_off": copy.deepcopy(_TAKE_OFF)}
+    scene = {"objects": scene["objects"], "take_off": {"from": [-2.4, 1.4], "yaw_deg": -35}}
     room.change(lab, scene)
-    scenes = folder / SCENES_FOLDER
-    scenes.mkdir(parents=True)
+    path = folder / SCENES_FOLDER / f"{folder.name}.yaml"
+    path.parent.mkdir(parents=True)
     for file in ("barrier.obj", "crate.jpg"):
         shutil.copyfile(depot.folder / file, folder / file)
     cv2.imwrite(str(folder / _GREY_FILE), np.full((64, 64, 3), 143, np.uint8))
+    written = {folder / LAB_FILE: lab, path: scene}
     if room.focal is not None:
-        (folder / CAMERA_FILE).write_text(_camera_text(room.focal), encoding="utf-8")
-    (folder / LAB_FILE).write_text(yaml.safe_dump(lab, sort_keys=False), encoding="utf-8")
-    path = scenes / f"{folder.name}.yaml"
-    path.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
+        lens = anafi_camera(*SIZE_PX)
+        fx_px, fy_px = room.focal * lens.fx_px, room.focal * lens.fy_px
+        written[folder / CAMERA_FILE] = {
+            "width_px": lens.width_px,
+            "height_px": lens.height_px,
+            "K": [[fx_px, 0.0, lens.cx_px], [0.0, fy_px, lens.cy_px], [0.0, 0.0, 1.0]],
+            "distortion": [0.0] * 5,
+        }
+    for file, content in written.items():
+        file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
     return path
 
 
-def _camera_text(factor: float) -> str:
-    camera = anafi_camera(*SIZE_PX)
-    return yaml.safe_dump(
-        {
-            "width_px": camera.width_px,
-            "height_px": camera.height_px,
-            "K": [
-                [factor * camera.fx_px, 0.0, camera.cx_px],
-                [0.0, factor * camera.fy_px, camera.cy_px],
-                [0.0, 0.0, 1.0],
-            ],
-            "distortion": [0.0] * 5,
-        },
-        sort_keys=False,
+class Watch:
+    """Notes contacts, and compares depth with the truth; beyond a mirror is a contact, too."""
+
+    def __init__(self, mirror_x_m: float | None) -> None:
+        self._mirror_x_m = math.inf if mirror_x_m is None else mirror_x_m
+        self._last = -1
+        self.contacts: dict[str, float] = {}  # first time of each, s
+        self.depths: list[tuple[float, float]] = []  # confidence, logarithm of the error
+        self.followed: list[bool] = []  # of the frames with ground: whether its motion was measured
+
+    def follow(self, flight: app.Flight[Drone]) -> Sequence[Watch]:
+        """Become a listener of a flight."""
+        self._referee, self._board = flight.drone.referee, flight.context.board
+        return (self,)
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Note contacts, and compare the depth of a new frame."""
+        truth, rules = record.truth, JudgeConfig()
+        if truth is None:
+            return
+        touched = [name for name in truth.contacts if not rules.is_landing_surface(name)]
+        touched += ["mirror"] * (truth.pose.x_m > self._mirror_x_m - _HULL_M)
+        for name in touched:
+            self.contacts.setdefault(name, round(record.time_s, 1))
+        frame, depth = self._board.read(FRAME).value, self._board.read(METRIC_DEPTH).value
+        if truth.pose.z_m <= _FLYING_M or frame is None or frame.index == self._last:
+            return
+        self._last = frame.index
+        if depth is not None and depth.captured_s == frame.captured_s:
+            height_px, width_px = depth.depth.shape
+            true = self._referee.depth(frame, width_px, height_px)
+            near = np.isfinite(depth.depth) & (depth.depth > 0.0) & (true > 0.0) & (true < _NEAR_M)
+            ratios = np.log(depth.depth[near] / true[near])
+            self.depths.append((depth.confidence, float(np.median(ratios)) if near.any() else 0.0))
+        motion = self._board.read(ODOMETRY).value
+        if motion is not None and (motion.ground_share or 0.0) >= GROUND:
+            self.followed.append(motion.tracked_s == motion.seen.time_s)
+
+    def shares(self) -> dict[str, float | None]:
+        """Return shares of the frames with depth, and of those with ground."""
+        wrong = [sure > TRUSTED and abs(off) > WRONG for sure, off in self.depths]
+        doubted = [sure <= TRUSTED for sure, _ in self.depths]
+        shares = {"trusted_wrong": wrong, "doubted": doubted, "followed": self.followed}
+        return {name: sum(each) / len(each) if each else None for name, each in shares.items()}
+
+
+def fly(room: BadRoom, seed: int, given: argparse.Namespace) -> dict[str, Any]:
+    """Fly once in a bad room and return the flight's line."""
+    folder, watch = given.out / room.name.replace(" ", "-"), Watch(room.mirror_x_m)
+    scene = folder / SCENES_FOLDER / f"{folder.name}.yaml"
+    options = app.FlightOptions(
+        lab=folder,
+        scene=str(scene if scene.exists() else write_bad_room(room, folder)),
+        seed=seed,
+        camera=None if room.focal is None else folder / CAMERA_FILE,
+        faults=room.faults,
+        ports=dict(each.split("=", 1) for each in given.ports),
+        image_size_px=SIZE_PX,
     )
+    report = app.fly(given.tree, options, listeners=[watch.follow]).to_json()
+    kept = ("outcome", "reason", "duration_s", "coverage_passed", "map_drift_m", "warnings")
+    line = {"case": room.name, "seed": seed, "contacts": watch.contacts, **watch.shares()}
+    return line | {name: report[name] for name in kept}
 
 
-def table(flights: Iterable[dict[str, Any]]) -> str:
-    """Return the table of flights, as Markdown."""
-    rows = [f"| {' | '.join(_COLUMNS)} |", "|---" * len(_COLUMNS) + "|"]
-    for each in flights:
-        numbers = [
-            _number(each["duration_s"], ".0f"),
-            _number(each["covered"], ".0%"),
-            _number(each["drift_m"], ".2f"),
-            _number(each["trusted_wrong"], ".1%"),
-            _number(each["doubted"], ".1%"),
-            _number(each["followed"], ".0%"),
-        ]
-        cells = [
-            each["case"],
-            str(each["seed"]),
-            each["outcome"],
-            each["reason"],
-            ", ".join(each["contacts"]) or "none",
-            *numbers,
-        ]
-        rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join(rows)
-
-
-def _number(value: float | None, form: str) -> str:
-    return "" if value is None else format(value, form)
-
-
-def _flown(path: Path) -> list[dict[str, Any]]:
-    if not path.exists():
-        return []
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Fly, print the table, and return the exit code."""
+def main() -> None:
+    """Fly, and print a line for each flight."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--cases", nargs="+", choices=[each.name for each in BAD_ROOMS])
+    parser.add_argument("--cases", nargs="+", default=[room.name for room in BAD_ROOMS])
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--tree", default="survey_any_room")
     parser.add_argument("--set", nargs="*", default=["CoverFor.duration_ms=60000"], dest="ports")
     parser.add_argument("--out", type=Path, required=True)
-    given = parser.parse_args(arguments)
-    file = given.out / FLIGHTS_FILE
-    flights = _flown(file)
-    done = {(each["case"], each["seed"], each["tree"]) for each in flights}
-    for seed in range(given.seeds):
-        for room in BAD_ROOMS:
-            if given.cases is not None and room.name not in given.cases:
-                continue
-            if (room.name, seed, given.tree) in done:
-                continue
-            folder = given.out / room.name.replace(" ", "-")
-            scene = folder / SCENES_FOLDER / f"{folder.name}.yaml"
-            flight = BadFlight(
-                case=room.name,
-                seed=seed,
-                tree=given.tree,
-                lab=folder,
-                scene=scene if scene.exists() else write_bad_room(room, folder),
-                camera=None if room.focal is None else folder / CAMERA_FILE,
-                faults=room.faults,
-                mirror_x_m=room.mirror_x_m,
-                ports=dict(each.split("=", 1) for each in given.ports),
-            )
-            flights.append(fly(flight, SIZE_PX, given.out / "frames"))
-            with file.open("a", encoding="utf-8") as lines:
-                lines.write(json.dumps(flights[-1]) + "\n")
-            print(json.dumps(flights[-1]), file=sys.stderr, flush=True)
-    flights.sort(key=lambda each: [room.name for room in BAD_ROOMS].index(each["case"]))
-    print(table(flights))
-    return 1 if any(each["contacts"] for each in flights) else 0
+    given = parser.parse_args()
+    for room in BAD_ROOMS:
+        for seed in range(given.seeds if room.name in given.cases else 0):
+            print(json.dumps(fly(room, seed, given)), flush=True)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -28,19 +28,20 @@ MARK: Final = {
     "height_m": 0.01,
     "options": {"family": "36h11", "id": 7, "size_m": 0.4},
 }
-EDGE_M: Final = 0.45  # walls stand at the edge of the floor
+LAB: Final = {
+    "version": 1,
+    "classes": CLASSES,
+    "mark": MARK,
+    "limits": {"speed_mps": 0.6, "ceiling_m": 2.0},
+    "margins": {"edge_m": 0.45},  # walls stand at the edge of the floor
+}
 TRIES: Final = 200
 WALL_GAP_M: Final = 0.04
 
 
 @dataclass(frozen=True, kw_only=True)
 class Furniture:
-    """A model of furniture.
-
-    Attributes:
-        path: Its OBJ file.
-        size_m: Length, width and height.
-    """
+    """A model: its OBJ file; length, width and height."""
 
     path: Path
     size_m: tuple[float, float, float]
@@ -48,12 +49,7 @@ class Furniture:
 
 @dataclass(frozen=True, kw_only=True)
 class Assets:
-    """What rooms are made of.
-
-    Attributes:
-        furniture: Models.
-        photographs: Photographs of materials, (H, W, 3) uint8 RGB.
-    """
+    """What rooms are made of: models, and photographs of materials, (H, W, 3) uint8 RGB."""
 
     furniture: Sequence[Furniture]
     photographs: Sequence[Image]
@@ -61,21 +57,13 @@ class Assets:
 
 @dataclass(frozen=True, kw_only=True)
 class RoomPlan:
-    """How rooms are furnished.
-
-    Attributes:
-        sides_m: Shortest and longest side of the floor.
-        per_m2: Least and most objects per square metre of floor.
-        gap_m: Least distance between two objects that stand away from the walls.
-        ambient: Least and most light without a direction.
-        plain_floors: Share of floors that are nearly of one colour.
-    """
+    """How rooms are furnished: ranges."""
 
     sides_m: tuple[float, float] = (3.5, 8.0)
-    per_m2: tuple[float, float] = (0.2, 0.6)
-    gap_m: float = 0.15
+    per_m2: tuple[float, float] = (0.2, 0.6)  # objects
+    gap_m: float = 0.15  # between two objects that stand away from the walls
     ambient: tuple[float, float] = (0.2, 0.75)
-    plain_floors: float = 0.15
+    plain_floors: float = 0.15  # share of floors that are nearly of one colour
 
 
 FLOWN: Final = RoomPlan(gap_m=0.9, per_m2=(0.2, 0.45), ambient=(0.45, 0.8), plain_floors=0.0)
@@ -83,46 +71,39 @@ FLOWN: Final = RoomPlan(gap_m=0.9, per_m2=(0.2, 0.45), ambient=(0.45, 0.8), plai
 
 
 def write_room(folder: Path, assets: Assets, rng: np.random.Generator, plan: RoomPlan) -> Path:
-    """Write a room, and return its scene with a landing mark.
-
-    Args:
-        folder: Folder of the lab; its name is the name of the scene.
-        assets: Furniture and materials of the room.
-        rng: Source of the random numbers.
-        plan: Sizes and number of objects.
-    """
+    """Write a room as a lab folder, and return its scene with a landing mark."""
     scenes = folder / SCENES_FOLDER
     scenes.mkdir(parents=True)
     size_m = tuple(round(float(side), 2) for side in rng.uniform(*plan.sides_m, 2))
     kinds = _kinds(folder, assets, rng)
-    lab = {
-        "version": 1,
-        "classes": CLASSES,
-        "mark": MARK,
-        "limits": {"speed_mps": 0.6, "ceiling_m": 2.0},
-        "margins": {"edge_m": EDGE_M},
-        "room": {
-            "ground": {"size_m": list(size_m), "surface": _floor(folder, assets, rng, plan)},
-            "walls": {
-                "height_m": round(float(rng.uniform(2.4, 3.6)), 2),
-                "beside_m": 0,
-                "surface": _surface(folder, "walls", assets, rng, plain=0.55),
-            },
-            "light": _light(size_m, rng, plan),
-            "objects": kinds,
+    room = {
+        "ground": {"size_m": list(size_m), "surface": _floor(folder, assets, rng, plan)},
+        "walls": {
+            "height_m": _drawn(rng, 2.4, 3.6),
+            "beside_m": 0,
+            "surface": _surface(folder, "walls", assets, rng, plain=0.55),
         },
+        "light": _light(size_m, rng, plan),
+        "objects": kinds,
     }
-    (folder / LAB_FILE).write_text(yaml.safe_dump(lab, sort_keys=False), encoding="utf-8")
+    _write(folder / LAB_FILE, {**LAB, "room": room})
     wanted = round(size_m[0] * size_m[1] * float(rng.uniform(*plan.per_m2)))
-    pad_m = [round(float(rng.uniform(-side / 2 + 0.8, side / 2 - 0.8)), 2) for side in size_m]
-    scene = {
-        "helipad": {"position_m": pad_m, "yaw_deg": round(float(rng.uniform(0, 360)))},
-        "objects": _placed(kinds, size_m, pad_m, wanted, rng=rng, gap_m=plan.gap_m),
-        "take_off": {"from": "helipad", "yaw_deg": round(float(rng.uniform(0, 360)))},
-    }
+    pad_m = [_drawn(rng, -side / 2 + 0.8, side / 2 - 0.8) for side in size_m]
+    pad = {"position_m": pad_m, "yaw_deg": _drawn(rng, 0, 360, None)}
+    objects = _placed(kinds, size_m, pad_m, wanted, rng=rng, gap_m=plan.gap_m)
+    yaw_deg = _drawn(rng, 0, 360, None)
     path = scenes / f"{folder.name}.yaml"
-    path.write_text(yaml.safe_dump(scene, sort_keys=False), encoding="utf-8")
+    take_off = {"from": "helipad", "yaw_deg": yaw_deg}
+    _write(path, {"helipad": pad, "objects": objects, "take_off": take_off})
     return path
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+
+def _drawn(rng: np.random.Generator, low: float, high: float, digits: int | None = 2) -> float:
+    return round(float(rng.uniform(low, high)), digits)
 
 
 def _surface(
@@ -149,7 +130,7 @@ def _floor(
         surface["lines"] = [
             {
                 "points_m": ends,
-                "width_m": round(float(rng.uniform(0.6, 1.8)), 2),
+                "width_m": _drawn(rng, 0.6, 1.8),
                 "colour": "#{:02x}{:02x}{:02x}".format(*rgb),
             }
         ]
@@ -159,14 +140,16 @@ def _floor(
 def _light(size_m: tuple[float, ...], rng: np.random.Generator, plan: RoomPlan) -> dict[str, Any]:
     lamps = [
         {
-            "position_m": [round(float(rng.uniform(-side / 2, side / 2)), 2) for side in size_m]
-            + [round(float(rng.uniform(2.0, 2.4)), 2)],
-            "brightness": round(float(rng.uniform(0.3, 1.2)), 2),
-            "reach_m": round(float(rng.uniform(1.5, 6.0)), 1),
+            "position_m": [
+                *(_drawn(rng, -side / 2, side / 2) for side in size_m),
+                _drawn(rng, 2.0, 2.4),
+            ],
+            "brightness": _drawn(rng, 0.3, 1.2),
+            "reach_m": _drawn(rng, 1.5, 6.0, 1),
         }
         for _ in range(int(rng.integers(1, 5)))
     ]
-    return {"ambient": round(float(rng.uniform(*plan.ambient)), 2), "lamps": lamps}
+    return {"ambient": _drawn(rng, *plan.ambient), "lamps": lamps}
 
 
 def _kinds(folder: Path, assets: Assets, rng: np.random.Generator) -> dict[str, Any]:
@@ -224,8 +207,10 @@ def _placed(
         name = names[int(rng.integers(len(names)))]
         length_m, width_m, _ = kinds[name]["size_m"]
         along = rng.random() < 0.6
-        yaw_deg = 90.0 * int(rng.integers(4)) if along else round(float(rng.uniform(0, 360)))
-        half = _half_extent(length_m, width_m, yaw_deg)
+        yaw_deg = 90.0 * int(rng.integers(4)) if along else _drawn(rng, 0, 360, None)
+        yaw_rad = math.radians(yaw_deg)
+        cos, sin = abs(math.cos(yaw_rad)), abs(math.sin(yaw_rad))
+        half = ((length_m * cos + width_m * sin) / 2, (length_m * sin + width_m * cos) / 2)
         room = [side / 2 - each - WALL_GAP_M for side, each in zip(size_m, half, strict=True)]
         if min(room) <= 0.0:
             continue
@@ -240,11 +225,3 @@ def _placed(
             spot = [round(each, 3) for each in place]
             objects.append({"kind": name, "position_m": spot, "yaw_deg": yaw_deg})
     return objects
-
-
-def _half_extent(length_m: float, width_m: float, yaw_deg: float) -> tuple[float, float]:
-    cos, sin = abs(math.cos(math.radians(yaw_deg))), abs(math.sin(math.radians(yaw_deg)))
-    return (
-        (length_m * cos + width_m * sin) / 2,
-        (length_m * sin + width_m * cos) / 2,
-    )

@@ -17,13 +17,7 @@ _Colours = NDArray[np.float32]
 
 
 def draw_surface(photographs: Sequence[Image], rng: np.random.Generator, plain: float) -> Image:
-    """Return a picture that repeats without seams, (SIDE_PX, SIDE_PX, 3) uint8 RGB.
-
-    Args:
-        photographs: Photographs of materials, (H, W, 3) uint8 RGB.
-        rng: Source of the random numbers.
-        plain: Share of surfaces that are nearly of one colour.
-    """
+    """Return a picture that repeats without seams, uint8 RGB; a share is nearly of one colour."""
     image = _base(photographs, rng, plain)
     if rng.random() < PATCHED:
         for _ in range(int(rng.integers(1, 4))):

@@ -40,76 +40,46 @@ ROLE_IDS: Final = {OUTSIDE: 0, GROUND: 1, OBSTACLE: 2, MARK: IGNORED}
 
 
 class ViewKind(Enum):
-    """Where the camera is and where it points.
+    """Where the camera is and where it points."""
 
-    Attributes:
-        MIXED: Half as in a flight, the others wide, steep, and close above furniture.
-        LEVEL: As in a flight.
-        DOWN: Within 5 degrees of straight down, as before a landing.
-    """
-
-    MIXED = "mixed"
-    LEVEL = "level"
-    DOWN = "down"
+    MIXED = "mixed"  # half as in a flight, the others wide, steep, and close above furniture
+    LEVEL = "level"  # as in a flight
+    DOWN = "down"  # within 5 degrees of straight down, as before a landing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoomView:
-    """One image of a room.
-
-    Attributes:
-        rgb: (H, W, 3) uint8.
-        roles: (h, w) uint8; 0 outside, 1 ground, 2 obstacle, 255 without a label.
-        depth_m: (h, w) float32, along the optical axis.
-        pose: Pose of the camera.
-    """
+    """One image of a room."""
 
     rgb: Image
-    roles: Image
-    depth_m: NDArray[np.float32]
+    roles: Image  # (h, w) uint8; 0 outside, 1 ground, 2 obstacle, 255 without a label
+    depth_m: NDArray[np.float32]  # (h, w), along the optical axis
     pose: CameraPose
 
 
 def draw_poses(
     scene: Scene, rng: np.random.Generator, count: int, kind: ViewKind = ViewKind.MIXED
 ) -> list[CameraPose]:
-    """Return camera poses that keep clear of walls and objects.
-
-    Args:
-        scene: The room.
-        rng: Source of the random numbers.
-        count: Number of poses.
-        kind: Heights and pitches.
-
-    Raises:
-        ValueRangeError: The objects leave no room.
-    """
+    """Return camera poses that keep clear of walls and objects."""
     poses: list[CameraPose] = []
     for _ in range(TRIES):
         if len(poses) == count:
             return poses
         x_m, y_m, z_m, pitch_deg = _PLACES[kind](scene, rng)
         if _is_free(scene, x_m, y_m, z_m):
+            yaw_rad, pitch_rad = float(rng.uniform(-math.pi, math.pi)), math.radians(pitch_deg)
             poses.append(
-                CameraPose(
-                    x_m=x_m,
-                    y_m=y_m,
-                    z_m=z_m,
-                    yaw_rad=float(rng.uniform(-math.pi, math.pi)),
-                    pitch_rad=math.radians(pitch_deg),
-                )
+                CameraPose(x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad, pitch_rad=pitch_rad)
             )
     raise ValueRangeError(f"scene '{scene.name}': the objects leave no room for a camera")
 
 
 _Place = tuple[float, float, float, float]  # x, y and z in metres, pitch in degrees
+_Range = tuple[float, float]
 
 
 def _somewhere(
-    scene: Scene,
-    rng: np.random.Generator,
-    heights_m: tuple[float, float],
-    pitches_deg: tuple[float, float],
+    scene: Scene, rng: np.random.Generator, heights_m: _Range, pitches_deg: _Range
 ) -> _Place:
     half = np.array(scene.ground.size_m) / 2 - CLEAR_M
     x_m, y_m = rng.uniform(-half, half).tolist()
@@ -117,11 +87,9 @@ def _somewhere(
 
 
 def _level(scene: Scene, rng: np.random.Generator) -> _Place:
-    flown = rng.random() < 0.5
-    heights_m, pitches_deg = (
-        (FLIGHT_HEIGHTS_M, FLIGHT_PITCHES_DEG) if flown else (HEIGHTS_M, PITCHES_DEG)
-    )
-    return _somewhere(scene, rng, heights_m, pitches_deg)
+    if rng.random() < 0.5:
+        return _somewhere(scene, rng, FLIGHT_HEIGHTS_M, FLIGHT_PITCHES_DEG)
+    return _somewhere(scene, rng, HEIGHTS_M, PITCHES_DEG)
 
 
 def _down(scene: Scene, rng: np.random.Generator) -> _Place:
@@ -172,34 +140,18 @@ def _is_free(scene: Scene, x_m: float, y_m: float, z_m: float) -> bool:
     )
 
 
-def draw_views(
-    scene: Scene,
-    count: int,
-    seed: int,
-    *,
-    profile: str = "lab",
-    kind: ViewKind = ViewKind.MIXED,
-) -> Iterator[RoomView]:
-    """Render a room from random poses; the same arguments give the same views.
+def _flown(rng: np.random.Generator) -> float:
+    return math.radians(float(rng.uniform(-32.0, -22.0)))
 
-    Args:
-        scene: The room.
-        count: Number of views.
-        seed: Seed of poses, light and noise.
-        profile: Source of blur, noise and exposure error.
-        kind: Heights and pitches of the camera.
-    """
+
+def draw_views(
+    scene: Scene, count: int, seed: int, *, kind: ViewKind = ViewKind.MIXED
+) -> Iterator[RoomView]:
+    """Render a room from random poses; the same arguments give the same views."""
     rng = np.random.default_rng(seed)
     poses = draw_poses(scene, rng, count, kind)
     if kind is ViewKind.LEVEL:
-        poses = [
-            replace(
-                pose,
-                z_m=max(pose.z_m, 1.0),
-                pitch_rad=math.radians(float(rng.uniform(-32.0, -22.0))),
-            )
-            for pose in poses
-        ]
+        poses = [replace(pose, z_m=max(pose.z_m, 1.0), pitch_rad=_flown(rng)) for pose in poses]
     roles_of = np.full(256, IGNORED, np.uint8)
     for role, number in ROLE_IDS.items():
         for class_id in load_lab(scene.lab).classes.of_role(role):
@@ -209,7 +161,7 @@ def draw_views(
         poses,
         size_px=IMAGE_PX,
         truth_size_px=TRUTH_PX,
-        profile=Profile.named(profile),
+        profile=Profile.named("lab"),
         vary_light=True,
         seed=seed,
     ):

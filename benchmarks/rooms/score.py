@@ -25,18 +25,11 @@ FEWEST: Final = 100  # ground pixels for a scale
 
 @dataclass(frozen=True, kw_only=True)
 class RoomScore:
-    """Score of a network.
+    """Score of a network."""
 
-    Attributes:
-        confusion: (3, 3) pixels of each role that were called each role.
-        scales: (N,) of the images with ground in view: relative depth's factor to metres, over the
-            height of the camera. Empty for a network without depth.
-        milliseconds: Median time of an image.
-    """
-
-    confusion: NDArray[np.int64]
-    scales: NDArray[np.float64]
-    milliseconds: float
+    confusion: NDArray[np.int64]  # (3, 3) pixels of each role that were called each role
+    scales: NDArray[np.float64]  # of relative depth, over the camera's height, where ground is seen
+    milliseconds: float  # median time of an image
 
     def lines(self) -> list[str]:
         """Return the rows of a Markdown table."""
@@ -54,26 +47,19 @@ class RoomScore:
 
 
 def score_rooms(
-    segmenter: Segmenter,
-    scenes: Sequence[str],
-    views: int,
-    kind: ViewKind = ViewKind.LEVEL,
+    segmenter: Segmenter, scenes: Sequence[str], views: int, kind: ViewKind = ViewKind.LEVEL
 ) -> RoomScore:
-    """Score a network on views in rooms.
-
-    Args:
-        segmenter: Gives class maps, and relative depth if it has a second head.
-        scenes: Names or files of the scenes.
-        views: Images of each scene.
-        kind: Heights and pitches of the camera.
-    """
+    """Score a network on some views in each of the rooms."""
     confusion = np.zeros((3, 3), np.int64)
     scales: list[float] = []
     spent_s: list[float] = []
     for number, name in enumerate(scenes):
         for view in draw_views(load_scene(name), views, number, kind=kind):
+            frame = Frame(
+                image=view.rgb, index=0, captured_s=0.0, gimbal_pitch_rad=view.pose.pitch_rad
+            )
             began_s = time.perf_counter()
-            roles = segmenter.segment(_frame(view)).roles
+            roles = segmenter.segment(frame).roles
             spent_s.append(time.perf_counter() - began_s)
             _count(confusion, view, roles)
             depth = getattr(segmenter, "relative_depth", None)
@@ -85,10 +71,6 @@ def score_rooms(
                 scales.append(ratio / view.pose.z_m)
     milliseconds = 1e3 * float(np.median(spent_s))
     return RoomScore(confusion=confusion, scales=np.array(scales), milliseconds=milliseconds)
-
-
-def _frame(view: RoomView) -> Frame:
-    return Frame(image=view.rgb, index=0, captured_s=0.0, gimbal_pitch_rad=view.pose.pitch_rad)
 
 
 def _count(confusion: NDArray[np.int64], view: RoomView, roles: NDArray[np.uint8]) -> None:

@@ -1,18 +1,30 @@
-"""Training and export of the network `any` on images of rooms."""
+"""Images of many rooms, and training and export of the network `any` on them."""
 
 from __future__ import annotations
 
 import copy
+import multiprocessing
+import os
 import time
+from argparse import Namespace
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from benchmarks.rooms.collection import RoomJob, render_rooms
-from benchmarks.rooms.room_views import ViewKind, draw_views
+import numpy as np
+
+from benchmarks.rooms.room_views import TRUTH_PX, ViewKind, draw_views
+from perception.networks.onnx_runtime import shrunk
 from perception.networks.training.room_net import ROOM_FILES, RoomNet
-from perception.networks.training.room_run import Progress, RoomTrainingConfig, train_room_net
+from perception.networks.training.room_run import (
+    Progress,
+    RoomImages,
+    RoomTrainingConfig,
+    train_room_net,
+)
+from perception.segmentation.training.run import IGNORED
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.learning.exporting import CALIBRATION_VIEWS
 from uav_bt.learning.views import twin_views
@@ -20,51 +32,52 @@ from uav_bt.learning.views import twin_views
 SCENES: Final = "*/scenes/*[0-9].yaml"
 """Scenes of rooms with a landing mark, in a folder of rooms."""
 
+FARTHEST: Final = 60_000.0  # within the range of half-precision floats
 REPORTED: Final = 200  # steps
 KEPT: Final = 500  # steps
-NEVER: Final = 10**9
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoomTraining:
-    """A training run.
+class RoomJob:
+    """Images of one scene; without labels they teach depth only."""
 
-    Attributes:
-        rooms: Folder of rooms.
-        views: Images of each room.
-        depth_scenes: Scenes that teach depth and no roles, so that their roles stay unseen.
-        depth_parts: Sets of images of each of those scenes.
-        workers: Processes that render; 0: one for each core.
-        start: Weights to begin with; None: random ones.
-        checkpoint: File of the run's state, to go on from; None: none.
-        out: The weights.
-    """
-
-    rooms: Path
+    scene: str
     views: int
-    depth_scenes: Sequence[str]
-    depth_parts: int
-    workers: int
-    start: Path | None
-    checkpoint: Path | None
-    out: Path
+    seed: int
+    labelled: bool = True
 
 
-def train_any(run: RoomTraining, config: RoomTrainingConfig) -> None:
-    """Render the images of rooms, train the network on them, and write its weights.
+def render_rooms(jobs: Sequence[RoomJob], workers: int) -> RoomImages:
+    """Render the images of many scenes in some processes, one for each core if `workers` is 0."""
+    spawned = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
+    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=spawned) as pool:
+        parts = list(pool.map(_render, jobs))
+    return RoomImages(
+        rgb=np.concatenate([part.rgb for part in parts]),
+        roles=np.concatenate([part.roles for part in parts]),
+        depth=np.concatenate([part.depth for part in parts]),
+    )
 
-    Args:
-        run: Rooms and files.
-        config: How to train.
-    """
+
+def _render(job: RoomJob) -> RoomImages:
+    shape = (job.views, TRUTH_PX[1], TRUTH_PX[0])
+    rgb, roles = np.empty((*shape, 3), np.uint8), np.full(shape, IGNORED, np.uint8)
+    depth = np.empty(shape, np.float16)
+    scene = load_scene(job.scene)
+    for index, view in enumerate(draw_views(scene, job.views, job.seed)):
+        rgb[index] = shrunk(view.rgb, TRUTH_PX)
+        if job.labelled:
+            roles[index] = view.roles
+        depth[index] = np.minimum(view.depth_m / view.pose.z_m, FARTHEST)
+    return RoomImages(rgb=rgb, roles=roles, depth=depth)
+
+
+def train_any(run: Namespace) -> None:
+    """Render the images of rooms, train the network on them, and write its weights."""
     began_s = time.monotonic()
 
     def report(text: str) -> None:
         print(f"{time.monotonic() - began_s:7.1f} s  {text}", flush=True)
-
-    def advance(_stage: str, done: int, total: int) -> None:
-        if done % 25 == 0:
-            report(f"{done} of {total} scenes")
 
     def progress(now: Progress, net: RoomNet) -> None:
         if now.step % REPORTED == 0:
@@ -72,42 +85,27 @@ def train_any(run: RoomTraining, config: RoomTrainingConfig) -> None:
         if now.step % KEPT == 0:
             ROOM_FILES.save(run.out, copy.deepcopy(net).cpu(), notes={"steps": now.step})
 
-    jobs = _jobs(run)
-    images = render_rooms(jobs, run.workers, advance=advance)
+    jobs = [
+        RoomJob(scene=str(scene), views=run.views, seed=number)
+        for number, scene in enumerate(sorted(run.rooms.glob(SCENES)))
+    ] + [
+        RoomJob(scene=name, views=run.views, seed=1000 + 50 * part + number, labelled=False)
+        for number, name in enumerate(run.depth_scenes)
+        for part in range(run.depth_parts)
+    ]
+    images = render_rooms(jobs, run.workers)
     report(f"{len(images.rgb)} images of {len(jobs)} scenes")
-    net = train_room_net(
-        images,
-        replace(config, checkpoint_every=REPORTED if run.checkpoint else NEVER),
-        start=None if run.start is None else ROOM_FILES.load(run.start)[0],
-        checkpoint=run.checkpoint,
-        progress=progress,
+    config = RoomTrainingConfig(
+        steps=run.steps, batch=run.batch, learning_rate=3e-3, average=0.999, device=run.device
     )
+    net = train_room_net(images, config, progress=progress)
     notes = {"scenes": len(jobs), "images": len(images.rgb), "steps": config.steps}
     ROOM_FILES.save(run.out, net, notes=notes)
     report(f"network: {run.out}")
 
 
-def _jobs(run: RoomTraining) -> list[RoomJob]:
-    rooms = [
-        RoomJob(scene=str(scene), views=run.views, seed=number)
-        for number, scene in enumerate(sorted(run.rooms.glob(SCENES)))
-    ]
-    depth = [
-        RoomJob(scene=name, views=run.views, seed=1000 + 50 * part + number, labelled=False)
-        for number, name in enumerate(run.depth_scenes)
-        for part in range(run.depth_parts)
-    ]
-    return rooms + depth
-
-
 def export_any(weights: Path, rooms: Path, out: Path) -> None:
-    """Write the ONNX file of a network in 8-bit integers, calibrated on images of rooms and lab.
-
-    Args:
-        weights: The weights.
-        rooms: Folder of rooms.
-        out: The ONNX file.
-    """
+    """Write the ONNX file of a network in 8-bit integers, calibrated on images of rooms and lab."""
     images = [
         view.rgb
         for number, scene in enumerate(sorted(rooms.glob(SCENES))[:24])

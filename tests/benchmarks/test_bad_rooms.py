@@ -6,14 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.rooms.bad_flights import followed_share, share_of
 from benchmarks.rooms.bad_rooms import (
     BAD_ROOMS,
     CAMERA_FILE,
     MIRROR_X_M,
     SIZE_PX,
     BadRoom,
-    table,
+    Watch,
     write_bad_room,
 )
 from perception.camera.camera_file import load_camera
@@ -62,43 +61,8 @@ def test_the_camera_file_is_wrong_by_its_factor(tmp_path: Path) -> None:
 
 
 def test_depth_is_trusted_and_wrong_or_doubted() -> None:
-    frames = [
-        {"confidence": 0.9, "off": 0.0},
-        {"confidence": 0.9, "off": -0.3},
-        {"confidence": 0.4, "off": 0.3},
-        {"time_s": 1.0},
-        {"confidence": 0.3, "off": 0.0},
-    ]
-    assert share_of(frames, trusted=True) == 0.25
-    assert share_of(frames, trusted=False) == 0.5
-    assert share_of([{"time_s": 1.0}], trusted=True) is None
-
-
-def test_only_frames_with_ground_count_as_followed_or_not() -> None:
-    frames = [
-        {"ground": 0.5, "followed": 1.0},
-        {"ground": 0.5, "followed": 0.0},
-        {"ground": 0.1, "followed": 0.0},
-        {"time_s": 1.0},
-    ]
-    assert followed_share(frames) == 0.5
-    assert followed_share(frames[2:]) is None
-
-
-def test_the_table_has_a_line_for_each_flight() -> None:
-    flight = {
-        "case": "dark",
-        "seed": 0,
-        "outcome": "aborted",
-        "reason": "no usable frame",
-        "contacts": {},
-        "duration_s": 21.04,
-        "covered": None,
-        "drift_m": 0.123,
-        "trusted_wrong": 0.0,
-        "doubted": 0.5,
-        "followed": 0.92,
-    }
-    line = table([flight]).splitlines()[-1]
-    cells = "dark | 0 | aborted | no usable frame | none | 21 |  | 0.12 | 0.0% | 50.0% | 92%"
-    assert line == f"| {cells} |"
+    watch = Watch(None)
+    assert set(watch.shares().values()) == {None}
+    watch.depths = [(0.9, 0.0), (0.9, -0.3), (0.4, 0.3), (0.3, 0.0)]
+    watch.followed = [True, False]
+    assert watch.shares() == {"trusted_wrong": 0.25, "doubted": 0.5, "followed": 0.5}

@@ -63,11 +63,14 @@ def test_scales_of_earlier_frames_are_not_fitted() -> None:
 
 def test_the_table_counts_by_tenths_and_over_a_half() -> None:
     scales = judged()
-    lines = table(scales).splitlines()
-    sure = [each for each in scales if each.confidence > 0.5]
-    assert lines[11].split()[:3] == ["over", "0.5", str(len(sure))]
-    top = [each for each in scales if each.confidence >= 0.9]
-    right = sum(each.right for each in top) / len(top)
-    assert lines[10].split() == ["0.9", "to", "1.0", str(len(top)), f"{right:.3f}", "1.10"]
-    wrong = sum(not each.right for each in sure)
-    assert lines[-1].endswith(f"{wrong} wrong")
+    lines = dict(line.split(": ", 1) for line in table(scales).splitlines())
+    right = [each for each in scales if each.right]
+    sure = sum(each.confidence > 0.5 for each in right)
+    wrong = sum(each.confidence > 0.5 for each in scales if not each.right)
+    assert lines["all"] == (
+        f"400 scales, {len(right)} right, worst factor 2.00; "
+        f"over 0.5: {sure} of the right, {wrong} wrong"
+    )
+    assert lines["paper, own network"] == lines["paper, its own network"] == lines["all"]
+    top = sum(each.confidence >= 0.9 for each in scales)
+    assert lines["0.9 to 1.0"].startswith(f"{top} scales, ")
