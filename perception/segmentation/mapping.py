@@ -38,7 +38,6 @@ from uav_bt.types import ClassMap, Frame
 from uav_bt.yaml_file import read_yaml
 
 _MAX_CLASSES: Final = 65536  # larger class numbers are mistakes
-_SUCCESSORS: Final = {"background": ("outside",), "carpet": ("ground",), "helipad": ("mark",)}
 
 
 def class_id_of(name: str, classes: LabClasses) -> int:
@@ -64,7 +63,7 @@ def class_id_of(name: str, classes: LabClasses) -> int:
     }
     if not of_role.get(name):
         names = (*classes.names, *(role for role, ids in of_role.items() if ids))
-        raise UnknownNameError("class or role", name, names, _SUCCESSORS.get(name, ()))
+        raise UnknownNameError("class or role", name, names)
     return of_role[name][0]
 
 
