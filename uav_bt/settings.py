@@ -48,16 +48,7 @@ def check_numbers(
 
 
 def member(name: str, value: object, choices: type[Choice]) -> Choice:
-    """Return a choice from its value or from itself.
-
-    Args:
-        name: Name of the setting in the message.
-        value: Value from the caller.
-        choices: All choices.
-
-    Raises:
-        UnknownNameError: There is no such choice.
-    """
+    """Return a choice from its value or from itself; raise UnknownNameError for any other value."""
     try:
         return choices(value)
     except ValueError:

@@ -74,11 +74,7 @@ class Proposals:
         self._ended.discard(owner)
 
     def end(self, owner: str) -> None:
-        """Let another leaf of this tick replace the proposals of a leaf that has ended.
-
-        Args:
-            owner: the leaf's path.
-        """
+        """Let another leaf of this tick replace the proposals of a leaf that has ended, by path."""
         self._ended.add(owner)
 
     def withdraw(self, owner: str) -> None:

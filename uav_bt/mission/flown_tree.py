@@ -37,11 +37,7 @@ class FlownTree:
         self._is_halted = True  # not ticked since the last halt
 
     def tick(self) -> Status:
-        """Tick the tree.
-
-        Raises:
-            NodeFailedError: a node raised; the tree is halted.
-        """
+        """Tick the tree; one in which a node raises has halted itself."""
         self._is_halted = False
         try:
             return self.tree.tick()
@@ -50,11 +46,7 @@ class FlownTree:
             raise
 
     def halt(self) -> None:
-        """Halt the tree once: each further halt would run its `_onHalted` scripts again.
-
-        Raises:
-            NodeFailedError: a leaf raised when it was halted.
-        """
+        """Halt the tree once: each further halt would run its `_onHalted` scripts again."""
         if not self._is_halted:
             self._is_halted = True
             self.tree.halt()

@@ -87,8 +87,7 @@ class Screening:
             self._jump(state),
         )
         if self.state_fault is None:
-            shares = {"battery": _known(state.battery), "link": _known(state.link)}
-            self._state = replace(state, **shares)
+            self._state = replace(state, battery=_known(state.battery), link=_known(state.link))
             return self._state
         good = self._state or DroneState(captured_s=-math.inf, flying=state.flying)
         # Flying state, movement and faults are believed: a landing must be recognised.
