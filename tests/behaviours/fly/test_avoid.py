@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from behaviours.fly.avoid import Avoid
-from tests.behaviours.leaf_world import (
+from tests.worlds.leaves import (
     ADVANCE,
     TURN_LEFT,
     TURN_RIGHT,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from behaviours.fly.coverage_grows import CoverageGrows
-from tests.behaviours.leaf_world import map_with
+from tests.worlds.leaves import map_with
 from uav_bt.board import SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from behaviours.fly.explore import Explore
-from tests.behaviours.leaf_world import (
+from tests.behaviours.path.test_ways_out import mover
+from tests.paper_lab import paper_map
+from tests.worlds.leaves import (
     ADVANCE,
     TURN_RIGHT,
     halted_proposals,
     map_with,
     steering_bench,
 )
-from tests.behaviours.path.test_ways_out import mover
-from tests.paper_lab import paper_map
 from uav_bt.answers import Advance, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,

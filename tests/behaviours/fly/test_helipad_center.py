@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from behaviours.fly.helipad_center import HelipadCenter
-from tests.behaviours.leaf_world import halted_proposals
+from tests.worlds.leaves import halted_proposals
 from uav_bt.board import FRAME, MARK, PHASE, STATE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench

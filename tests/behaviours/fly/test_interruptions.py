@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT
 from tests.paper_lab import paper_map
+from tests.worlds.leaves import ADVANCE, TURN_RIGHT
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict

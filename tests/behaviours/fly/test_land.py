@@ -10,8 +10,8 @@ import pytest
 
 from behaviours.fly.land import EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
-from tests.behaviours.leaf_world import halted_proposals
 from tests.paper_lab import BACKGROUND, BOXES, CARPET
+from tests.worlds.leaves import halted_proposals
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import ground, live, show

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from behaviours.fly.look import HoverFor, Hovering, MarkKnown, PointCamera, Turn
-from tests.behaviours.leaf_world import halted_proposals, wait
+from tests.worlds.leaves import halted_proposals, wait
 from uav_bt.board import FRAME, MARK, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live, show

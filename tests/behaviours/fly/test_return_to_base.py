@@ -14,7 +14,10 @@ from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
-from tests.behaviours.leaf_world import (
+from tests.behaviours.path.test_passages import MARK as MARK_M
+from tests.behaviours.path.test_passages import corner
+from tests.behaviours.path.test_survey import where
+from tests.worlds.leaves import (
     ADVANCE,
     TURN_LEFT,
     TURN_RIGHT,
@@ -22,9 +25,6 @@ from tests.behaviours.leaf_world import (
     map_with,
     steering_bench,
 )
-from tests.behaviours.path.test_passages import MARK as MARK_M
-from tests.behaviours.path.test_passages import corner
-from tests.behaviours.path.test_survey import where
 from uav_bt.answers import Done, FollowLeg
 from uav_bt.board import FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.testing import LeafBench

@@ -13,7 +13,7 @@ from behaviours.fly.explore import Explore
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.recent_views import RememberViews
-from tests.behaviours.leaf_world import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
+from tests.worlds.leaves import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
 from uav_bt.answers import Advance, Blocked, Done, FollowLeg
 from uav_bt.board import (
     ADVICE,

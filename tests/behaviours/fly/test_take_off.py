@@ -7,7 +7,7 @@ import math
 import pytest
 
 from behaviours.fly.take_off import TakeOff
-from tests.behaviours.leaf_world import halted_proposals, wait
+from tests.worlds.leaves import halted_proposals, wait
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import live, show

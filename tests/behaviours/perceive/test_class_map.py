@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from behaviours.perceive.class_map import FindMark, Segment
-from tests.behaviours.leaf_world import replace_tree
 from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
 from tests.perception.marks.ground_views import CAMERA as GROUND_CAMERA
 from tests.perception.marks.ground_views import texture
@@ -18,6 +17,7 @@ from tests.perception.marks.ground_views import view as view_of_ground
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import view_of
 from tests.perception.segmentation.adaptation.learned_world import write_black_lab
+from tests.worlds.leaves import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
 from uav_bt.lab.shipped import default_mark
 from uav_bt.landing_marks import MarkSighting

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from behaviours.perceive.motion import TrackMotion
-from tests.behaviours.leaf_world import replace_tree
+from tests.worlds.leaves import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, STATE
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.world import live, show

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from behaviours.perceive.site_map import MapSite
-from tests.behaviours.leaf_world import replace_tree
 from tests.paper_lab import BOXES, CARPET
+from tests.worlds.leaves import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, SITE_MAP
 from uav_bt.errors import TreeError
 from uav_bt.testing import LeafBench, pinhole
