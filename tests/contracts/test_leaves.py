@@ -50,31 +50,18 @@ LEAVES: Final = [node for node in NODES if issubclass(node, Leaf)]
 PORTS: Final[dict[str, dict[str, object]]] = {
     "EstimateDepth": {"model": "contact"},
     "MoveBy": {"forward_m": 1.0},
+    "SearchUnderPolicy": {"first_s": 3600.0},  # counts on while the leaf does not run
     "TakeOff": {"height_m": 2.0},
     "Turn": {"degrees": 90.0},
 }
 """Values of ports by leaf; other leaves get the samples of the ports that they require."""
 
-ENDS_BLIND: Final = dict.fromkeys(
-    [
-        "Advise",
-        "BuildCorridor",
-        "EstimateDepth",
-        "FindMark",
-        "MapSite",
-        "RememberViews",
-        "Segment",
-        "TrackMotion",
-        "CoverageGrows",
-        "MovesOn",
-        "SensesAgree",
-        "HoverFor",
-        "Rules",
-        "Say",
-    ],
-    SUCCESS,
-)
-"""How leaves end without any value: those that perceive or doubt succeed, the others fail."""
+SUCCEED_BLIND: Final = {
+    *("Advise", "BuildCorridor", "EstimateDepth", "FindMark", "MapSite", "RememberViews"),
+    *("Segment", "TrackMotion", "CoverageGrows", "MovesOn", "SensesAgree"),
+    *("HoverFor", "Rules", "Say"),
+}
+"""Leaves that succeed without any value: those that perceive or doubt, and that need none."""
 
 TOLD_BLIND: Final = {PHASE, FLIGHT_HEIGHT, FLIGHT_PITCH, HELD_TURN}
 """Keys that need no measurement."""
@@ -200,10 +187,10 @@ def moves(trace: Trace) -> set[str]:
 
 
 every_leaf = pytest.mark.parametrize("leaf", LEAVES, ids=lambda leaf: leaf.__name__)
-situations = pytest.mark.parametrize("situation", ["free", "blocked", "landed"])
+situations = pytest.mark.parametrize("situation", ["free", "blocked"])
 
 
-@situations
+@pytest.mark.parametrize("situation", ["free", "blocked", "landed"])
 @every_leaf
 def test_halted_it_proposes_nothing_and_begins_anew(
     leaf: type[Leaf], situation: str, tmp_path: Path
@@ -217,6 +204,7 @@ def test_halted_it_proposes_nothing_and_begins_anew(
         flight.bench.proposals.clear()
         flight.bench.halt()
         assert (flight.bench.proposed, flight.bench.pointed) == (None, None)
+        flight.wait(600.0)
         used, flight.ids = flight.ids, set()
         assert phases(flight.fly(12))[: len(phases(first))] == phases(first)
         assert not used & flight.ids
@@ -226,9 +214,11 @@ def test_halted_it_proposes_nothing_and_begins_anew(
 def test_without_any_value_it_waits_or_ends(leaf: type[Leaf], tmp_path: Path) -> None:
     """What it does not know is not written. When the values come, it does what it always does."""
     flight = Flight(leaf, tmp_path / "blind")
-    assert not moves(flight.fly(60, lambda: flight.wait(0.5)))
-    assert {key for key in leaf.writes if key in flight.bench.board} <= TOLD_BLIND
-    assert flight.runs or flight.bench.leaf.node_status is ENDS_BLIND.get(leaf.__name__, FAILURE)
+    for _ in range(2):
+        assert not moves(flight.fly(30, lambda: flight.wait(0.5)))
+        assert {key for key in leaf.writes if key in flight.bench.board} <= TOLD_BLIND
+        ends = SUCCESS if leaf.__name__ in SUCCEED_BLIND else FAILURE
+        assert flight.runs or flight.bench.leaf.node_status is ends
 
     late, early = Flight(leaf, tmp_path / "late"), Flight(leaf, tmp_path / "early")
     late.fly(3, late.wait)
@@ -238,12 +228,15 @@ def test_without_any_value_it_waits_or_ends(leaf: type[Leaf], tmp_path: Path) ->
 
 @situations
 @every_leaf
-def test_by_old_values_it_does_not_move(leaf: type[Leaf], situation: str, tmp_path: Path) -> None:
+def test_by_old_values_it_neither_moves_nor_tells_anything(
+    leaf: type[Leaf], situation: str, tmp_path: Path
+) -> None:
     flight = Flight(leaf, tmp_path, situation)
     flight.fly(8)
-    if flight.runs:
-        flight.wait(1.0)
-        assert not moves(flight.fly(20, lambda: flight.wait(0.5)))
+    flight.wait(1.0)
+    assert not moves(flight.fly(20, lambda: flight.wait(0.5)))
+    ageing = [key for key in leaf.writes if key.max_age_s < 1.0]
+    assert all(flight.bench.strict_board.read(key).value is None for key in ageing)
 
 
 @situations
@@ -280,7 +273,7 @@ def test_not_obeyed_it_tries_again_and_says_so_when_it_fails(
     leaf: type[Leaf], word: MovementState, tmp_path: Path
 ) -> None:
     flight = Flight(leaf, tmp_path, word=word)
-    trace = flight.fly(80, lambda: flight.see(0.2))
+    trace = flight.fly(60, lambda: flight.see(0.2))
     assert len(flight.ids) != 1
     if issubclass(leaf, MovingLeaf) and leaf.resumes and trace[-1][0] == "FAILURE" and flight.ids:
         assert word.value in flight.bench.feedback

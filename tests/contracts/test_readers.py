@@ -321,10 +321,10 @@ def test_a_damaged_file_is_read_or_refused(kind: str, tmp_path: Path) -> None:
     reader, rng = READERS[kind], np.random.default_rng(1)
     path = reader.write(tmp_path)
     data = path.read_bytes()
-    for share in (0.1, 0.5, 0.9, 0.999):
+    for share in (0.1, 0.6, 0.999):
         path.write_bytes(data[: round(share * len(data))])
         refused(reader, path)
-    for _ in range(4):
+    for _ in range(3):
         flipped = np.frombuffer(data, np.uint8).copy()
         flipped[rng.integers(len(data), size=10)] ^= rng.integers(1, 256, 10, np.uint8)
         path.write_bytes(flipped.tobytes())
@@ -371,7 +371,7 @@ def with_wrong_value(whole: bytes, seed: int, value: object) -> bytes:
 
 @pytest.mark.parametrize("kind", [*TEXTS, "record"])
 @given(edits=EDITS)
-@settings(SAME, max_examples=30)
+@settings(SAME, max_examples=25)
 def test_an_edited_file_is_read_or_refused(kind: str, tmp_path: Path, edits: list[Edit]) -> None:
     path = READERS[kind].write(tmp_path)
     path.write_bytes(edited(path.read_bytes(), edits))
@@ -390,7 +390,7 @@ def test_whole_json_with_wrong_values_is_read_or_refused(
 
 
 @given(topic=st.sampled_from(sorted(CHANNELS)), seed=st.integers(0, 2**32), value=VALUES)
-@settings(SAME, max_examples=40)
+@settings(SAME, max_examples=25)
 def test_whole_records_with_wrong_messages_are_read_or_refused(
     tmp_path: Path, topic: str, seed: int, value: object
 ) -> None:

@@ -67,9 +67,3 @@ def test_with_a_share_of_zero_it_never_fails() -> None:
     assert set(answers(LeafBench(CoverageGrows, min_share=0, window_s=1), [10] * 9)) == {
         Status.SUCCESS
     }
-
-
-def test_without_a_map_it_succeeds() -> None:
-    bench = LeafBench(CoverageGrows, min_share=0.5, window_s=1)
-    bench.allow_stale()
-    assert [bench.tick(advance_s=1.0) for _ in range(5)] == [Status.SUCCESS] * 5

@@ -99,25 +99,6 @@ def test_a_learned_network_gives_way_where_it_was_not_learned(
     assert bench.board[CLASS_MAP].captured_s == bench.board[FRAME].captured_s
 
 
-def test_without_a_frame_there_is_no_class_map() -> None:
-    """The leaf waits without failing; readers find no class map on the board."""
-    bench, network = segmenting()
-
-    assert bench.tick() is Status.SUCCESS
-    assert network.frames == []
-    assert CLASS_MAP not in bench.board
-
-
-def test_a_stale_frame_is_not_segmented() -> None:
-    """An old picture is not made young by looking at it late."""
-    bench, network = segmenting()
-    bench.allow_stale()
-    bench.hover()
-
-    assert bench.tick(advance_s=5.0) is Status.SUCCESS
-    assert network.frames == []
-
-
 def test_the_stage_is_timed() -> None:
     """One time per segmented frame goes into the mission's figures."""
     bench, _ = segmenting()
@@ -369,11 +350,3 @@ def test_a_pads_track_is_kept_by_the_next_tree() -> None:
     del bench.board[MARK]
     live(bench)
     assert MARK in bench.board
-
-
-def test_perception_commands_nothing() -> None:
-    """Neither a movement nor the gimbal."""
-    bench = LeafBench(FindMark)
-    live(bench)
-
-    assert (bench.proposed, bench.pointed) == (None, None)

@@ -70,10 +70,3 @@ def test_the_frame_of_the_poses_is_kept_when_another_tree_takes_over() -> None:
     live(bench, velocity=BodyVelocity(forward_mps=0.5))
 
     assert bench.board[ODOMETRY].pose.x_m == pytest.approx(flown_m + 0.05)
-
-
-def test_tracking_commands_nothing() -> None:
-    bench = tracking()
-    live(bench)
-
-    assert (bench.proposed, bench.pointed) == (None, None)

@@ -155,13 +155,6 @@ def test_the_map_is_kept_when_another_tree_takes_over() -> None:
     assert (site_map.seen_s == known.captured_s).any()  # ground that only it had seen
 
 
-def test_mapping_commands_nothing() -> None:
-    bench = mapping()
-    live(bench)
-
-    assert (bench.proposed, bench.pointed) == (None, None)
-
-
 # --- names of before ------------------------------------------------------------------------------
 
 
