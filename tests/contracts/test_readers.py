@@ -47,6 +47,7 @@ from uav_bt.errors import InputError, TreeError
 from uav_bt.groot import BtlogReader, BtlogWriter, Transition
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.obj_file import read_obj
+from uav_bt.lab.picture import check_picture
 from uav_bt.lab.shipped import load_lab
 from uav_bt.learning.lab_material import LabMaterial
 from uav_bt.record.channels import CHANNELS, START
@@ -204,7 +205,7 @@ TEXTS: Final = {
     "palette": Reader(read_palette, "a.xml", PALETTE),
     "scene": Reader(load_scene, "a.yaml", scene_text(load_scene("train-a"))),
     "lab": Reader(lambda path: read_lab(path.parent), "lab.yaml", write_depot),
-    "site": Reader(load_site, "a.yaml", SITE, ("empty",)),
+    "site": Reader(load_site, "a.yaml", SITE, fits=("empty",)),
     "camera": Reader(load_camera, "a.yaml", CAMERA),
     "mapping": Reader(lambda path: read_mapping(path, CLASSES), "a.yaml", MAPPING),
     "statement": Reader(
@@ -212,26 +213,26 @@ TEXTS: Final = {
         STATEMENT_FILE,
         lambda path: STATEMENT.write(path.parent),
     ),
-    "parameters": Reader(read_parameters, "a.yaml", PARAMETERS, ("empty",)),
+    "parameters": Reader(read_parameters, "a.yaml", PARAMETERS, fits=("empty",)),
     "script": Reader(read_script, "a.yaml", SCRIPT),
     "places": Reader(read_places, "a.txt", "start:2,0\nmark@90\n"),
     "table of places": Reader(read_places, "a.csv", "frame,x,y\nstart,2,0\n"),
     "faults": Reader(
-        lambda path: fault_texts([f"@{path}"]), "a.txt", "video-lost@explore+1~3\n", ("empty",)
+        lambda path: fault_texts([f"@{path}"]), "a.txt", "video-lost@explore+1~3\n", fits=("empty",)
     ),
     "picks": Reader(lambda path: read_picks(path, CLASSES), "a.csv", PICKS),
     "list of images": Reader(
         lambda path: LabMaterial(lab=replace(DEPOT, folder=path.parent.parent)).read_frames(),
         "frames/frames.csv",
         FRAMES,
-        ("absent", "empty"),
+        fits=("absent", "empty"),
     ),
     "mesh": Reader(
         lambda path: read_obj(path, (1.0, 1.0, 1.0)),
         "a.obj",
         (DEPOT.folder / "barrier.obj").read_bytes(),
     ),
-    "flights": Reader(read_flights, "a.jsonl", FLIGHT, ("empty", "noise")),
+    "flights": Reader(read_flights, "a.jsonl", FLIGHT, fits=("empty", "noise")),
     "campaign": Reader(
         lambda path: read_plan(path.parent),
         PLAN_FILE,
@@ -243,6 +244,7 @@ TEXTS: Final = {
 BINARIES: Final = {
     "record": Reader(read_record, "a.mcap", lambda path: path.write_bytes(record())),
     "PNG": Reader(read_pixels, "a.png", image(".png")),
+    "picture": Reader(check_picture, "a.jpg", (DEPOT.folder / "crate.jpg").read_bytes()),
     "JPEG": Reader(read_pixels, "a.jpg", image(".jpg")),
     "video": Reader(read_video, "a.mp4", write_film),
     "log of Groot2": Reader(read_log, "a.btlog", write_log),
@@ -253,15 +255,43 @@ BINARIES: Final = {
     ),
     "views": Reader(read_flight, "a.npz", write_views),
     "teacher": Reader(
-        lambda path: load_teacher(path, CLASSES), "a.safetensors", shipped("teacher.safetensors")
+        lambda path: load_teacher(path, CLASSES),
+        "a.safetensors",
+        shipped("teacher.safetensors"),
     ),
-    "weights": Reader(STUDENT_FILES.load, "a.safetensors", shipped("student.safetensors")),
-    "U-Net": Reader(partial(load_segmenter, classes=CLASSES), "a.onnx", shipped("unet.onnx")),
+    "weights": Reader(
+        STUDENT_FILES.load,
+        "a.safetensors",
+        shipped("student.safetensors"),
+    ),
+    "U-Net": Reader(
+        partial(load_segmenter, classes=CLASSES),
+        "a.onnx",
+        shipped("unet.onnx"),
+    ),
     "any": Reader(partial(load_segmenter, classes=CLASSES), "a.onnx", shipped("any.onnx")),
-    "depth network": Reader(load_depth_estimator, "a.onnx", shipped("depth.onnx")),
-    "student": Reader(OnnxControlStudent, "a.onnx", shipped("student.onnx")),
+    "depth network": Reader(
+        load_depth_estimator,
+        "a.onnx",
+        shipped("depth.onnx"),
+    ),
+    "student": Reader(
+        OnnxControlStudent,
+        "a.onnx",
+        shipped("student.onnx"),
+    ),
 }
 READERS: Final = {**TEXTS, **BINARIES}
+CURES: Final = {
+    "teacher": "`uav-bt lab train`",
+    "U-Net": "`uav-bt lab train`",
+    "depth network": "`uav-bt net train depth`",
+    "weights": "`uav-bt net train student`",
+    "student": "`uav-bt net train student`",
+    "labels": "delete the file to have it made anew",
+    "views": "delete it",
+}
+"""What to do without the file, in the text of its refusal."""
 
 
 def refusal(reader: Reader, path: Path) -> list[str]:
@@ -314,6 +344,8 @@ def test_what_is_no_such_file_is_refused(
     path = reader.write(tmp_path)
     damage(path)
     assert refused(reader, path) is (damage.__name__ not in reader.fits)
+    if damage is absent:
+        assert CURES.get(kind, "") in " ".join(refusal(reader, path))
 
 
 @pytest.mark.parametrize("kind", BINARIES)
@@ -369,7 +401,7 @@ def with_wrong_value(whole: bytes, seed: int, value: object) -> bytes:
         inner = inner[key]
 
 
-@pytest.mark.parametrize("kind", [*TEXTS, "record"])
+@pytest.mark.parametrize("kind", [*TEXTS, "record", "log of Groot2"])
 @given(edits=EDITS)
 @settings(SAME, max_examples=25)
 def test_an_edited_file_is_read_or_refused(kind: str, tmp_path: Path, edits: list[Edit]) -> None:
