@@ -92,6 +92,7 @@ MISTAKES = [
     ("fly mission.xml --site broken.yaml", "broken.yaml:1"),
     ("fly mission.xml --site keys.yaml", "flight_hight_m: unknown key; did you mean"),
     ("fly mission.xml --site binary.bin", "binary.bin"),
+    ("fly mission.xml --site margins.yaml", "margins.yaml:1: margins.obstacle_m: .* 0.30 m"),
     ("fly mission.xml --lab paprr", "unknown lab 'paprr'; did you mean 'paper'"),
     ("fly mission.xml --lab ./absent", "absent: there is no such lab file"),
     ("fly mission.xml --lab paper --site empty.yaml", "--lab and --site .* both say how"),
@@ -245,6 +246,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "empty").mkdir()
     (tmp_path / "broken.yaml").write_text("boxes: [")
     (tmp_path / "keys.yaml").write_text("flight_hight_m: 1.2\n")
+    (tmp_path / "margins.yaml").write_text("margins: {obstacle_m: 0.25}\n")
     (tmp_path / "script.yaml").write_text("default: S\n")
     (tmp_path / "picks.csv").write_text("image,x,y,class\n")
     (tmp_path / "weights.safetensors").write_bytes(b"\x02\0\0\0\0\0\0\0{}")
