@@ -7,7 +7,6 @@ python -m benchmarks.referee compare FOLDER --program LATER      # exit 1: somet
 from __future__ import annotations
 
 import argparse
-import json
 import subprocess
 import sys
 import tempfile

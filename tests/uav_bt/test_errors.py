@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.fly.explore import Explore
-from tests.behaviours.leaf_world import steering_bench
+from tests.worlds.leaves import steering_bench
 from uav_bt import errors
 from uav_bt.errors import (
     DroneError,

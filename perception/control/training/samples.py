@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -145,11 +144,11 @@ def read_flight(path: Path) -> ControlFlight:
         FileError: the file is absent or damaged.
     """
     try:
-        with np.load(path, allow_pickle=False) as content:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
             return ControlFlight(
                 **{item.name: content[item.name] for item in fields(ControlFlight)}
             )
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except Exception as error:  # numpy raises various errors of zip, zlib and its parser
         raise FileError(path, f"is not a file of labelled views ({error}); delete it") from error
 
 

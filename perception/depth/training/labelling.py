@@ -7,7 +7,6 @@ largest parallax between frames (`perception.depth.training.parallax`).
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -200,7 +199,7 @@ def read_labels(path: Path) -> DepthLabels:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             # Opened by ourselves: numpy leaves a damaged file open.
             return DepthLabels(depth_m=arrays["depth_m"], at_most_m=arrays.get("at_most_m"))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, ShapeError) as error:
+    except Exception as error:  # numpy raises various errors of zip, zlib and its parser
         remedy = "delete the file to have it made anew"
         raise FileError(path, f"holds no whole labels ({error}); {remedy}") from error
 

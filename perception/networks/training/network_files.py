@@ -101,9 +101,8 @@ class NetworkFiles(Generic[Net]):
             known = {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
             net.load_state_dict({**counts, **known})
         except (KeyError, TypeError, RuntimeError) as error:
-            raise WeightsError(
-                path, f"is not a complete network ({error}); {self.remedy}"
-            ) from error
+            why = " ".join(str(error).split())  # torch writes several lines
+            raise WeightsError(path, f"is not a complete network ({why}); {self.remedy}") from error
         return net.eval(), details.get("notes", {})
 
     def export(

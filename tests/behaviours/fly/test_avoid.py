@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from behaviours.fly.avoid import Avoid
-from tests.behaviours.leaf_world import (
+from tests.worlds.leaves import (
     ADVANCE,
     TURN_LEFT,
     TURN_RIGHT,
-    halted_proposals,
     map_with,
     steering_bench,
 )
@@ -142,15 +141,6 @@ def test_the_turn_is_counted_across_the_wrap() -> None:
     assert bench.proposed is None  # the turn is over
 
 
-def test_without_telemetry_it_stops() -> None:
-    """Nothing is proposed, so the drone hovers."""
-    bench = turning(Says(TURN_RIGHT))
-    del bench.board[STATE]
-
-    assert bench.tick(advance_s=0.1) is Status.RUNNING
-    assert bench.proposed is None
-
-
 def test_without_a_view_it_neither_turns_nor_ends() -> None:
     """Before the first view of now it waits."""
     policy = Says(ADVANCE)
@@ -172,11 +162,11 @@ def test_full_turns_in_vain_are_counted_for_the_policy() -> None:
     assert policy.views[-1].full_turns == 2
 
 
-def test_halted_it_commands_nothing_and_holds_its_turn() -> None:
+def test_halted_it_holds_its_turn() -> None:
     """Begun again without an advance between, it goes on the same way: no dithering."""
     policy = Says(TURN_RIGHT, TURN_LEFT)
     bench = turning(policy)
-    assert halted_proposals(bench) == (None, None)
+    bench.halt()
 
     live(bench)
     assert bench.proposed is None

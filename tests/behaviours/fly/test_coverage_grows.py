@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from behaviours.fly.coverage_grows import CoverageGrows
-from tests.behaviours.leaf_world import map_with
+from tests.worlds.leaves import map_with
 from uav_bt.board import SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
@@ -67,9 +67,3 @@ def test_with_a_share_of_zero_it_never_fails() -> None:
     assert set(answers(LeafBench(CoverageGrows, min_share=0, window_s=1), [10] * 9)) == {
         Status.SUCCESS
     }
-
-
-def test_without_a_map_it_succeeds() -> None:
-    bench = LeafBench(CoverageGrows, min_share=0.5, window_s=1)
-    bench.allow_stale()
-    assert [bench.tick(advance_s=1.0) for _ in range(5)] == [Status.SUCCESS] * 5

@@ -10,15 +10,14 @@ import numpy as np
 import pytest
 
 from behaviours.fly.explore import Explore
-from tests.behaviours.leaf_world import (
+from tests.behaviours.path.test_ways_out import mover
+from tests.paper_lab import paper_map
+from tests.worlds.leaves import (
     ADVANCE,
     TURN_RIGHT,
-    halted_proposals,
     map_with,
     steering_bench,
 )
-from tests.behaviours.path.test_ways_out import mover
-from tests.paper_lab import paper_map
 from uav_bt.answers import Advance, Answer, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
@@ -29,7 +28,6 @@ from uav_bt.board import (
     ODOMETRY,
     PHASE,
     SITE_MAP,
-    STATE,
 )
 from uav_bt.errors import AnswerError, NodeFailedError, UnknownNameError
 from uav_bt.protocols import PolicyView
@@ -163,40 +161,6 @@ def test_a_blocked_way_is_a_failure() -> None:
 
     assert live(bench, seconds=0.3) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
-
-
-@pytest.mark.parametrize("missing", [STATE, FRAME, CLASS_MAP])
-def test_blind_it_waits(missing: object) -> None:
-    """Without telemetry, picture or mask it stands still and goes on trying."""
-    policy = Says(ADVANCE)
-    bench = steering_bench(Explore, policy)
-    live(bench)
-    show(bench, seconds=0.3)
-    del bench.board[missing]  # type: ignore[arg-type]
-
-    assert bench.tick() is Status.RUNNING
-    assert bench.proposed is None
-    assert policy.views == []
-
-
-def test_stale_values_stop_it() -> None:
-    """Two seconds after the last picture and telemetry, nothing is proposed any more."""
-    bench = stepping()
-    bench.allow_stale()
-
-    assert bench.tick(advance_s=2.0) is Status.RUNNING
-    assert bench.proposed is None
-
-
-def test_halted_it_commands_nothing_and_starts_afresh() -> None:
-    """Halted in mid-step it lets go; begun again it looks before it steps, with a new id."""
-    bench = stepping()
-    assert halted_proposals(bench) == (None, None)
-
-    live(bench)
-    assert bench.proposed is None
-    live(bench, seconds=0.3)
-    assert bench.proposed == MoveBy(id=2, forward_m=0.3)
 
 
 def test_the_policy_sees_the_frames_telemetry() -> None:

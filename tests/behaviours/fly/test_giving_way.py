@@ -13,8 +13,8 @@ from behaviours.fly.explore import Explore
 from behaviours.fly.giving_way import GivingWay, GivingWayConfig
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.steering import SteeringLeaf
-from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT, steering_bench
 from tests.behaviours.path.test_ways_out import mover
+from tests.worlds.leaves import ADVANCE, TURN_RIGHT, steering_bench
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map

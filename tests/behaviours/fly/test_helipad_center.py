@@ -8,8 +8,7 @@ from dataclasses import replace
 import pytest
 
 from behaviours.fly.helipad_center import HelipadCenter
-from tests.behaviours.leaf_world import halted_proposals
-from uav_bt.board import FRAME, MARK, PHASE, STATE
+from uav_bt.board import FRAME, MARK, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import show
@@ -245,19 +244,6 @@ def test_an_interrupted_descent_goes_on_and_is_not_taken_for_flown(seconds: floa
     assert moved(bench).down_m == pytest.approx(1.5 - 1.1)
 
 
-@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
-def test_refused_again_and_again_it_fails_and_says_so(word: MovementState) -> None:
-    bench = climbed()
-    status = Status.RUNNING
-    while status is Status.RUNNING:
-        now = bench.proposed
-        ended = now.id if isinstance(now, MoveBy) else None
-        status = look(bench, None, height_m=1.5, ended=ended, word=word)
-
-    assert status is Status.FAILURE
-    assert word.value in bench.feedback
-
-
 def test_lost_for_too_long_is_a_failure() -> None:
     """It gives up, says so, and proposes nothing."""
     bench = climbed(give_up_s=5.0)
@@ -267,24 +253,6 @@ def test_lost_for_too_long_is_a_failure() -> None:
     assert search(bench, 0.2, height_m=2.3) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
     assert bench.feedback == "mark lost"
-
-
-def test_without_telemetry_it_stops() -> None:
-    """Nothing is proposed; the camera goes on pointing down."""
-    bench = climbed()
-    del bench.board[STATE]
-
-    assert bench.tick(advance_s=0.1) is Status.RUNNING
-    assert (bench.proposed, bench.pointed) == (None, DOWN)
-
-
-def test_halted_it_commands_nothing() -> None:
-    """Halted in mid-climb it lets go, and begins with a climb of another id."""
-    bench = climbed()
-    assert halted_proposals(bench) == (None, None)
-
-    look(bench, None)
-    assert moved(bench).id == 2
 
 
 # --- the heading to land with ---------------------------------------------------------------------

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT
 from tests.paper_lab import paper_map
+from tests.worlds.leaves import ADVANCE, TURN_RIGHT
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
@@ -124,10 +124,6 @@ class World:
         self.drone.connect()
         return self.runner.run()
 
-    @property
-    def overrides(self) -> set[Override | None]:
-        return {record.override for record in self.records}
-
 
 PLACES = {
     "TakeOff": "take-off+1",
@@ -140,40 +136,31 @@ PLACES = {
     "HelipadCenter, down": "center+2",
     "Land": "land+0.5",
 }
-at_each_leaf = pytest.mark.parametrize("place", PLACES.values(), ids=PLACES.keys())
+BY_HAND = "by hand"
 
 
-@at_each_leaf
-def test_a_person_takes_over_for_ten_seconds(place: str) -> None:
-    """Longer than the leaves' own time limits leave room for."""
-    world = World(MISSION)
-    world.takes_over = place
-
-    assert world.fly() == Verdict(outcome=Outcome.SUCCESS, reason="landed")
-    assert sum(each.override is Override.MANUAL for each in world.records) >= 99
-
-
-@at_each_leaf
-@pytest.mark.parametrize("fault", ["pilot", "video-lost", "link-lost", "interrupted"])
+@pytest.mark.parametrize("place", PLACES.values(), ids=PLACES.keys())
+@pytest.mark.parametrize("fault", [BY_HAND, "pilot", "video-lost", "link-lost", "interrupted"])
 def test_what_passes_ends_no_mission(place: str, fault: str) -> None:
-    """A pilot at the remote control, seconds without video or link, movements that break off."""
+    """A person flies for longer than the leaves' own time limits leave room for."""
     duration_s = 10.0 if fault == "pilot" else 2.5
-    world = World(MISSION, f"{fault}@{place}~{duration_s}")
+    world = World(MISSION, None if fault == BY_HAND else f"{fault}@{place}~{duration_s}")
+    world.takes_over = place if fault == BY_HAND else None
 
     assert world.fly() == Verdict(outcome=Outcome.SUCCESS, reason="landed")
-    assert world.drone.began_s is not None
+    manual = sum(each.override is Override.MANUAL for each in world.records)
+    assert manual >= 99 if fault == BY_HAND else world.drone.began_s is not None
 
 
-@pytest.mark.parametrize("fault", [None, "pilot", "video-lost", "link-lost", "interrupted"])
-def test_an_interrupted_turn_ends_at_its_heading(fault: str | None) -> None:
-    """By hand when no fault is named."""
+@pytest.mark.parametrize("fault", [BY_HAND, "pilot", "video-lost", "link-lost", "interrupted"])
+def test_an_interrupted_turn_ends_at_its_heading(fault: str) -> None:
     body = '<Sequence><TakeOff height_m="1"/><Turn degrees="90"/><Land/></Sequence>'
-    world = World(body, None if fault is None else f"{fault}@look+0.5~3")
-    world.takes_over = "look+0.5" if fault is None else None
+    world = World(body, None if fault == BY_HAND else f"{fault}@look+0.5~3")
+    world.takes_over = "look+0.5" if fault == BY_HAND else None
 
     assert world.fly().outcome is Outcome.SUCCESS
     assert math.degrees(world.inner.state.attitude.yaw_rad) == pytest.approx(90)
-    assert world.overrides != {None} or fault == "interrupted"
+    assert {record.override for record in world.records} != {None} or fault == "interrupted"
     turns = {
         record.command.movement.id
         for record in world.records

@@ -10,7 +10,6 @@ import pytest
 
 from behaviours.fly.land import EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
-from tests.behaviours.leaf_world import halted_proposals
 from tests.paper_lab import BACKGROUND, BOXES, CARPET
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.testing import LeafBench
@@ -224,33 +223,6 @@ def test_on_the_ground_there_is_nothing_to_do(
 
     assert live(bench, flying=FlyingState.LANDED) is status
     assert (bench.proposed, bench.pointed) == (None, None)
-
-
-@pytest.mark.parametrize("leaf", [Land, EmergencyLand])
-def test_without_telemetry_nothing_is_proposed(leaf: type[Land | EmergencyLand]) -> None:
-    """It waits until the drone is heard again."""
-    bench = LeafBench(leaf)
-    show(bench, gimbal_deg=-90.0)
-    del bench.board[STATE]
-
-    assert bench.tick() is Status.RUNNING
-    assert bench.proposed is None
-
-
-@pytest.mark.parametrize("leaf", [Land, EmergencyLand])
-def test_halted_it_commands_nothing(leaf: type[Land | EmergencyLand]) -> None:
-    """Halted in mid-step it lets go, and begins with the step again."""
-    ids = ground()
-    ids[:, :20] = BACKGROUND
-    bench = LeafBench(leaf)
-    live(bench, gimbal_deg=-90.0, ids=ids)
-    first = bench.proposed
-    assert isinstance(first, MoveBy)
-    assert halted_proposals(bench) == (None, None)
-
-    live(bench, gimbal_deg=-90.0, ids=ids)
-    assert isinstance(bench.proposed, MoveBy)
-    assert bench.proposed.id != first.id
 
 
 # --- EmergencyLand --------------------------------------------------------------------------------

@@ -7,10 +7,10 @@ import math
 import pytest
 
 from behaviours.fly.look import HoverFor, Hovering, PointCamera, Turn
-from tests.behaviours.leaf_world import halted_proposals, wait
-from uav_bt.board import FRAME, PHASE, STATE
+from tests.worlds.leaves import wait
+from uav_bt.board import PHASE
 from uav_bt.testing import LeafBench
-from uav_bt.testing.world import live, show
+from uav_bt.testing.world import live
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,
@@ -45,16 +45,6 @@ def test_time_in_which_a_person_flies_is_not_hovered() -> None:
     assert live(bench, seconds=0.2) is Status.SUCCESS
 
 
-def test_halted_the_hover_starts_again() -> None:
-    """The time counts from the beginning of an activation."""
-    bench = LeafBench(HoverFor, seconds=1.0)
-    live(bench)
-    assert halted_proposals(bench) == (None, None)
-
-    assert live(bench, seconds=2.0) is Status.RUNNING
-    assert wait(bench, 1.1) is Status.SUCCESS
-
-
 def test_points_until_a_frame_comes_from_there() -> None:
     """The picture counts, not the command."""
     bench = LeafBench(PointCamera, pitch_deg=-60.0)
@@ -64,16 +54,6 @@ def test_points_until_a_frame_comes_from_there() -> None:
 
     assert live(bench, gimbal_deg=-59.0) is Status.SUCCESS
     assert bench.pointed is None
-
-
-def test_without_a_frame_it_goes_on_pointing() -> None:
-    """No picture, no success."""
-    bench = LeafBench(PointCamera, pitch_deg=-60.0)
-    live(bench)
-    del bench.board[FRAME]
-
-    assert bench.tick(advance_s=0.1) is Status.RUNNING
-    assert bench.pointed is not None
 
 
 def test_turns_until_the_drone_says_it_ended() -> None:
@@ -109,55 +89,6 @@ def test_an_interrupted_turn_goes_on_to_the_same_heading(
     assert live(bench, yaw_rad=yaw_rad, movement=done) is Status.SUCCESS
 
 
-@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
-def test_a_drone_that_will_not_turn_is_a_failure_that_says_so(word: MovementState) -> None:
-    """After several attempts."""
-    bench = LeafBench(Turn, degrees=90.0)
-    status, attempts = live(bench), set()
-    while status is Status.RUNNING:
-        show(bench)
-        if isinstance(bench.proposed, MoveBy):
-            attempts.add(bench.proposed.id)
-            bench.finish_movement(word)
-        status = bench.tick()
-
-    assert status is Status.FAILURE
-    assert len(attempts) > 3
-    assert word.value in bench.feedback
-
-
-def test_a_turn_without_telemetry_stops() -> None:
-    """Nothing is proposed until the drone is heard again."""
-    bench = LeafBench(Turn, degrees=30.0)
-    live(bench)
-    del bench.board[STATE]
-
-    assert bench.tick(advance_s=0.1) is Status.RUNNING
-    assert bench.proposed is None
-
-
-def test_a_halted_turn_begins_anew() -> None:
-    """With another id: the drone has cancelled the old one."""
-    bench = LeafBench(Turn, degrees=30.0)
-    live(bench)
-    assert halted_proposals(bench) == (None, None)
-
-    live(bench)
-    assert bench.proposed == MoveBy(id=2, yaw_rad=math.radians(30))
-
-
-def test_a_turn_waits_for_the_first_telemetry() -> None:
-    """From where it begins to turn is not known before."""
-    bench = LeafBench(Turn, degrees=30.0)
-    show(bench)
-    del bench.board[STATE]
-    assert bench.tick() is Status.RUNNING
-    assert bench.proposed is None
-
-    live(bench)
-    assert bench.proposed == MoveBy(id=1, yaw_rad=math.radians(30))
-
-
 @pytest.mark.parametrize(
     ("velocity", "expected"),
     [
@@ -171,11 +102,3 @@ def test_a_turn_waits_for_the_first_telemetry() -> None:
 def test_hovering_asks_for_the_horizontal_speed(velocity: BodyVelocity, expected: Status) -> None:
     """Whatever its direction."""
     assert live(LeafBench(Hovering, below_mps=0.15), velocity=velocity) is expected
-
-
-def test_a_drone_that_tells_nothing_is_not_taken_to_hover() -> None:
-    """Old telemetry says nothing of the present speed."""
-    bench = LeafBench(Hovering)
-    assert live(bench) is Status.SUCCESS
-    bench.allow_stale()
-    assert bench.tick(advance_s=10.0) is Status.FAILURE

@@ -46,9 +46,3 @@ def test_the_time_of_a_pause_does_not_count() -> None:
     stay(bench, 0.0, 5.0)
     bench.clock.advance(100.0)
     assert stay(bench, 0.0, 4.0) is Status.SUCCESS
-
-
-def test_without_odometry_it_succeeds() -> None:
-    bench = LeafBench(MovesOn, for_s=1.0)
-    bench.allow_stale()
-    assert [bench.tick(advance_s=1.0) for _ in range(5)] == [Status.SUCCESS] * 5

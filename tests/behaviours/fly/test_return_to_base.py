@@ -14,19 +14,18 @@ from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
-from tests.behaviours.leaf_world import (
-    ADVANCE,
-    TURN_LEFT,
-    TURN_RIGHT,
-    halted_proposals,
-    map_with,
-    steering_bench,
-)
 from tests.behaviours.path.test_passages import MARK as MARK_M
 from tests.behaviours.path.test_passages import corner
 from tests.behaviours.path.test_survey import where
+from tests.worlds.leaves import (
+    ADVANCE,
+    TURN_LEFT,
+    TURN_RIGHT,
+    map_with,
+    steering_bench,
+)
 from uav_bt.answers import Done, FollowLeg
-from uav_bt.board import FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE, SITE_MAP, STATE
+from uav_bt.board import FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE, SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, show
@@ -639,31 +638,6 @@ def test_a_track_that_ends_in_the_last_metre_is_searched_for() -> None:
 
 
 # --- manners --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("phase", ["search", "approach", "overfly"])
-def test_without_telemetry_it_stops(phase: str) -> None:
-    """In any phase; the camera stays where it is."""
-    makers = {
-        "search": lambda: searching(Says(ADVANCE)),
-        "approach": approaching,
-        "overfly": overflying,
-    }
-    bench = makers[phase]()
-    del bench.board[STATE]
-
-    assert bench.tick(advance_s=0.1) is Status.RUNNING
-    assert (bench.proposed, bench.pointed) == (None, SEARCH_GIMBAL)
-
-
-def test_halted_it_commands_nothing_and_searches_again() -> None:
-    """Begun again it starts with the search, even if it was near."""
-    bench = overflying()
-    assert halted_proposals(bench) == (None, None)
-
-    fly(bench, (0.8, 0.0), unseen_s=1.5, std_m=0.5)
-    assert bench.board[PHASE] == "search"
-    assert bench.proposed is None
 
 
 def test_a_pad_far_from_the_maps_mark_is_not_flown_to() -> None:

@@ -13,7 +13,7 @@ from behaviours.fly.explore import Explore
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.recent_views import RememberViews
-from tests.behaviours.leaf_world import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
+from tests.worlds.leaves import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
 from uav_bt.answers import Advance, Blocked, Done, FollowLeg
 from uav_bt.board import (
     ADVICE,
@@ -71,12 +71,6 @@ def test_a_frame_that_comes_twice_is_one_view() -> None:
     bench = remembering(0.5)
     bench.tick()
     assert len(bench.board[RECENT_VIEWS].views) == 5
-
-
-def test_before_the_first_frame_there_is_nothing_to_remember() -> None:
-    bench = LeafBench(RememberViews)
-    assert bench.tick() is Status.SUCCESS
-    assert RECENT_VIEWS not in bench.board
 
 
 # --- what policies are shown ----------------------------------------------------------------------
@@ -151,13 +145,6 @@ def test_each_view_is_asked_about_once() -> None:
     bench.tick()
     bench.tick()
     assert len(policy.views) == 1
-
-
-def test_without_remembered_views_there_is_no_advice() -> None:
-    bench = LeafBench(Advise, policy="says")
-    bench.policies["says"] = Says(ADVANCE)
-    assert live(bench) is Status.SUCCESS
-    assert ADVICE not in bench.board
 
 
 # --- CorridorClear --------------------------------------------------------------------------------
@@ -241,28 +228,6 @@ def test_on_the_way_to_the_pad_the_ground_may_end_behind_it(pad: tuple[float, fl
 
 def test_on_another_way_it_may_not() -> None:
     assert off_the_ground((1.0, 1.0)) is Status.FAILURE
-
-
-def test_an_unknown_corridor_is_none_to_fly_in() -> None:
-    bench = LeafBench(CorridorClear)
-    show(bench)
-    assert bench.tick() is Status.FAILURE
-    assert bench.feedback == "corridor unknown"
-
-
-def test_a_stale_corridor_is_none_either() -> None:
-    bench = LeafBench(CorridorClear)
-    bench.allow_stale()
-    show(bench)
-    bench.board[CORRIDOR] = Corridor(
-        captured_s=0.0,
-        free_distance_m=3.0,
-        nearest_m=3.0,
-        nearest_side=None,
-        time_to_impact_s=math.inf,
-    )
-    show(bench, seconds=1.0)
-    assert bench.tick() is Status.FAILURE
 
 
 # --- ReturnToBase under a policy ------------------------------------------------------------------

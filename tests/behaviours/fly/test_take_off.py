@@ -7,10 +7,10 @@ import math
 import pytest
 
 from behaviours.fly.take_off import TakeOff
-from tests.behaviours.leaf_world import halted_proposals, wait
-from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, PHASE, STATE
+from tests.worlds.leaves import wait
+from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, PHASE
 from uav_bt.testing import LeafBench
-from uav_bt.testing.world import live, show
+from uav_bt.testing.world import live
 from uav_bt.tree import Status
 from uav_bt.types import FlyingState, GimbalTo, MoveBy, MovementState, MovementStatus
 from uav_bt.types import TakeOff as TakeOffCommand
@@ -79,20 +79,6 @@ def test_waits_for_the_camera() -> None:
     assert bench.pointed is None
 
 
-@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
-def test_a_failed_climb_is_tried_again(word: MovementState) -> None:
-    """With a new movement from where it is now."""
-    bench = LeafBench(TakeOff, height_m=1.5)
-    live(bench, height_m=1.0)
-    first = bench.proposed
-    assert isinstance(first, MoveBy)
-    bench.finish_movement(word)
-    bench.tick(advance_s=0.1)
-
-    assert isinstance(bench.proposed, MoveBy)
-    assert bench.proposed.id != first.id
-
-
 def test_too_long_is_a_failure() -> None:
     """The leaf gives up a drone that stays on the ground, and sends no further command."""
     bench = on_the_ground(give_up_s=5.0)
@@ -101,47 +87,3 @@ def test_too_long_is_a_failure() -> None:
     assert live(bench, seconds=0.2, flying=FlyingState.LANDED) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
     assert "landed" in bench.feedback
-
-
-def test_time_in_which_a_person_flies_does_not_count() -> None:
-    """The tree is not ticked then."""
-    bench = on_the_ground(give_up_s=5.0)
-    wait(bench, 4.5, flying=FlyingState.LANDED)
-
-    assert live(bench, seconds=60.0, flying=FlyingState.LANDED) is Status.RUNNING
-    assert wait(bench, 0.6, flying=FlyingState.LANDED) is Status.FAILURE
-
-
-@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
-def test_a_climb_refused_again_and_again_is_a_failure_that_says_so(word: MovementState) -> None:
-    bench = LeafBench(TakeOff, height_m=1.5)
-    status = live(bench, height_m=1.0)
-    while status is Status.RUNNING:
-        show(bench, height_m=1.0)
-        if isinstance(bench.proposed, MoveBy):
-            bench.finish_movement(word)
-        status = bench.tick()
-
-    assert status is Status.FAILURE
-    assert word.value in bench.feedback
-
-
-def test_without_telemetry_it_asks_for_nothing() -> None:
-    """Not even for a take-off."""
-    bench = on_the_ground()
-    del bench.board[STATE]
-
-    assert bench.tick(advance_s=0.1) is Status.RUNNING
-    assert bench.proposed is None
-
-
-def test_halted_it_commands_nothing() -> None:
-    """Halted in mid-climb it lets go; begun again it starts with a new movement and a new clock."""
-    bench = LeafBench(TakeOff, height_m=1.5, give_up_s=5.0)
-    live(bench, height_m=1.0)
-    first = bench.proposed
-    assert halted_proposals(bench) == (None, None)
-
-    assert live(bench, seconds=6.0, height_m=1.0) is Status.RUNNING
-    assert isinstance(bench.proposed, MoveBy)
-    assert bench.proposed != first

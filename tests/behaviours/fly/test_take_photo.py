@@ -13,8 +13,8 @@ import pytest
 
 from behaviours.fly.steadiness import Steadiness
 from behaviours.fly.take_photo import TakePhoto
-from tests.behaviours.leaf_world import map_with
 from tests.paper_lab import CARPET
+from tests.worlds.leaves import map_with
 from uav_bt.board import ELAPSED, FRAME, SITE_MAP, STATE
 from uav_bt.board.flight_folder import FlightFolder
 from uav_bt.errors import InputError

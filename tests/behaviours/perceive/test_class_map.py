@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from behaviours.perceive.class_map import FindMark, Segment
-from tests.behaviours.leaf_world import replace_tree
 from tests.paper_lab import HELIPAD_BOX, HELIPAD_H, paper_map
 from tests.perception.marks.ground_views import CAMERA as GROUND_CAMERA
 from tests.perception.marks.ground_views import texture
 from tests.perception.marks.ground_views import view as view_of_ground
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import view_of
+from tests.worlds.leaves import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
 from uav_bt.errors import AnswerError
 from uav_bt.lab.shipped import default_mark
@@ -87,25 +87,6 @@ def test_a_frame_without_an_answer_has_no_class_map() -> None:
         fresh = bench.board[CLASS_MAP].captured_s == bench.board[FRAME].captured_s
         assert fresh is not no_number
     assert [event.text for event in bench.notes.events] == ["no class map: net.onnx: holds NaN"]
-
-
-def test_without_a_frame_there_is_no_class_map() -> None:
-    """The leaf waits without failing; readers find no class map on the board."""
-    bench, network = segmenting()
-
-    assert bench.tick() is Status.SUCCESS
-    assert network.frames == []
-    assert CLASS_MAP not in bench.board
-
-
-def test_a_stale_frame_is_not_segmented() -> None:
-    """An old picture is not made young by looking at it late."""
-    bench, network = segmenting()
-    bench.allow_stale()
-    bench.hover()
-
-    assert bench.tick(advance_s=5.0) is Status.SUCCESS
-    assert network.frames == []
 
 
 def test_the_stage_is_timed() -> None:
@@ -359,11 +340,3 @@ def test_a_pads_track_is_kept_by_the_next_tree() -> None:
     del bench.board[MARK]
     live(bench)
     assert MARK in bench.board
-
-
-def test_perception_commands_nothing() -> None:
-    """Neither a movement nor the gimbal."""
-    bench = LeafBench(FindMark)
-    live(bench)
-
-    assert (bench.proposed, bench.pointed) == (None, None)

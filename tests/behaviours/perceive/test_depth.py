@@ -287,13 +287,6 @@ def test_a_frame_of_another_aspect_than_its_camera_is_refused(estimating: LeafBe
     assert METRIC_DEPTH not in estimating.board
 
 
-def test_without_a_class_map_there_is_no_depth(estimating: LeafBench) -> None:
-    estimating.hover()
-    assert estimating.tick() is Status.SUCCESS
-    assert Loaded.network.frames == []
-    assert METRIC_DEPTH not in estimating.board
-
-
 def test_a_misspelt_source_is_refused_at_setup() -> None:
     with pytest.raises(InputError, match="did you mean 'fused'"):
         LeafBench(Loaded, source="fusd")
@@ -378,11 +371,5 @@ def test_depth_of_another_frame_builds_nothing() -> None:
     bench.board[METRIC_DEPTH] = DepthMap(
         depth=np.ones(SIZE[::-1], dtype=np.float32), metric=True, captured_s=0.0
     )
-    assert fly(bench) is Status.SUCCESS
-    assert CORRIDOR not in bench.board
-
-
-def test_without_depth_there_is_no_corridor() -> None:
-    bench = LeafBench(BuildCorridor)
     assert fly(bench) is Status.SUCCESS
     assert CORRIDOR not in bench.board

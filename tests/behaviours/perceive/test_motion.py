@@ -7,7 +7,7 @@ import math
 import pytest
 
 from behaviours.perceive.motion import TrackMotion
-from tests.behaviours.leaf_world import replace_tree
+from tests.worlds.leaves import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, STATE
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.world import live, show
@@ -70,10 +70,3 @@ def test_the_frame_of_the_poses_is_kept_when_another_tree_takes_over() -> None:
     live(bench, velocity=BodyVelocity(forward_mps=0.5))
 
     assert bench.board[ODOMETRY].pose.x_m == pytest.approx(flown_m + 0.05)
-
-
-def test_tracking_commands_nothing() -> None:
-    bench = tracking()
-    live(bench)
-
-    assert (bench.proposed, bench.pointed) == (None, None)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from behaviours.perceive.site_map import MapSite
-from tests.behaviours.leaf_world import replace_tree
 from tests.paper_lab import BOXES, CARPET
+from tests.worlds.leaves import replace_tree
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.testing.world import show
@@ -140,10 +140,3 @@ def test_the_map_is_kept_when_another_tree_takes_over() -> None:
     site_map = bench.board[SITE_MAP]
     assert site_map.captured_s > known.captured_s
     assert (site_map.seen_s == known.captured_s).any()  # ground that only it had seen
-
-
-def test_mapping_commands_nothing() -> None:
-    bench = mapping()
-    live(bench)
-
-    assert (bench.proposed, bench.pointed) == (None, None)

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.policies.corridor_rule import CorridorRule, CorridorRuleConfig, ground_reach
-from tests.behaviours.leaf_world import map_with
 from tests.behaviours.policies.cast_world import CAMERA, cast, view
+from tests.worlds.leaves import map_with
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.roles import GROUND, OUTSIDE

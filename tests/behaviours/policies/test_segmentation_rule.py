@@ -15,7 +15,6 @@ from behaviours.policies.segmentation_rule import (
     SegmentationRule,
     SegmentationRuleConfig,
 )
-from tests.behaviours.leaf_world import map_with
 from tests.behaviours.policies.cast_world import (
     CAMERA,
     FOR_EVER,
@@ -26,6 +25,7 @@ from tests.behaviours.policies.cast_world import (
     view,
 )
 from tests.paper_lab import BACKGROUND, BOXES, HELIPAD_BOX
+from tests.worlds.leaves import map_with
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import PolicyView

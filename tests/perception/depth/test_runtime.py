@@ -136,18 +136,6 @@ def test_a_network_of_another_input_is_refused(tmp_path: Path) -> None:
         runtime.OnnxDepthEstimator(path)
 
 
-def test_an_absent_network_says_what_makes_one(tmp_path: Path) -> None:
-    with pytest.raises(WeightsError, match="uav-bt net train depth"):
-        runtime.load_depth_estimator(tmp_path / "none.onnx")
-
-
-def test_a_file_that_is_no_network_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "n.onnx"
-    path.write_bytes(b"no network")
-    with pytest.raises(WeightsError, match="not a readable ONNX network"):
-        runtime.load_depth_estimator(path)
-
-
 def test_a_name_that_nobody_knows_gets_a_suggestion() -> None:
     with pytest.raises(UnknownNameError, match="unknown depth model 'dept'; did you mean 'depth'"):
         runtime.load_depth_estimator("dept")

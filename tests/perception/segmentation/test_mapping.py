@@ -81,11 +81,6 @@ def test_a_bad_mapping_is_refused_with_the_reason(tmp_path: Path, text: str, mes
         _read(tmp_path, text)
 
 
-def test_an_absent_mapping_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="no such class mapping"):
-        read_mapping(tmp_path / "none.yaml", CLASSES)
-
-
 def test_a_class_the_network_does_not_have_is_refused() -> None:
     with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 9"):
         ClassMapping.identity(CLASSES).table(10, CLASSES)

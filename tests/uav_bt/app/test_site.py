@@ -121,11 +121,6 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None
         load_site(site_file(tmp_path, text))
 
 
-def test_a_missing_file_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="there is no such site file"):
-        load_site(tmp_path / "site.yaml")
-
-
 EXPLORE = """
 <ReactiveSequence>
   <Segment/>

@@ -105,29 +105,3 @@ def test_a_file_in_the_folders_place_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
     with pytest.raises(FileError, match="cannot be written: File exists"):
         keep(tmp_path / "out")
-
-
-@pytest.mark.parametrize(
-    ("content", "why"),
-    [
-        (b"{", "damaged: no JSON"),
-        (b'{"format": 1, "plan": {}, "runs": 3}', "'runs' must be a list, got 3"),
-        (b"[" * 100_000, "damaged: no JSON that can be read: nested too deeply"),
-        (b'{"format": 1e999}', "damaged: no JSON that can be read: 1e999"),
-        (b"\xff", "damaged: no JSON"),
-        (b"[]", "needs 'format', 'plan' and 'runs'"),
-        (b'{"format": 2, "plan": {}, "runs": []}', "has format 2, this version of uav-bt reads 1"),
-        (b'{"format": 1, "plan": {}, "runs": []}', "not a campaign's plan"),
-        (b'{"format": 1, "plan": 3, "runs": []}', "not a campaign's plan"),
-    ],
-)
-def test_a_damaged_plan_is_refused(tmp_path: Path, content: bytes, why: str) -> None:
-    (tmp_path / "campaign.json").write_bytes(content)
-    with pytest.raises(FileError) as refused:
-        keep(tmp_path)
-    assert why in str(refused.value)
-
-
-def test_a_folder_without_a_campaign_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="this folder holds no campaign"):
-        read_plan(tmp_path)

@@ -9,7 +9,7 @@ import pytest
 
 from tests.uav_bt.campaign.campaign_world import line
 from uav_bt.campaign.flight_lines import comparable, key_of, parse_flight, read_flights
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import InputError
 
 
 def test_flights_without_a_path_are_read(tmp_path: Path) -> None:
@@ -92,8 +92,3 @@ def test_of_a_flight_that_stands_there_twice_the_later_counts(tmp_path: Path) ->
     again = [line(0, reason="first"), line(1), line(0, reason="second")]
     path.write_text("".join(json.dumps(one) + "\n" for one in again))
     assert [flight["reason"] for flight in read_flights(path).flights] == ["landed", "second"]
-
-
-def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="no such file"):
-        read_flights(tmp_path / "none.jsonl")

@@ -116,50 +116,12 @@ def test_a_scene_that_is_gone_is_reported_and_left_out(folder: Path) -> None:
     assert "no map of scene 'gone'" in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((), ("which TREE is to be flown",)),
-        (("nonsense",), ("nonsense: no such tree file",)),
-        (("land_only", "--scenes", "val-z"), ("unknown scene 'val-z'; did you mean 'val-",)),
-        (("land_only", "--scenes", "zzz*"), ("unknown scene pattern 'zzz*'",)),
-        (("land_only", "land_only"), ("two trees are called 'land_only.xml'",)),
-        (("land_only", "--flights", 0), ("--flights",)),
-        (("land_only", "--workers", 0), ("--workers",)),
-        (("land_only", "--timeout-s", 0), ("--timeout-s",)),
-        (("land_only", "--image-size", "big"), ("640x360",)),
-        (("land_only", "--policy", "x"), ("NODE=NAME",)),
-        (("land_only", "--policy", "Nobody=corridor"), ("Nobody",)),
-        (("land_only", "--backend", "dask"), ("--backend dask and --address",)),
-        (("land_only", "--address", "x:1"), ("--backend dask and --address",)),
-        (
-            ("land_only", "--backend", "dask", "--address", "x:1", "--workers", 2),
-            ("--workers is for this machine",),
-        ),
-        (("--resume", "/nowhere"), ("/nowhere/campaign.json: no such file",)),
-        (("land_only", "--resume", "x", "--flights", 3), ("leave out TREE, --flights",)),
-    ],
-)
-def test_what_makes_no_campaign_is_refused(
-    arguments: tuple[object, ...], words: tuple[str, ...], tmp_path: Path
-) -> None:
-    out = () if "--resume" in arguments or not arguments else ("--out", tmp_path / "out")
-    assert_refused(run("campaign", *arguments, *out), *words)
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_profile_that_nobody_knows_ends_the_campaign(tmp_path: Path) -> None:
     mission, out = tree_file(tmp_path, HOP), tmp_path / "out"
     refused = run("campaign", mission, "--flights", 1, *SMALL, "--profile", "no", "--out", out)
     assert refused.exit_code == 2, refused.output
     assert "unknown profile 'no'" in refused.stderr
     assert flights_of(out) == []
-
-
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    out = tmp_path / "file" / "out"
-    assert_refused(run("campaign", "land_only", "--out", out), "cannot be written")
 
 
 @pytest.mark.parametrize(("percent", "code"), [(100, 0), (50, 0)])
@@ -186,16 +148,6 @@ def test_a_stopped_campaign_says_how_it_goes_on(
     done = run("campaign", "land_only", "--flights", 2, "--out", tmp_path / "out")
     assert done.exit_code == 1
     assert "stopped; 1 of 4 flights are kept" in done.stderr
-
-
-@pytest.mark.parametrize("arguments", [(), ("/nowhere",)])
-def test_a_report_of_nothing_is_refused(arguments: tuple[str, ...]) -> None:
-    assert_refused(run("report", *arguments))
-
-
-def test_a_report_of_a_folder_without_flights_is_refused(tmp_path: Path) -> None:
-    assert_refused(run("report", tmp_path), "no flights in this folder")
-    assert_refused(run("report", tmp_path, "--out", tmp_path / "no" / "x.html"), "does not exist")
 
 
 def test_on_a_terminal_a_bar_counts_outcomes_and_names_failures() -> None:

@@ -63,22 +63,6 @@ def test_a_policy_that_a_variable_names_is_left_to_the_flight(tmp_path: Path) ->
     assert run("check", tree_file(tmp_path, '<Explore policy="{way}"/>')).exit_code == 0
 
 
-def test_an_absent_file_is_reported_and_the_others_are_checked(tmp_path: Path) -> None:
-    good = tree_file(tmp_path, HOP)
-    result = run("check", tmp_path / "absent.xml", good)
-    assert result.exit_code == 2
-    assert "absent.xml: no such tree file" in result.stderr
-    assert result.stdout == f"{good}: good\n"
-
-
-def test_a_folder_is_no_tree_file(tmp_path: Path) -> None:
-    assert_refused(run("check", tmp_path), str(tmp_path))
-
-
-def test_nothing_to_check_is_wrong_usage() -> None:
-    assert_refused(run("check"), "TREE")
-
-
 # --- folders, palettes, JSON ----------------------------------------------------------------------
 
 
@@ -369,11 +353,6 @@ def test_what_is_wrong_only_in_the_use_of_a_file_is_reported(tmp_path: Path, inc
     assert run("check", tmp_path).exit_code == 0
 
 
-def test_a_package_needs_a_folder(tmp_path: Path) -> None:
-    path = tree_file(tmp_path, "<Land/>")
-    assert_refused(run("check", path, "--ros-pkg", "robot"), "expected NAME=DIR")
-
-
 GOOD = '<root BTCPP_format="4"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>'
 
 
@@ -415,25 +394,3 @@ def test_a_value_in_another_unit_is_a_warning_of_check_and_fly(
     assert (finding["rule"], finding["severity"]) == ("unit", "warning")
     assert_refused(run("fly", tree, "--drone", "blimp"), "unknown drone 'blimp'")
     assert f"Turn: attribute 'degrees': 1.047 {words}" in caplog.text  # before the flight
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "finding"),
-    [
-        ("rounds.txt", "mark\nstrat:1,0\n", "rounds.txt:2:1: expected a place such as start:2,0"),
-        ("rounds.csv", "frame,x,y\nstart,1,b\n", "rounds.csv:2:1: column 'y': expected a number"),
-        ("rounds.csv", "frame,x,y\nlabs,1,2\n", "rounds.csv:2:1: column 'frame': expected start"),
-        ("rounds.csv", "", "rounds.csv: the list is empty"),
-        ("other.csv", "", "mission.xml:3:13: LoopString: attribute 'queue': no such file"),
-    ],
-)
-def test_a_wrong_file_of_places_is_one_line(
-    name: str, content: str, finding: str, tmp_path: Path
-) -> None:
-    (tmp_path / name).write_text(content)
-    named = name.replace("other", "rounds")
-    body = f'<LoopString queue="file:{named}" value="{{p}}"><GoTo to="{{p}}"/></LoopString>'
-    result = run("check", tree_file(tmp_path, body))
-    assert result.exit_code == 2
-    (line,) = (result.stdout + result.stderr).splitlines()
-    assert line.startswith(f"{tmp_path}/{finding}")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-
-from tests.uav_bt.cli.cli_world import assert_refused, run
+from tests.uav_bt.cli.cli_world import run
 from uav_bt.cli.depth_tables import depth_report
 
 ONE_SCENE = ("--scene", "train-b", "--views", 3)
@@ -46,23 +44,6 @@ def test_only_the_tables_asked_for_are_made() -> None:
     assert "along the ray" in result.stdout
     assert "exact masks, telemetry of profile 'lab'" in result.stdout
     assert "edges, no patch" not in result.stdout
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--model", "absent.onnx"], ["absent.onnx"]),
-        (["--model", "dept"], ["unknown depth model 'dept'"]),
-        (["--model", "contact", "--tables", "pair"], ["unknown table 'pair'", "'pairs'"]),
-        (["--model", "contact", "--tables", ","], ["no table"]),
-        (["--model", "contact", "--scene", "test-c"], ["unknown scene 'test-c'"]),
-        (["--masks", "teacher"], ["--masks"]),
-        (["--views", "0"], ["--views"]),
-        (["--out", "nowhere/depth.json"], ["nowhere", "create it first"]),
-    ],
-)
-def test_a_mistake_is_reported(arguments: list[str], words: list[str]) -> None:
-    assert_refused(run("net", "evaluate", "depth", *arguments), *words)
 
 
 def test_figures_that_nobody_knows_are_dashes() -> None:

@@ -164,109 +164,6 @@ def test_options_reach_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
 EXPLORE = "<Sequence><Segment/><Explore/></Sequence>"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ([], ["Missing argument 'TREE'"]),
-        (["absent.xml"], ["absent.xml: no such tree file", "land_only"]),
-        (["land_only", "--scene", "test-aa"], ["unknown scene 'test-aa'; did you mean 'test-a'"]),
-        (["land_only", "--scene", "absent.yaml"], ["absent.yaml: there is no such scene file"]),
-        (["land_only", "--drone", "twim"], ["unknown drone 'twim'; did you mean 'twin'"]),
-        (["land_only", "--profile", "lap"], ["unknown profile 'lap'"]),
-        (["land_only", "--seed", "-1"], ["--seed"]),
-        (["land_only", "--seed", "x"], ["--seed"]),
-        (["land_only", "--threads", "0"], ["--threads"]),
-        (["land_only", "--image-size", "640"], ["--image-size", "such as 640x360", "'640'"]),
-        (["land_only", "--image-size", "640x480"], ["16:9", "640x480"]),
-        (["land_only", "--report", "nowhere/r.json"], ["--report", "nowhere", "create it first"]),
-        (["land_only", "--video", "nowhere/v.mp4"], ["--video", "nowhere", "create it first"]),
-        (["land_only", "--report", "."], ["--report"]),
-        (["land_only", "--report", "x.mp4", "--video", "x.mp4"], ["same file"]),
-        (["land_only", "--policy", "Explore"], ["--policy", "NODE=NAME", "'Explore'"]),
-        (["land_only", "--policy", "=x"], ["NODE=NAME"]),
-        (["land_only", "--policy", "A=x", "--policy", "A=y"], ["'A' is given two policies"]),
-        (
-            ["land_only", "--policy", "ReturnToBse=segmentation"],
-            ["'ReturnToBse'", "did you mean 'ReturnToBase'"],
-        ),
-        (["land_only", "--policy", "TakeOff=segmentation"], ["TakeOff", "policy"]),
-        (
-            ["land_only", "--policy", "ReturnToBase=segmentatio"],
-            ["unknown policy 'segmentatio'; did you mean 'segmentation'"],
-        ),
-        (["land_only", "--hover"], ["--hover"]),
-    ],
-)
-def test_a_mistake_is_reported_and_nothing_is_flown(
-    arguments: list[str], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    if arguments and "--report" not in arguments and "--video" not in arguments:
-        arguments = [*arguments, "--report", "r.json", "--video", "v.mp4"]
-    assert_refused(run("fly", *arguments), *words)
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("section", "words"),
-    [
-        ("margins: {obstacle_m: 0.25}", "margins.obstacle_m: must be at least 0.30 m"),
-        ("margins: {obstacles_m: 0.5}", "did you mean 'obstacle_m'"),
-        ("margins: {lane_m: -1}", "margins.lane_m: expected a number greater than or equal to 0"),
-        ("mark: {height_m: -0.1}", "mark.height_m: expected a number greater than or equal to 0"),
-    ],
-)
-def test_a_place_that_cannot_be_is_refused_with_its_line(
-    section: str, words: str, tmp_path: Path
-) -> None:
-    site = tmp_path / "site.yaml"
-    site.write_text(f"flight_height_m: 1.2\n{section}\n", encoding="utf-8")
-    assert_refused(run("fly", "land_only", "--site", site), f"{site}:2: ", words)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("boxes: [", ["not valid YAML"]),
-        ("", [":1:", "has no landing mark to take off from"]),
-        ("helipad: {position_m: [0, 0], colour: red}", [":1:", "helipad.colour: unknown key"]),
-        (PAD + "boxs: []", [":2:", "did you mean 'boxes'"]),
-        (
-            PAD + "boxes:\n  - {pattern: 1, position_m: [2.4, 0], size_m: [0.4, 0.4, 1]}",
-            [":3:", "outside the ground"],
-        ),
-        (
-            PAD + "boxes:\n  - {pattern: 9, position_m: [1, 0], size_m: [0.4, 0.4, 1]}",
-            [":3:", "pattern must be 1 to 8"],
-        ),
-    ],
-)
-def test_a_bad_scene_file_is_reported_with_its_line(
-    text: str, words: list[str], tmp_path: Path
-) -> None:
-    scene = tmp_path / "bad.yaml"
-    scene.write_text(text, encoding="utf-8")
-    report = tmp_path / "r.json"
-    result = run("fly", "land_only", "--scene", scene, "--report", report)
-    assert_refused(result, str(scene), *words)
-    assert not report.exists()
-
-
-@pytest.mark.parametrize("content", [None, b"", b"no network at all"])
-def test_absent_or_damaged_weights_are_reported_and_nothing_is_flown(
-    content: bytes | None, tmp_path: Path
-) -> None:
-    weights = tmp_path / "net.onnx"
-    if content is not None:
-        weights.write_bytes(content)
-    tree = tree_file(tmp_path, f'<Sequence><Segment model="{weights}"/>{HOP}</Sequence>')
-    report, video = tmp_path / "r.json", tmp_path / "v.mp4"
-    result = run("fly", tree, *SMALL, "--report", report, "--video", video)
-    assert_refused(result, str(weights))
-    assert not report.exists()
-    assert not video.exists()
-
-
 def test_weights_of_a_training_are_refused_without_noise(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -454,12 +351,6 @@ def test_groot2_is_served_only_when_asked(
 def test_a_port_that_is_none_is_refused_with_a_hint(port: str) -> None:
     result = run("fly", "--groot", port, "land_only")
     assert_refused(result, f"got '{port}'", "--groot without a port after TREE")
-
-
-def test_a_log_of_another_name_is_refused_before_anything_flies(tmp_path: Path) -> None:
-    assert_refused(
-        run("fly", "land_only", "--btlog", tmp_path / "flight.log"), "must end in .btlog"
-    )
 
 
 @pytest.mark.parametrize(

@@ -82,8 +82,3 @@ def test_a_folder_that_cannot_be_written_to_is_refused(hall: Path) -> None:
         assert_refused(run("lab", "pick", "hall"), "cannot be written")
     finally:
         hall.chmod(0o700)
-
-
-def test_picks_that_are_a_folder_are_refused(hall: Path) -> None:
-    (hall / "picks.csv").mkdir()
-    assert_refused(run("lab", "pick", "hall"), "picks.csv: is a folder")

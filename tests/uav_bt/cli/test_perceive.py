@@ -80,43 +80,6 @@ def test_a_break_exits_with_1_and_sums_up(
     assert "Traceback" not in result.stderr
 
 
-def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
-    assert_refused(perceive(tmp_path / "no.mp4"), "there is no such video file")
-    assert_refused(perceive(tmp_path), "holds no images")
-    (tmp_path / "broken.mp4").write_bytes(b"no video" * 100)
-    assert_refused(perceive(tmp_path / "broken.mp4"), "is not a readable video")
-    (tmp_path / "broken.mcap").write_bytes(b"no record")
-    assert_refused(perceive(tmp_path / "broken.mcap"), "broken.mcap")
-    assert_refused(perceive("camera:x"), "expected a camera such as camera:0")
-    assert_refused(perceive("camera:99"), "camera 99 does not open")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--out", "nowhere/seen.mp4"), "folder 'nowhere' does not exist"),
-        (("--json", "nowhere/seen.jsonl"), "folder 'nowhere' does not exist"),
-        (("--out", "seen.avi"), "the name must end in .mp4"),
-        (("--out", "seen.mp4", "--json", "seen.mp4"), "name the same file"),
-        (("--camera", "no.yaml"), "there is no such camera file"),
-        (("--telemetry", "no.mcap"), "no.mcap"),
-        (("--model", "no.onnx"), "no.onnx: there is no such network"),
-        (("--segmentation", "no.onnx"), "no.onnx: there is no such network"),
-        (("--classes", "classes.yaml"), "belongs to an ONNX segmentation network"),
-        (("--height-m", "0"), "--height-m"),
-        (("--gimbal-deg", "-91"), "--gimbal-deg"),
-        (("--every", "0"), "--every"),
-        (("--seconds", "0"), "--seconds"),
-    ],
-)
-def test_options_that_cannot_be_are_refused(
-    views: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], words: str
-) -> None:
-    monkeypatch.chdir(views.parent)
-    assert_refused(perceive(views, *arguments), words)
-    assert [path.name for path in views.parent.iterdir()] == ["views"]
-
-
 def test_a_wrong_aspect_is_refused_with_the_cure(tmp_path: Path) -> None:
     assert cv2.imwrite(str(tmp_path / "square.png"), np.full((90, 90, 3), 99, np.uint8))
     result = perceive(tmp_path / "square.png")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from tests.uav_bt.cli.cli_world import HOP, run, tree_file
 from tests.uav_bt.record.record_world import copy_part
 from uav_bt.record import record_file
 
@@ -94,26 +94,6 @@ def test_all_differences_are_there_for_machines(record: Path, tmp_path: Path) ->
     told = json.loads(result.stdout)
     assert told["same"] is False
     assert told["differing_ticks"] == len(told["differences"]) > 0
-
-
-@pytest.mark.parametrize("command", [("record", "info"), ("replay",)])
-def test_what_is_no_record_is_refused(command: tuple[str, ...], tmp_path: Path) -> None:
-    text = tmp_path / "text.mcap"
-    text.write_text("Once upon a time")
-    assert_refused(run(*command, text), "is not a flight record", "MCAP")
-    assert_refused(run(*command, tmp_path / "absent.mcap"), "no such file")
-
-
-def test_a_bad_tree_for_a_replay_is_refused(record: Path, tmp_path: Path) -> None:
-    assert_refused(run("replay", record, "--tree", "moon"), "no such tree file")
-    bad = tree_file(tmp_path, "<Lnad/>")
-    assert_refused(run("replay", record, "--tree", bad), "Land")
-
-
-def test_two_outputs_in_one_file_are_refused(tmp_path: Path) -> None:
-    file = tmp_path / "flight.mcap"
-    result = run("fly", "land_only", "--record", file, "--report", file)
-    assert_refused(result, "--report and --record name the same file")
 
 
 def test_a_full_disk_costs_the_record_and_not_the_missions_result(

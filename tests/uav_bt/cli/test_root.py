@@ -175,10 +175,6 @@ def test_version() -> None:
     assert run("--version").stdout == f"uav-bt, version {__version__}\n"
 
 
-def test_an_unknown_command_gets_a_suggestion() -> None:
-    assert_refused(run("fyl"), "there is no command 'fyl'; did you mean 'fly'?")
-
-
 @pytest.mark.parametrize(
     ("arguments", "hint"),
     [

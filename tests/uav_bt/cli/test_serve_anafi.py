@@ -29,7 +29,3 @@ def test_a_taken_port_exits_with_2_and_says_what_to_do() -> None:
         free = [f"--{name}-port=0" for name in ("discovery", "commands", "http", "rtsp")]
         result = run("serve-anafi", "--no-video", *free, "--control-port", port)
     assert_refused(result, f"the control port {port} of 127.0.0.1 is taken", "choose another port")
-
-
-def test_an_unknown_scene_exits_with_2() -> None:
-    assert_refused(run("serve-anafi", "--scene", "nowhere"), "unknown scene 'nowhere'")

@@ -90,18 +90,6 @@ def test_a_log_cut_short_in_its_head_is_refused_with_the_byte(folder: Path, kept
         BtlogReader(path)
 
 
-@given(noise=st.binary(max_size=200))
-def test_any_bytes_are_read_or_refused(folder: Path, noise: bytes) -> None:
-    path = folder / "noise.btlog"
-    path.write_bytes(b"BTCPP4-FileLogger2\x01" + noise)
-    refused = ""
-    try:
-        read(path)
-    except FileError as error:
-        refused = str(error)
-    assert not refused or "byte " in refused
-
-
 @pytest.mark.parametrize(
     ("data", "words"),
     [
@@ -125,13 +113,6 @@ def test_a_foreign_or_damaged_file_is_refused_with_the_byte(
     with pytest.raises(FileError) as error:
         read(path)
     assert words in str(error.value)
-
-
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"absent.btlog: no such file"):
-        BtlogReader(tmp_path / "absent.btlog")
-    with pytest.raises(FileError, match="cannot be read"):
-        BtlogReader(tmp_path)
 
 
 def test_a_log_needs_a_name_that_groot2_opens(tmp_path: Path) -> None:

@@ -153,16 +153,6 @@ def test_the_size_of_a_picture_comes_from_its_header(tmp_path: Path, made: objec
         check_picture(path)
 
 
-@pytest.mark.parametrize(
-    "data", [b"", b"GIF89a", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff\xd9", png(0, 5)]
-)
-def test_what_is_no_picture_is_refused(tmp_path: Path, data: bytes) -> None:
-    path = tmp_path / "picture"
-    path.write_bytes(data)
-    with pytest.raises(FileError, match="is no picture"):
-        check_picture(path)
-
-
 # --- the page -------------------------------------------------------------------------------------
 
 

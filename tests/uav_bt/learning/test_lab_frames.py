@@ -316,13 +316,6 @@ def test_what_could_be_read_of_a_cut_video_is_used(material: LabMaterial, tmp_pa
     assert any("it was cut short; what could be read is used" in note for note in summary.notes)
 
 
-@pytest.mark.parametrize("content", [b"", b"this is no video" * 100], ids=["empty", "text"])
-def test_what_is_no_video_is_refused(material: LabMaterial, tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "a.mp4").write_bytes(content)
-    with pytest.raises(FileError, match=r"a\.mp4: is not a readable video"):
-        take(material, tmp_path / "a.mp4")
-
-
 def test_the_labs_own_images_are_no_source(material: LabMaterial, tmp_path: Path) -> None:
     take(material, write_video(tmp_path / "a.mp4", walk(2)))
     with pytest.raises(FileError, match="is in the folder of the lab's images"):

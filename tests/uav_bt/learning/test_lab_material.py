@@ -65,12 +65,3 @@ def test_a_malformed_list_names_the_line(material: LabMaterial, line: str, words
         material.uses()
 
     assert str(caught.value).startswith(f"{material.list_file}:2")
-
-
-@pytest.mark.parametrize("content", [b"\xff\xfe", b"image," + b"x" * 200_000])
-def test_a_list_that_is_no_csv_text_is_refused(material: LabMaterial, content: bytes) -> None:
-    _add_images(material, 1)
-    material.list_file.write_bytes(content)
-
-    with pytest.raises(FileError):
-        material.uses()

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.behaviours.leaf_world import map_with
 from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.record.test_site_maps import site_map
+from tests.worlds.leaves import map_with
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
 from uav_bt.record.config import RecordConfig

@@ -526,18 +526,6 @@ def test_scripts_are_bounded_and_no_python(code: str, message: str) -> None:
     assert message in found[0]
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    """A missing file, a folder, a binary: one message, exit code 2."""
-    with pytest.raises(TreeError, match="no such file"):
-        load_tree(tmp_path / "none.xml", REGISTRY)
-    with pytest.raises(TreeError, match="is a folder, no file"):
-        load_tree(tmp_path, REGISTRY)
-    binary = tmp_path / "binary.xml"
-    binary.write_bytes(b"\xff\xfe\x00<root/>")
-    with pytest.raises(TreeError, match="not well-formed"):
-        load_tree(binary, REGISTRY)
-
-
 def test_columns_survive_accents_and_tabs() -> None:
     """Columns are characters, not bytes."""
     text = document('<Steer name="é" heigth_m="1"/>')

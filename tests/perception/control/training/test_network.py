@@ -173,11 +173,6 @@ def test_another_network_is_no_student(tmp_path: Path) -> None:
         OnnxControlStudent(path.with_suffix(".onnx"))
 
 
-def test_a_missing_file_names_the_cure(tmp_path: Path) -> None:
-    with pytest.raises(WeightsError, match="no such network; `uav-bt net train student`"):
-        OnnxControlStudent(tmp_path / "none.onnx")
-
-
 def test_an_onnx_file_of_another_version_is_refused(weights: Path, tmp_path: Path) -> None:
     import onnx  # noqa: PLC0415
 

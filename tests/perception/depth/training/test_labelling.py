@@ -12,7 +12,7 @@ from perception.depth.training.clips import DepthLabels
 from perception.depth.training.parallax import Parallax, ParallaxConfig
 from tests.paper_lab import paper_map
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
-from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel, ClassMap, Frame
 
 
@@ -157,14 +157,3 @@ def test_labels_come_back_as_they_were_written(tmp_path: Path, bounded: bool) ->
     read = labelling.read_labels(tmp_path / "l.npz")
     np.testing.assert_array_equal(read.depth_m, depth)
     assert (read.at_most_m is not None) == bounded
-
-
-def test_damaged_labels_say_what_to_do(tmp_path: Path) -> None:
-    path = tmp_path / "l.npz"
-    labelling.write_labels(path, DepthLabels(depth_m=np.zeros((2, 4, 5), np.float16)))
-    path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(FileError, match="holds no whole labels"):
-        labelling.read_labels(path)
-    np.savez(path, depth=np.zeros(3))
-    with pytest.raises(FileError, match="delete the file to have it made anew"):
-        labelling.read_labels(path)

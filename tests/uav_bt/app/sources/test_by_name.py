@@ -175,14 +175,6 @@ def test_every_third_image_keeps_its_number_and_time(tmp_path: Path) -> None:
     assert [(one.index, round(one.time_s, 3)) for one in taken] == [(0, 0.0), (3, 0.3)]
 
 
-@pytest.mark.parametrize("content", [b"", b"this is no video" * 100], ids=["empty", "text"])
-def test_what_is_no_video_is_refused(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "flight.mp4"
-    path.write_bytes(content)
-    with pytest.raises(FileError, match="is not a readable video"):
-        open_source(str(path))
-
-
 def test_a_damaged_part_is_reported_and_the_rest_is_read(tmp_path: Path) -> None:
     path = tmp_path / "flight.mp4"
     video(path, count=40)
@@ -277,11 +269,6 @@ def test_a_colon_in_a_videos_name_is_no_protocol(
     encoded(tmp_path / "drone.mp4", noise(2)).rename(tmp_path / name)
     monkeypatch.chdir(tmp_path)
     assert len(list(open_source(name).images())) == 2
-
-
-def test_an_absent_file_is_refused_with_what_a_source_can_be() -> None:
-    with pytest.raises(FileError, match="there is no such video file or folder of images"):
-        open_source("nowhere.mp4")
 
 
 # --- records --------------------------------------------------------------------------------------

@@ -74,18 +74,6 @@ def test_what_no_script_can_say_is_refused_with_its_line(
     assert error.value.line == line
 
 
-def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="there is no such script file"):
-        read_script(tmp_path / "absent.yaml")
-    path = tmp_path / "binary.yaml"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FileError, match="cannot be read as UTF-8 text"):
-        read_script(path)
-    path.write_text("#" * 250_001, encoding="utf-8")
-    with pytest.raises(FileError, match="larger than 250000 bytes"):
-        read_script(path)
-
-
 def test_deep_nesting_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="not valid YAML"):
         read_script(written(tmp_path, "[" * 5000))

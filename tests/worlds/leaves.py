@@ -9,7 +9,6 @@ import numpy as np
 
 from tests.paper_lab import CLASSES
 from uav_bt.answers import Advance, Blocked
-from uav_bt.board import STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import InFlight, Says, live
 from uav_bt.tree import Leaf, MissionTree, Status
@@ -38,14 +37,6 @@ def wait(bench: LeafBench, seconds: float, **world: Unpack[InFlight]) -> Status:
         status = live(bench, **{**world, "seconds": min(0.5, seconds)})
         seconds -= 0.5
     return status
-
-
-def halted_proposals(bench: LeafBench) -> tuple[object, object]:
-    """Halt the leaf at the start of a tick; return the proposals of the halt."""
-    assert STATE in bench.board
-    bench.proposals.clear()
-    bench.halt()
-    return bench.proposed, bench.pointed
 
 
 def replace_tree(bench: LeafBench, leaf: Leaf) -> None:
