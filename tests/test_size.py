@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.size import ROOT, lines, package_of, tracked
 
-# Lines as `wc -l` counts them. A cut lowers its ceiling; a commit that raises one states the reason.
+# Lines as `wc -l` counts them. A cut lowers its ceiling; a commit that raises one says why.
 CEILINGS = {}
 SLACK = 40  # a ceiling stands at most this far above its package
 BYTES_A_LINE = 41  # of all Python

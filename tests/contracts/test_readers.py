@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from perception.segmentation.adaptation.place_statement import STATEMENT_FILE, PlaceStatement
 
 from perception.camera.camera_file import load_camera
 from perception.camera.image_files import exif_orientation, read_image
@@ -33,7 +32,6 @@ from perception.segmentation.teacher import load_teacher
 from perception.segmentation.training.picks import read_picks
 from sim_bridge.twin.scene_file import load_scene, scene_text
 from tests.paper_lab import CLASSES
-from tests.perception.segmentation.adaptation.learned_world import STATEMENT
 from tests.uav_bt.learning.frames_world import view, write_video
 from uav_bt import app
 from uav_bt.app.option_values import fault_texts
@@ -208,11 +206,6 @@ TEXTS: Final = {
     "site": Reader(load_site, "a.yaml", SITE, fits=("empty",)),
     "camera": Reader(load_camera, "a.yaml", CAMERA),
     "mapping": Reader(lambda path: read_mapping(path, CLASSES), "a.yaml", MAPPING),
-    "statement": Reader(
-        lambda path: PlaceStatement.read(path.parent),
-        STATEMENT_FILE,
-        lambda path: STATEMENT.write(path.parent),
-    ),
     "parameters": Reader(read_parameters, "a.yaml", PARAMETERS, fits=("empty",)),
     "script": Reader(read_script, "a.yaml", SCRIPT),
     "places": Reader(read_places, "a.txt", "start:2,0\nmark@90\n"),
