@@ -441,7 +441,6 @@ def test_whole_records_with_wrong_messages_are_read_or_refused(
     [
         ("tree", b'format="4"', b'format="5"'),
         ("lab", b"version: 1", b"version: 9"),
-        ("statement", b"version: 1", b"version: 9"),
         ("campaign", b'"format": 1', b'"format": 9'),
         ("log of Groot2", b"FileLogger2\x01", b"FileLogger2\x09"),
         ("weights", b'\\"version\\": 2', b'\\"version\\": 9'),
