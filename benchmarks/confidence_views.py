@@ -127,17 +127,11 @@ def _sequences(name: str, views: int, seed: int) -> Iterator[list[View]]:
         turn = _TURN_RAD if rng.random() < 0.5 else -_TURN_RAD
         for step in range(_STEPS):
             ahead = step * _ADVANCE_M
-            poses.append(
-                replace(
-                    pose,
-                    x_m=pose.x_m + ahead * math.cos(pose.yaw_rad),
-                    y_m=pose.y_m + ahead * math.sin(pose.yaw_rad),
-                    yaw_rad=pose.yaw_rad + step * turn,
-                )
-            )
-    drawn = render_views(
-        scene, poses, truth_size_px=_MAP_PX, profile=Profile.named("lab"), seed=mixed
-    )
+            x_m = pose.x_m + ahead * math.cos(pose.yaw_rad)
+            y_m = pose.y_m + ahead * math.sin(pose.yaw_rad)
+            poses.append(replace(pose, x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad + step * turn))
+    profile = Profile.named("lab")
+    drawn = render_views(scene, poses, truth_size_px=_MAP_PX, profile=profile, seed=mixed)
     for _ in range(len(poses) // _STEPS):
         yield [next(drawn) for _ in range(_STEPS)]
 
@@ -153,11 +147,9 @@ class _Masks:
 
     def __call__(self, rgb: Image) -> Flags:
         frame = Frame(image=rgb, index=0, captured_s=0.0, gimbal_pitch_rad=0.0)
-        class_map = self._segmenter.segment(frame)
-        ground = cv2.resize(
-            class_map.is_ground.astype(np.uint8), _MAP_PX, interpolation=cv2.INTER_NEAREST
-        )
-        return np.asarray(ground, dtype=bool)
+        ground = self._segmenter.segment(frame).is_ground.astype(np.uint8)
+        resized = cv2.resize(ground, _MAP_PX, interpolation=cv2.INTER_NEAREST)
+        return np.asarray(resized, dtype=bool)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,12 +178,7 @@ class _Errors:
 class _Judge:
     """Judges sequences of one lab."""
 
-    def __init__(
-        self,
-        name: str,
-        lab: Lab,
-        masks: tuple[_Masks, _Masks],
-    ) -> None:
+    def __init__(self, name: str, lab: Lab, masks: tuple[_Masks, _Masks]) -> None:
         self._name, self._classes = name, lab.classes
         self._network = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
         self._own, self._other = masks
@@ -222,14 +209,13 @@ class _Judge:
                     found = scale.update(sample, step * _APART_S, height_m)
                     if found is None or found.why is None:
                         continue
+                    measures = found.why.measures.items()
                     yield JudgedScale(
                         lab=self._name,
                         condition=condition,
                         over_exact=found.factor / exact,
                         confidence=found.confidence,
-                        measures={
-                            key: each.value or 0.0 for key, each in found.why.measures.items()
-                        },
+                        measures={key: each.value or 0.0 for key, each in measures},
                     )
 
     def _plane_m(self, view: View, pitch_rad: float, height: float) -> NDArray[np.float32]:

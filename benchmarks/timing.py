@@ -239,22 +239,15 @@ def record() -> None:
     show({name: each.ms for name, each in kept.items()})
 
 
-TIMED: Final = {
-    "ticks": ticks,
-    "pipeline": pipeline,
-    "student": student,
-    "record": record,
-}
-
-
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("what", choices=TIMED)
+    timed = {each.__name__: each for each in (ticks, pipeline, student, record)}
+    parser.add_argument("what", choices=timed)
     given = parser.parse_args()
     cv2.setNumThreads(1)
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
-    TIMED[given.what]()
+    timed[given.what]()
 
 
 if __name__ == "__main__":
