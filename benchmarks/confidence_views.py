@@ -1,10 +1,8 @@
 """Scales of rendered views with right and deliberately wrong inputs, against exact depth.
 
-Each lab is judged with the depth network that it is flown with.
-
-Each pose is a sequence of three frames, so that the second and third have a history. The exact
-scale of a frame is the median ratio of exact to predicted depth on the ground in view or, with
-little ground in view, on everything up to 6 m.
+Each lab is judged with the depth network that it is flown with. Each pose is a sequence of three
+frames, so that the second and third have a history. The exact scale of a frame is the median ratio
+of exact to predicted depth on the ground in view or, with little ground in view, up to 6 m.
 """
 
 from __future__ import annotations
@@ -152,29 +150,6 @@ class _Masks:
         return np.asarray(resized, dtype=bool)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Errors:
-    """Deliberate errors of a sequence."""
-
-    pitch_rad: float
-    height: float  # relative
-    patch: tuple[slice, slice]
-    channels: tuple[int, int, int]
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator) -> _Errors:
-        signs = rng.choice((-1.0, 1.0), 2)
-        width_px, height_px = _MAP_PX
-        top, left = rng.integers(30, height_px - 30), rng.integers(0, width_px - 40)
-        rows, columns = rng.integers(12, 40), rng.integers(20, 60)
-        return cls(
-            pitch_rad=float(signs[0]) * math.radians(rng.uniform(2.0, 7.0)),
-            height=float(signs[1]) * rng.uniform(0.03, 0.1),
-            patch=(slice(top, top + rows), slice(left, left + columns)),
-            channels=_CHANNELS[rng.integers(len(_CHANNELS))],
-        )
-
-
 class _Judge:
     """Judges sequences of one lab."""
 
@@ -185,8 +160,13 @@ class _Judge:
         self._camera = anafi_camera(640, 360).resized(*_MAP_PX)
 
     def __call__(self, views: Sequence[View], rng: np.random.Generator) -> Iterator[JudgedScale]:
-        errors = _Errors.drawn(rng)
-        for channels in (None, errors.channels):
+        signs, (width_px, height_px) = rng.choice((-1.0, 1.0), 2), _MAP_PX
+        top, left = rng.integers(30, height_px - 30), rng.integers(0, width_px - 40)
+        rows, columns = rng.integers(12, 40), rng.integers(20, 60)
+        patch = (slice(top, top + rows), slice(left, left + columns))
+        wrong_rad = float(signs[0]) * math.radians(rng.uniform(2.0, 7.0))
+        wrong_height = float(signs[1]) * rng.uniform(0.03, 0.1)  # relative
+        for channels in (None, _CHANNELS[rng.integers(len(_CHANNELS))]):
             scales: dict[str, AdaptiveScale] = {}
             for step, view in enumerate(views):
                 rgb = view.image
@@ -198,11 +178,11 @@ class _Judge:
                 exact = self._exact(view, relative)
                 if exact is None:
                     continue
-                for name, ground in self._grounds(rgb, view, errors, every=channels is None):
+                for name, ground in self._grounds(rgb, view, patch, every=channels is None):
                     condition = name if channels is None else f"{name}, other colours"
                     scale = scales.setdefault(name, AdaptiveScale())
-                    pitch = errors.pitch_rad if name == "pitch wrong" else 0.0
-                    height = errors.height if name == "height wrong" else 0.0
+                    pitch = wrong_rad if name == "pitch wrong" else 0.0
+                    height = wrong_height if name == "height wrong" else 0.0
                     plane_m = self._plane_m(view, pitch, height)
                     sample = sample_ground(relative, ground, plane_m, rng)
                     height_m = view.pose.z_m * (1.0 + height) if depth.in_heights else None
@@ -231,7 +211,7 @@ class _Judge:
         return None
 
     def _grounds(
-        self, rgb: Image, view: View, errors: _Errors, *, every: bool
+        self, rgb: Image, view: View, where: tuple[slice, slice], *, every: bool
     ) -> Iterator[tuple[str, Flags]]:
         """Return the ground by condition; not every condition in other colours."""
         own = self._own(rgb)
@@ -243,7 +223,7 @@ class _Judge:
         yield "height wrong", own
         above = self._classes.is_above_ground(view.ids)
         patch = np.zeros_like(own)
-        patch[errors.patch] = True
+        patch[where] = True
         yield "outside as ground", ~above & ~self._classes.is_ground(view.ids)
         yield "obstacles as ground", above
         yield "a patch as ground", patch

@@ -123,9 +123,9 @@ def _floor(
     surface = _surface(folder, "floor", assets, rng, plain=plan.plain_floors)
     if rng.random() < 0.35:
         x, y = rng.uniform(-1.0, 1.0, 2).round(2).tolist()
-        length_m, angle = rng.uniform(1.0, 2.5), rng.uniform(0, math.pi)
-        reach = (0.5 * length_m * math.cos(angle), 0.5 * length_m * math.sin(angle))
-        ends = [[round(x + sign * reach[0], 2), round(y + sign * reach[1], 2)] for sign in (-1, 1)]
+        half_m, angle = 0.5 * rng.uniform(1.0, 2.5), rng.uniform(0, math.pi)
+        right, up = half_m * math.cos(angle), half_m * math.sin(angle)
+        ends = [[round(x + sign * right, 2), round(y + sign * up, 2)] for sign in (-1, 1)]
         colour = "#{:02x}{:02x}{:02x}".format(*rng.integers(30, 220, 3))
         width_m = _drawn(rng, 0.6, 1.8)
         surface["lines"] = [{"points_m": ends, "width_m": width_m, "colour": colour}]
