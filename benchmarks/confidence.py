@@ -4,9 +4,7 @@
     python -m benchmarks.confidence val --rooms runs/rooms/val2    # the table, validation scenes
     python -m benchmarks.confidence test --rooms runs/rooms/flown  # testing scenes
 
-The views are those of `benchmarks.confidence_views`. In the fit, a wrong scale counts as twenty
-right ones: the confidence is to be above a half only where nearly all scales are right. This number
-was chosen on the validation scenes.
+The confidence is to be above a half only where nearly all scales are right.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from scipy.optimize import minimize
 
 from benchmarks.confidence_views import RIGHT, JudgedScale, judged_scales
 
-WRONG_WEIGHT = 20.0  # how many right scales a wrong one counts as
+WRONG_WEIGHT = 20.0  # right scales that a wrong one counts as; chosen on the validation scenes
 _PENALTY = 1e-4  # of the squared coefficients
 
 

@@ -1,10 +1,8 @@
 """Scales of rendered views with right and deliberately wrong inputs, against exact depth.
 
-Each lab is judged with the depth network that it is flown with.
-
-Each pose is a sequence of three frames, so that the second and third have a history. The exact
-scale of a frame is the median ratio of exact to predicted depth on the ground in view or, with
-little ground in view, on everything up to 6 m.
+Each lab is judged with the depth network that it is flown with. Each pose is a sequence of three
+frames, so that the second and third have a history. The exact scale of a frame is the median ratio
+of exact to predicted depth on the ground in view or, with little ground in view, up to 6 m.
 """
 
 from __future__ import annotations
@@ -127,17 +125,11 @@ def _sequences(name: str, views: int, seed: int) -> Iterator[list[View]]:
         turn = _TURN_RAD if rng.random() < 0.5 else -_TURN_RAD
         for step in range(_STEPS):
             ahead = step * _ADVANCE_M
-            poses.append(
-                replace(
-                    pose,
-                    x_m=pose.x_m + ahead * math.cos(pose.yaw_rad),
-                    y_m=pose.y_m + ahead * math.sin(pose.yaw_rad),
-                    yaw_rad=pose.yaw_rad + step * turn,
-                )
-            )
-    drawn = render_views(
-        scene, poses, truth_size_px=_MAP_PX, profile=Profile.named("lab"), seed=mixed
-    )
+            x_m = pose.x_m + ahead * math.cos(pose.yaw_rad)
+            y_m = pose.y_m + ahead * math.sin(pose.yaw_rad)
+            poses.append(replace(pose, x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad + step * turn))
+    profile = Profile.named("lab")
+    drawn = render_views(scene, poses, truth_size_px=_MAP_PX, profile=profile, seed=mixed)
     for _ in range(len(poses) // _STEPS):
         yield [next(drawn) for _ in range(_STEPS)]
 
@@ -153,53 +145,28 @@ class _Masks:
 
     def __call__(self, rgb: Image) -> Flags:
         frame = Frame(image=rgb, index=0, captured_s=0.0, gimbal_pitch_rad=0.0)
-        class_map = self._segmenter.segment(frame)
-        ground = cv2.resize(
-            class_map.is_ground.astype(np.uint8), _MAP_PX, interpolation=cv2.INTER_NEAREST
-        )
-        return np.asarray(ground, dtype=bool)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Errors:
-    """Deliberate errors of a sequence."""
-
-    pitch_rad: float
-    height: float  # relative
-    patch: tuple[slice, slice]
-    channels: tuple[int, int, int]
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator) -> _Errors:
-        signs = rng.choice((-1.0, 1.0), 2)
-        width_px, height_px = _MAP_PX
-        top, left = rng.integers(30, height_px - 30), rng.integers(0, width_px - 40)
-        rows, columns = rng.integers(12, 40), rng.integers(20, 60)
-        return cls(
-            pitch_rad=float(signs[0]) * math.radians(rng.uniform(2.0, 7.0)),
-            height=float(signs[1]) * rng.uniform(0.03, 0.1),
-            patch=(slice(top, top + rows), slice(left, left + columns)),
-            channels=_CHANNELS[rng.integers(len(_CHANNELS))],
-        )
+        ground = self._segmenter.segment(frame).is_ground.astype(np.uint8)
+        resized = cv2.resize(ground, _MAP_PX, interpolation=cv2.INTER_NEAREST)
+        return np.asarray(resized, dtype=bool)
 
 
 class _Judge:
     """Judges sequences of one lab."""
 
-    def __init__(
-        self,
-        name: str,
-        lab: Lab,
-        masks: tuple[_Masks, _Masks],
-    ) -> None:
+    def __init__(self, name: str, lab: Lab, masks: tuple[_Masks, _Masks]) -> None:
         self._name, self._classes = name, lab.classes
         self._network = load_depth_estimator(network_of(lab).get("depth", SHIPPED_DEPTHS[0]))
         self._own, self._other = masks
         self._camera = anafi_camera(640, 360).resized(*_MAP_PX)
 
     def __call__(self, views: Sequence[View], rng: np.random.Generator) -> Iterator[JudgedScale]:
-        errors = _Errors.drawn(rng)
-        for channels in (None, errors.channels):
+        signs, (width_px, height_px) = rng.choice((-1.0, 1.0), 2), _MAP_PX
+        top, left = rng.integers(30, height_px - 30), rng.integers(0, width_px - 40)
+        rows, columns = rng.integers(12, 40), rng.integers(20, 60)
+        patch = (slice(top, top + rows), slice(left, left + columns))
+        wrong_rad = float(signs[0]) * math.radians(rng.uniform(2.0, 7.0))
+        wrong_height = float(signs[1]) * rng.uniform(0.03, 0.1)  # relative
+        for channels in (None, _CHANNELS[rng.integers(len(_CHANNELS))]):
             scales: dict[str, AdaptiveScale] = {}
             for step, view in enumerate(views):
                 rgb = view.image
@@ -211,25 +178,24 @@ class _Judge:
                 exact = self._exact(view, relative)
                 if exact is None:
                     continue
-                for name, ground in self._grounds(rgb, view, errors, every=channels is None):
+                for name, ground in self._grounds(rgb, view, patch, every=channels is None):
                     condition = name if channels is None else f"{name}, other colours"
                     scale = scales.setdefault(name, AdaptiveScale())
-                    pitch = errors.pitch_rad if name == "pitch wrong" else 0.0
-                    height = errors.height if name == "height wrong" else 0.0
+                    pitch = wrong_rad if name == "pitch wrong" else 0.0
+                    height = wrong_height if name == "height wrong" else 0.0
                     plane_m = self._plane_m(view, pitch, height)
                     sample = sample_ground(relative, ground, plane_m, rng)
                     height_m = view.pose.z_m * (1.0 + height) if depth.in_heights else None
                     found = scale.update(sample, step * _APART_S, height_m)
                     if found is None or found.why is None:
                         continue
+                    measures = found.why.measures.items()
                     yield JudgedScale(
                         lab=self._name,
                         condition=condition,
                         over_exact=found.factor / exact,
                         confidence=found.confidence,
-                        measures={
-                            key: each.value or 0.0 for key, each in found.why.measures.items()
-                        },
+                        measures={key: each.value or 0.0 for key, each in measures},
                     )
 
     def _plane_m(self, view: View, pitch_rad: float, height: float) -> NDArray[np.float32]:
@@ -245,7 +211,7 @@ class _Judge:
         return None
 
     def _grounds(
-        self, rgb: Image, view: View, errors: _Errors, *, every: bool
+        self, rgb: Image, view: View, where: tuple[slice, slice], *, every: bool
     ) -> Iterator[tuple[str, Flags]]:
         """Return the ground by condition; not every condition in other colours."""
         own = self._own(rgb)
@@ -257,7 +223,7 @@ class _Judge:
         yield "height wrong", own
         above = self._classes.is_above_ground(view.ids)
         patch = np.zeros_like(own)
-        patch[errors.patch] = True
+        patch[where] = True
         yield "outside as ground", ~above & ~self._classes.is_ground(view.ids)
         yield "obstacles as ground", above
         yield "a patch as ground", patch

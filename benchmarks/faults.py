@@ -91,8 +91,7 @@ def watched_drone(fault: Fault, *, drone: str, scene: str, seed: int) -> Watched
     """Return an unconnected drone with a fault; its images are small where masks are exact."""
     options = app.FlightOptions(drone=drone, scene=scene, seed=seed)
     if drone != "plain":
-        size_px = (320, 180) if fault.kind.in_image else (160, 90)
-        options = replace(options, image_size_px=size_px)
+        options = replace(options, image_size_px=(320, 180) if fault.kind.in_image else (160, 90))
     return WatchedDrone(app.make_drone(options), fault)
 
 
@@ -214,11 +213,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         app.check(given.tree)
         watched_drone(faults[0], **where)  # refused here, not in another process
         given.out.mkdir(parents=True, exist_ok=True)
-        flights = [
-            partial(fly, str(fault), given.tree, given.out, ports=ports, **where)
-            for fault in faults
-        ]
-        for fault, facts in zip(faults, fly_each(flights, given.workers), strict=True):
+        one = partial(fly, tree=given.tree, folder=given.out, ports=ports, **where)
+        flights = fly_each([partial(one, str(fault)) for fault in faults], given.workers)
+        for fault, facts in zip(faults, flights, strict=True):
             judged = reaction(str(fault), facts)
             right += judged == "right"
             end = facts.error or f"{facts.outcome}: {facts.reason}"

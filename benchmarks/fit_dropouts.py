@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -96,14 +96,14 @@ def fly(drone: str, scene: str, profile: str) -> DropOuts:
     return log
 
 
-def shares(samples: Iterable[Sample], edges: tuple[float, ...]) -> str:
+def shares(samples: Sequence[Sample], edges: tuple[float, ...]) -> str:
     """Return the share of drop-outs and the number of frames between each two edges."""
-    values, dropped = np.array(list(samples), dtype=float).reshape(-1, 2).T
+    values, dropped = np.array(samples, dtype=float).reshape(-1, 2).T
     cells = []
     for low, high in itertools.pairwise(edges):
         rows = (values >= low) & (values < high)
         cells.append(f"{dropped[rows].mean():.1%} of {rows.sum()}" if rows.any() else "-")
-    return " | ".join(cells)
+    return ", ".join(cells)
 
 
 def main() -> None:
@@ -112,15 +112,12 @@ def main() -> None:
     parser.add_argument("--profile", default="lab")
     parser.add_argument("--scenes", default="val-a,val-b")
     given = parser.parse_args()
-    scenes = given.scenes.split(",")
-    flown = {
-        drone: [fly(drone, scene, given.profile) for scene in scenes] for drone in ("twin", "plain")
-    }
-    for what, edges in (("motion", GROUND), ("mark", RANGES_M)):
-        print(f"frames without {what}, between {', '.join(map(str, edges))}")
-        for drone, logs in flown.items():
-            samples = itertools.chain.from_iterable(getattr(log, what) for log in logs)
-            print(f"  {drone}: {shares(samples, edges)}")
+    for drone in ("twin", "plain"):
+        logs = [fly(drone, scene, given.profile) for scene in given.scenes.split(",")]
+        motion = [sample for log in logs for sample in log.motion]
+        mark = [sample for log in logs for sample in log.mark]
+        print(f"{drone}: frames without motion, by ground {GROUND}: {shares(motion, GROUND)}")
+        print(f"{drone}: frames without mark, by metres {RANGES_M}: {shares(mark, RANGES_M)}")
 
 
 if __name__ == "__main__":

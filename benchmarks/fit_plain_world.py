@@ -122,9 +122,8 @@ def main() -> None:
         pitch = coarse.rays[1, 1] - coarse.rays[0, 0]
         for jitter_px in given.jitter:
             shift = generator.normal(0.0, jitter_px, coarse.rays.shape) * pitch
-            maps[f"without images, jitter {jitter_px:g} px"] = coarse.cast(
-                pose, rays=coarse.rays + shift
-            )[0]
+            name = f"without images, jitter {jitter_px:g} px"
+            maps[name] = coarse.cast(pose, rays=coarse.rays + shift)[0]
         for name, ids in maps.items():
             for kind, seen, true in zip(kinds, points_of(ids, classes, frame), exact, strict=True):
                 found[kind].setdefault(name, []).append(errors_of(seen, true))

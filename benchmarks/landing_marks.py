@@ -73,13 +73,9 @@ def scene_of(name: str) -> Scene:
 def errors_in_views(
     scene: Scene, range_m: float, below_deg: float, count: int
 ) -> list[tuple[float, float]]:
-    """Return the error of the place in metres and of the heading in degrees, where it is found.
+    """Return the errors of the place (m) and of the heading (deg) in views from random directions.
 
-    Args:
-        scene: With the mark.
-        range_m: Distance of the lens from the mark's middle.
-        below_deg: Depression of the line of sight, 90 from straight above.
-        count: Number of views, from random directions.
+    The line of sight has a length, and a depression: 90 degrees from straight above.
     """
     rng = np.random.default_rng([round(10 * range_m), round(below_deg)])
     level_m = range_m * math.cos(math.radians(below_deg))
@@ -104,8 +100,7 @@ def errors_in_views(
             gimbal_pitch_rad=pose.pitch_rad,
             height_above_ground_m=camera_m,
         )
-        seen = finder.find(MarkView(frame=frame, camera=camera))
-        if seen is not None:
+        if (seen := finder.find(MarkView(frame=frame, camera=camera))) is not None:
             east_m, north_m = CENTRE_M[0] - pose.x_m, CENTRE_M[1] - pose.y_m
             cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
             true_m = (cos * east_m + sin * north_m, sin * east_m - cos * north_m)

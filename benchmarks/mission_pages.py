@@ -25,7 +25,7 @@ import numpy as np
 
 from uav_bt.app.provenance import commit
 from uav_bt.app.rules import rules_of
-from uav_bt.tree import NodeRegistry, load_tree
+from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.render import ascii_art, render
 from uav_bt.tree.render.sketch import Box, sketch
 from uav_bt.tree.shipped import resolve_tree
@@ -57,9 +57,14 @@ def with_part(page: Path, part: str, text: str) -> str:
     return f"{before}{found}{text}{END}{after}"
 
 
+def load(name: str) -> MissionTree:
+    """Return the tree of a shipped mission."""
+    return load_tree(resolve_tree(name), NodeRegistry.installed())
+
+
 def drawing_files(name: str) -> dict[Path, str]:
     """Return page and whole drawing of a mission, by their files, as they are by today's trees."""
-    tree, page = load_tree(resolve_tree(name), NodeRegistry.installed()), PAGES / f"{name}.md"
+    tree, page = load(name), PAGES / f"{name}.md"
     text = resolve_tree(name).read_text(encoding="utf-8")
     own = set(re.findall(r'<BehaviorTree ID="(\w+)"', text))
     drawing = (
@@ -79,29 +84,20 @@ def _folded(box: Box, own: set[str]) -> Box:
 
 
 def flight_part(report: dict[str, Any], name: str, *, speed: float, source: str) -> str:
-    """Return the part `flight`: the film, its flight's figures, and where they come from.
-
-    Args:
-        report: the flight's report (`FlightReport.to_json`).
-        name: the mission.
-        speed: flight time by time of the film.
-        source: commit, day and command of the flight.
-    """
+    """Return the part `flight`: the film, its flight's figures, and where they come from."""
     found, total = report["objects_found"], report["objects_total"]
     figures = {
         "scene, seed": f"`{report['scene']}`, {report['seed']}",
         "outcome": f"{report['outcome']}: {report['reason']}",
         "duration": f"{report['duration_s']:.1f} s",
         "distance": f"{report['total_distance_m']:.1f} m",
-        "photographs": str(len(report["photos"])),
+        "photographs": str(len(report["photos"]) or ""),
         "objects found": f"{found} of {total}, {report['false_objects']} false",
         "least clearance": f"{report['min_clearance_m']:.2f} m",
     }
-    if not report["photos"]:
-        del figures["photographs"]
-    tree = load_tree(resolve_tree(name), NodeRegistry.installed())
-    if rules_of(tree).land_on in (None, LandOn.MARK):
+    if rules_of(load(name)).land_on in (None, LandOn.MARK):
         figures["landing error"] = f"{report['landing_error_m']:.3f} m"
+    figures = {title: text for title, text in figures.items() if text}
     rows = (figures.keys(), ["---"] * len(figures), figures.values())
     table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
     return (

@@ -1,8 +1,7 @@
-"""Time the tree, perception, the student and records.
+"""Time the tree, perception and records.
 
     python -m benchmarks.timing ticks       # ticks a second of a tree, and of py_trees
     python -m benchmarks.timing pipeline    # milliseconds of each stage of perception
-    python -m benchmarks.timing student     # milliseconds of a decision
     python -m benchmarks.timing record      # a tick with and without a record, and its size
 
 Times are those of the processor, which other programs hardly stretch, but for `record`: wall time.
@@ -16,7 +15,6 @@ import math
 import os
 import tempfile
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -29,8 +27,6 @@ from py_trees import behaviour, behaviours, composites
 from py_trees.common import Access
 from py_trees.common import Status as Theirs
 
-from perception.control.ego_state import state_size
-from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
 from perception.segmentation.runtime import shipped_unet
 from sim_bridge.anafi import anafi_camera
@@ -61,12 +57,13 @@ RECORDED: Final = """<root BTCPP_format="4"><BehaviorTree ID="Main"><ReactiveSeq
 
 
 def in_turns(work: Mapping[str, Callable[[], object]], count: int) -> dict[str, list[float]]:
-    """Run contestants in turns and return the processor time of each in milliseconds."""
+    """Let contestants tick in turns; return the processor time of each turn in milliseconds."""
     taken: dict[str, list[float]] = {name: [] for name in work}
     for turn in range(WARM_UP + count):
-        for name, run in work.items():
+        for name, tick in work.items():
             began_s = time.process_time()
-            run()
+            for _ in range(TICKS):
+                tick()
             if turn >= WARM_UP:
                 taken[name].append(1e3 * (time.process_time() - began_s))
     return taken
@@ -146,14 +143,8 @@ def ticks() -> None:
         lambda good: (behaviours.Success if good else behaviours.Failure)("answer"), *theirs
     ).tick_once
     work["py_trees, reads"] = root_of(TheirReader, *theirs).tick_once
-    turns = {name: partial(_often, tick) for name, tick in work.items()}
-    for name, ms in in_turns(turns, 50).items():
+    for name, ms in in_turns(work, 50).items():
         print(f"{name:16s}{1e3 * TICKS / np.median(ms):8,.0f} ticks a second")
-
-
-def _often(tick: Callable[[], object]) -> None:
-    for _ in range(TICKS):
-        tick()
 
 
 # --- perception -----------------------------------------------------------------------------------
@@ -188,20 +179,6 @@ def pipeline() -> None:
                 if number >= WARM_UP:
                     ms.append(1e3 * s)
     show(taken)
-
-
-def student() -> None:
-    """Print the time of a decision on a new frame."""
-    net = OnnxControlStudent(SHIPPED_STUDENT, threads=1)
-    frames = np.random.default_rng(0).integers(256, size=(8, 360, 640, 3), dtype=np.uint8)
-    numbers = np.zeros(state_size(net.config.views), dtype=np.float32)
-    views = deque((net.preprocess(frame) for frame in frames), net.config.views)
-
-    def decide() -> None:
-        views.appendleft(net.preprocess(frames[0]))
-        net.estimate(list(views), numbers)
-
-    show(in_turns({"student": decide}, 300))
 
 
 # --- records --------------------------------------------------------------------------------------
@@ -239,22 +216,15 @@ def record() -> None:
     show({name: each.ms for name, each in kept.items()})
 
 
-TIMED: Final = {
-    "ticks": ticks,
-    "pipeline": pipeline,
-    "student": student,
-    "record": record,
-}
-
-
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("what", choices=TIMED)
+    timed = {each.__name__: each for each in (ticks, pipeline, record)}
+    parser.add_argument("what", choices=timed)
     given = parser.parse_args()
     cv2.setNumThreads(1)
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
-    TIMED[given.what]()
+    timed[given.what]()
 
 
 if __name__ == "__main__":

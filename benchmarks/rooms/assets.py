@@ -57,12 +57,9 @@ def load_assets(folder: Path, use: str) -> Assets:
 
 
 def make_assets(library: Path, pictures: Path, out: Path) -> None:
-    """Write furniture as closed meshes, and photographs at one size; meshes that exist are kept.
+    """Write the furniture of a library as meshes, and photographs at one size.
 
-    Args:
-        library: Library of furniture, `.sh3f`.
-        pictures: Folders `train` and `test` with photographs of materials.
-        out: Folder of the assets.
+    The photographs are in folders `train` and `test`. Meshes that exist are kept.
     """
     (out / "furniture").mkdir(parents=True, exist_ok=True)
     listed = []

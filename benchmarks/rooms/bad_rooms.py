@@ -58,26 +58,16 @@ class BadRoom:
     mirror_x_m: float | None = None  # world x of a mirror that nothing shows
 
 
-def _plain_floor(lab: Lab, scene: Scene) -> None:
-    del scene
-    lab["room"]["ground"]["surface"] = {"generator": "paint", "colour": "#8f908c"}
+def _floor(surface: dict[str, Any], *, walls: bool = False) -> Callable[[Lab, Scene], None]:
+    def change(lab: Lab, _scene: Scene) -> None:
+        for part in ("ground", "walls") if walls else ("ground",):
+            lab["room"][part]["surface"] = dict(surface)
+
+    return change
 
 
-def _one_colour(lab: Lab, scene: Scene) -> None:
-    del scene
-    lab["room"]["ground"]["surface"] = {"image": _GREY_FILE, "tile_m": [1.0, 1.0]}
-
-
-def _walls_like_floor(lab: Lab, scene: Scene) -> None:
-    del scene
-    surface = {"generator": "concrete", "colour": "#8f908c"}
-    lab["room"]["ground"]["surface"] = dict(surface)
-    lab["room"]["walls"]["surface"] = dict(surface)
-
-
-def _rug(lab: Lab, scene: Scene) -> None:
+def _rug(lab: Lab, _scene: Scene) -> None:
     """Lay a red rug with a dark border, 2.6 m by 1.9 m, and another beside it."""
-    del scene
     lines = []
     for x_m, y_m, colour in ((-2.0, 0.6, "#8c2f39"), (2.1, -1.2, "#d9cfb8")):
         middle = [[x_m - 1.2, y_m], [x_m + 1.2, y_m]]
@@ -88,19 +78,16 @@ def _rug(lab: Lab, scene: Scene) -> None:
     surface["lines"] = [*surface["lines"], *lines]
 
 
-def _mirror(lab: Lab, scene: Scene) -> None:
+def _mirror(_lab: Lab, scene: Scene) -> None:
     """Put a wall-high mirror across the room: behind it stands the mirrored room."""
-    del lab
-    before = [
-        each for each in scene["objects"] if each["position_m"][0] < MIRROR_X_M - _NEAR_MIRROR_M
+    objects = scene["objects"]
+    scene["objects"] = [
+        each for each in objects if each["position_m"][0] < MIRROR_X_M - _NEAR_MIRROR_M
     ]
-    images = []
-    for each in before:
+    for each in list(scene["objects"]):
         x_m, y_m = each["position_m"]
-        images.append(
-            {**each, "position_m": [2 * MIRROR_X_M - x_m, y_m], "yaw_deg": -each.get("yaw_deg", 0)}
-        )
-    scene["objects"] = before + images
+        image = {"position_m": [2 * MIRROR_X_M - x_m, y_m], "yaw_deg": -each.get("yaw_deg", 0)}
+        scene["objects"].append({**each, **image})
     scene["take_off"] = {"from": [-1.6, 1.6], "yaw_deg": 0}
 
 
@@ -111,8 +98,7 @@ def _mirror_beyond_area(lab: Lab, scene: Scene) -> None:
 
 
 def _light(ambient: float, share: float) -> Callable[[Lab, Scene], None]:
-    def change(lab: Lab, scene: Scene) -> None:
-        del scene
+    def change(lab: Lab, _scene: Scene) -> None:
         light = lab["room"]["light"]
         light["ambient"] = ambient
         for lamp in light["lamps"]:
@@ -121,11 +107,12 @@ def _light(ambient: float, share: float) -> Callable[[Lab, Scene], None]:
     return change
 
 
+_CONCRETE: Final = {"generator": "concrete", "colour": "#8f908c"}
 BAD_ROOMS: Final = (
     BadRoom(name="good room"),
-    BadRoom(name="painted floor", change=_plain_floor),
-    BadRoom(name="floor of one colour", change=_one_colour),
-    BadRoom(name="walls like the floor", change=_walls_like_floor),
+    BadRoom(name="painted floor", change=_floor({"generator": "paint", "colour": "#8f908c"})),
+    BadRoom(name="floor of one colour", change=_floor({"image": _GREY_FILE, "tile_m": [1.0, 1.0]})),
+    BadRoom(name="walls like the floor", change=_floor(_CONCRETE, walls=True)),
     BadRoom(name="rugs with a dark border", change=_rug),
     BadRoom(name="mirror", change=_mirror, mirror_x_m=MIRROR_X_M),
     BadRoom(name="mirror beyond the area", change=_mirror_beyond_area, mirror_x_m=MIRROR_X_M),

@@ -16,22 +16,20 @@ from benchmarks.rooms.pictures import draw_surface
 from uav_bt.lab.lab import LAB_FILE, SCENES_FOLDER
 from uav_bt.types.arrays import Image
 
-CLASSES: Final = {
-    "outside": {"role": "outside", "colour": "#282830"},
-    "floor": {"role": "ground", "colour": "#7e9e78"},
-    "mark": {"role": "mark", "colour": "#ffffff"},
-    "obstacle": {"role": "obstacle", "colour": "#d62728"},
-}
-MARK: Final = {
-    "kind": "apriltag",
-    "size_m": [0.5, 0.5],
-    "height_m": 0.01,
-    "options": {"family": "36h11", "id": 7, "size_m": 0.4},
-}
 LAB: Final = {
     "version": 1,
-    "classes": CLASSES,
-    "mark": MARK,
+    "classes": {
+        "outside": {"role": "outside", "colour": "#282830"},
+        "floor": {"role": "ground", "colour": "#7e9e78"},
+        "mark": {"role": "mark", "colour": "#ffffff"},
+        "obstacle": {"role": "obstacle", "colour": "#d62728"},
+    },
+    "mark": {
+        "kind": "apriltag",
+        "size_m": [0.5, 0.5],
+        "height_m": 0.01,
+        "options": {"family": "36h11", "id": 7, "size_m": 0.4},
+    },
     "limits": {"speed_mps": 0.6, "ceiling_m": 2.0},
     "margins": {"edge_m": 0.45},  # walls stand at the edge of the floor
 }
@@ -123,32 +121,21 @@ def _floor(
     surface = _surface(folder, "floor", assets, rng, plain=plan.plain_floors)
     if rng.random() < 0.35:
         x, y = rng.uniform(-1.0, 1.0, 2).round(2).tolist()
-        length_m, angle = rng.uniform(1.0, 2.5), rng.uniform(0, math.pi)
-        reach = (0.5 * length_m * math.cos(angle), 0.5 * length_m * math.sin(angle))
-        ends = [[round(x + sign * reach[0], 2), round(y + sign * reach[1], 2)] for sign in (-1, 1)]
-        rgb = rng.integers(30, 220, 3)
-        surface["lines"] = [
-            {
-                "points_m": ends,
-                "width_m": _drawn(rng, 0.6, 1.8),
-                "colour": "#{:02x}{:02x}{:02x}".format(*rgb),
-            }
-        ]
+        half_m, angle = 0.5 * rng.uniform(1.0, 2.5), rng.uniform(0, math.pi)
+        right, up = half_m * math.cos(angle), half_m * math.sin(angle)
+        ends = [[round(x + sign * right, 2), round(y + sign * up, 2)] for sign in (-1, 1)]
+        colour = "#{:02x}{:02x}{:02x}".format(*rng.integers(30, 220, 3))
+        width_m = _drawn(rng, 0.6, 1.8)
+        surface["lines"] = [{"points_m": ends, "width_m": width_m, "colour": colour}]
     return surface
 
 
 def _light(size_m: tuple[float, ...], rng: np.random.Generator, plan: RoomPlan) -> dict[str, Any]:
-    lamps = [
-        {
-            "position_m": [
-                *(_drawn(rng, -side / 2, side / 2) for side in size_m),
-                _drawn(rng, 2.0, 2.4),
-            ],
-            "brightness": _drawn(rng, 0.3, 1.2),
-            "reach_m": _drawn(rng, 1.5, 6.0, 1),
-        }
-        for _ in range(int(rng.integers(1, 5)))
-    ]
+    lamps = []
+    for _ in range(int(rng.integers(1, 5))):
+        place = [_drawn(rng, -side / 2, side / 2) for side in size_m]
+        lamp = {"position_m": [*place, _drawn(rng, 2.0, 2.4)], "brightness": _drawn(rng, 0.3, 1.2)}
+        lamps.append({**lamp, "reach_m": _drawn(rng, 1.5, 6.0, 1)})
     return {"ambient": _drawn(rng, *plan.ambient), "lamps": lamps}
 
 

@@ -92,10 +92,6 @@ def _level(scene: Scene, rng: np.random.Generator) -> _Place:
     return _somewhere(scene, rng, HEIGHTS_M, PITCHES_DEG)
 
 
-def _down(scene: Scene, rng: np.random.Generator) -> _Place:
-    return _somewhere(scene, rng, DOWN_HEIGHTS_M, STRAIGHT_DOWN_DEG)
-
-
 def _above_furniture(scene: Scene, rng: np.random.Generator) -> _Place:
     low, high = FURNITURE_M
     tops = [each for each in scene.ground_plan.standing if low <= each.height_m <= high]
@@ -126,7 +122,7 @@ def _mixed(scene: Scene, rng: np.random.Generator) -> _Place:
 _PLACES: Final[Mapping[ViewKind, Callable[[Scene, np.random.Generator], _Place]]] = {
     ViewKind.MIXED: _mixed,
     ViewKind.LEVEL: _level,
-    ViewKind.DOWN: _down,
+    ViewKind.DOWN: lambda scene, rng: _somewhere(scene, rng, DOWN_HEIGHTS_M, STRAIGHT_DOWN_DEG),
 }
 
 

@@ -32,13 +32,13 @@ class RoomScore:
     milliseconds: float  # median time of an image
 
     def lines(self) -> list[str]:
-        """Return the rows of a Markdown table."""
+        """Return the scores as text."""
         right = np.diag(self.confusion)
         recall, precision = right / self.confusion.sum(1), right / self.confusion.sum(0)
         union = self.confusion.sum(0) + self.confusion.sum(1) - right
-        rows = ["| role | recall | precision | IoU |", "|---|---|---|---|"]
+        rows = ["role: recall, precision, IoU"]
         for role, *values in zip(ROLES, recall, precision, right / union, strict=True):
-            rows.append(f"| {role} | " + " | ".join(f"{value:.3f}" for value in values) + " |")
+            rows.append(f"{role}: " + ", ".join(f"{value:.3f}" for value in values))
         if self.scales.size:
             near = np.abs(np.log(self.scales)) < np.log(1.0 + SCALE_OFF)
             share = f"{near.mean():.1%} of {near.size} images"
@@ -55,22 +55,21 @@ def score_rooms(
     spent_s: list[float] = []
     for number, name in enumerate(scenes):
         for view in draw_views(load_scene(name), views, number, kind=kind):
-            frame = Frame(
-                image=view.rgb, index=0, captured_s=0.0, gimbal_pitch_rad=view.pose.pitch_rad
-            )
+            pitch_rad = view.pose.pitch_rad
+            frame = Frame(image=view.rgb, index=0, captured_s=0.0, gimbal_pitch_rad=pitch_rad)
             began_s = time.perf_counter()
             roles = segmenter.segment(frame).roles
             spent_s.append(time.perf_counter() - began_s)
             _count(confusion, view, roles)
             depth = getattr(segmenter, "relative_depth", None)
-            ground = cv2.resize(roles, view.roles.shape[::-1], interpolation=0) == GROUND
+            size = view.roles.shape[::-1]
+            ground = cv2.resize(roles, size, interpolation=0) == GROUND
             if depth is not None and ground.sum() > FEWEST:
-                size = view.roles.shape[::-1]
                 relative = cv2.resize(depth.depth, size, interpolation=cv2.INTER_LINEAR)
                 ratio = float(np.median(view.depth_m[ground] / relative[ground]))
                 scales.append(ratio / view.pose.z_m)
-    milliseconds = 1e3 * float(np.median(spent_s))
-    return RoomScore(confusion=confusion, scales=np.array(scales), milliseconds=milliseconds)
+    median_ms = 1e3 * float(np.median(spent_s))
+    return RoomScore(confusion=confusion, scales=np.array(scales), milliseconds=median_ms)
 
 
 def _count(confusion: NDArray[np.int64], view: RoomView, roles: NDArray[np.uint8]) -> None:

@@ -39,7 +39,7 @@ class RunnerConfig:
 
     Attributes:
         tick_s: length of a tick, seconds; the drone's own `tick_s` replaces it. Chosen: three
-            frames of a video of 30 Hz, and time for the networks of `python -m benchmarks.ticks`.
+            frames of a video of 30 Hz, and time for the networks (`benchmarks/timing.py pipeline`).
         landing_grace_s: longest duration of a landing after a fault or an abort, seconds; then the
             drone is left to its firmware. Chosen: 8 m of descent with the twin's 0.5 m/s, and a
             margin.
