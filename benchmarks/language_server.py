@@ -27,7 +27,7 @@ from lsprotocol import types
 from tests.conformance import REGISTRY
 from tests.uav_bt.lsp.editor import Editor, applied
 from tests.uav_bt.tree.test_mutations import SOURCES, mutated
-from tests.uav_bt.tree.tree_world import World
+from tests.worlds.trees import World
 from uav_bt.board import MISSION_KEYS
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import parse_tree

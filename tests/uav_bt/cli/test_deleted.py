@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.uav_bt.cli.cli_world import run
+from tests.worlds.cli import run
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.trees import document
 from uav_bt.board import ELAPSED
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
@@ -45,10 +46,6 @@ class MapMore(MapSite):
 REGISTRY = NodeRegistry([TrackMotion, MapSite, MapMore])
 
 
-def text_of(body: str) -> str:
-    return f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
-
-
 @pytest.mark.parametrize(
     ("body", "expected"),
     [
@@ -69,7 +66,7 @@ def text_of(body: str) -> str:
     ],
 )
 def test_a_file_is_refused_with_the_successors(body: str, expected: str) -> None:
-    (finding,) = check_text(text_of(body), REGISTRY, path=Path("m.xml"))
+    (finding,) = check_text(document(body), REGISTRY, path=Path("m.xml"))
     assert finding.message.endswith(expected)
 
 
@@ -78,15 +75,15 @@ def test_a_name_that_is_still_there_is_used() -> None:
         """A former leaf that a user's package still has."""
 
     registry = REGISTRY.with_nodes(Survey)
-    assert check_text(text_of("<Survey/>"), registry, path=Path("m.xml")) == ()
+    assert check_text(document("<Survey/>"), registry, path=Path("m.xml")) == ()
 
 
 def test_mocks_and_dry_runs_say_the_same(tmp_path: Path) -> None:
     expected = "'Remember'.*; it was replaced by TrackMotion and MapSite"
     with pytest.raises(TreeError, match=expected.replace("'", ".")):
-        parse_tree(text_of("<MapSite/>"), REGISTRY, mocks={"Remember": "S"})
+        parse_tree(document("<MapSite/>"), REGISTRY, mocks={"Remember": "S"})
     tree, script = tmp_path / "m.xml", tmp_path / "s.yaml"
-    tree.write_text(text_of("<MapSite/>"), encoding="utf-8")
+    tree.write_text(document("<MapSite/>"), encoding="utf-8")
     script.write_text("leaves: {Remember: S}\n", encoding="utf-8")
     with pytest.raises(InputError, match=expected):
         scripted_tree(tree, read_script(script), REGISTRY)

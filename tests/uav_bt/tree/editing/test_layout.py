@@ -9,7 +9,7 @@ import pytest
 
 from tests.conformance import REGISTRY, read_traces
 from tests.uav_bt.tree.test_mutations import mutated
-from tests.uav_bt.tree.tree_world import World
+from tests.worlds.trees import World
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import parse_tree
 from uav_bt.tree.editing.layout import format_source
