@@ -52,7 +52,7 @@ def heights(body: str, ports: dict[str, object]) -> list[float]:
 def test_a_value_from_outside_replaces_the_one_of_the_file() -> None:
     assert heights('<TakeOff height_m="1"/>', {"TakeOff.height_m": 1.2}) == [1.2]
     two = '<TakeOff name="a"/><TakeOff name="b.c"/>'
-    assert heights(two, {"M/Sequence/a.height_m": "0.9", "b.c.height_m": 1.1}) == [0.9, 1.1]
+    assert heights(two, {"Main/Sequence/a.height_m": "0.9", "b.c.height_m": 1.1}) == [0.9, 1.1]
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_a_value_from_outside_replaces_the_one_of_the_file() -> None:
         ({"TakeOf.height_m": 1}, "no node of that name or path; did you mean 'TakeOff'"),
         ({"TakeOff.height": 1}, "did you mean 'height_m'"),
         ({"TakeOff.height_m": 30}, "0.3 to 20"),
-        ({"HoverFor.seconds": 1}, r"fits 2 nodes: .*'M/Sequence/HoverFor#2.seconds'"),
+        ({"HoverFor.seconds": 1}, r"fits 2 nodes: .*'Main/Sequence/HoverFor#2.seconds'"),
         ({"Explore.policy": "coverage"}, "'Explore.policy' is given two values"),
         ({"ExploreFor.min_gai": 1}, "no port 'min_gai'; did you mean 'min_gain'"),
         ({"seconds": 1}, "ports: expected values by node and port"),

@@ -16,8 +16,6 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from uav_bt.tree.shipped import shipped_missions
 
-SHIPPED = Path(__file__).parents[3] / "trees"
-
 
 @pytest.mark.parametrize("path", sorted(shipped_missions().values()), ids=lambda path: path.stem)
 def test_shipped_missions_are_good_by_file_and_by_name(path: Path) -> None:
