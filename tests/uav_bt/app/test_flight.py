@@ -23,6 +23,7 @@ from sim_bridge.plain import PlainConfig
 from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
 from tests.paper_lab import CLASSES
+from tests.worlds.trees import tree_file
 from uav_bt import app, plugins
 from uav_bt.errors import (
     DroneError,
@@ -48,15 +49,6 @@ from uav_bt.types.ground import Ground
 TREES = Path(app.__file__).parents[2] / "trees"
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
 STAY = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
-
-
-def tree_file(folder: Path, body: str) -> Path:
-    path = folder / "mission.xml"
-    path.write_text(
-        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>',
-        encoding="utf-8",
-    )
-    return path
 
 
 class Hangar:

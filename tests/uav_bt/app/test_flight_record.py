@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.uav_bt.record.record_world import ANYWHERE, FLIGHT, NoisyDrone, fly_noisy, tree_file
+from tests.worlds.records import ANYWHERE, FLIGHT, NoisyDrone, fly_noisy
+from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.app.replay import ReplayOptions
 from uav_bt.app.replay.replayer import assemble_recorded

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from behaviours.fly.heading_control import HeadingGains
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run
+from tests.worlds.cli import HOP, assert_refused, run
 from uav_bt import app
 from uav_bt.app.heading_tuning import (
     YawResponse,

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.learning.lab_world import write_colour_network
-from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, tree_file
+from tests.worlds.records import FLIGHT, NoisyDrone
+from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.app.lab_check import check_in_lab

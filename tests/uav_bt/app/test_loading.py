@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.trees import document
 from uav_bt.app.assembly import assemble
 from uav_bt.app.loading import load_mission
 from uav_bt.app.options import FlightOptions
@@ -16,16 +17,11 @@ from uav_bt.tree.leaves_file import with_leaves
 from uav_bt.tree.loading.loader import check_text
 
 
-def mission(body: str) -> str:
-    """Return a tree file's text, which does not name its main tree."""
-    return f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree></root>'
-
-
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ('<HoverFor seconds="{t}"/>', "nothing sets variable 't' of tree 'M'"),
-        ('<ScriptCondition code="t &gt; 1"/>', "nothing sets variable 't' of tree 'M'"),
+        ('<HoverFor seconds="{t}"/>', "nothing sets variable 't' of tree 'Main'"),
+        ('<ScriptCondition code="t &gt; 1"/>', "nothing sets variable 't' of tree 'Main'"),
         ('<ScriptCondition code="@flight_height_m &gt; 1"/>', "board key 'flight_height_m'"),
         ('<Parallel><HoverFor/><Turn degrees="90"/></Parallel>', "ask for a movement in the same"),
         ("<Parallel><PointCamera/><PointCamera/></Parallel>", "ask for a camera direction in the"),
@@ -34,11 +30,11 @@ def mission(body: str) -> str:
 )
 def test_what_fails_in_the_air_is_refused_on_the_ground(body: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        load_mission(mission(f"<Sequence>{body}<Land/></Sequence>"), FlightOptions())
+        load_mission(document(f"<Sequence>{body}<Land/></Sequence>"), FlightOptions())
 
 
 def test_python_may_set_the_variables_of_a_tree() -> None:
-    tree = parse_tree(mission('<HoverFor seconds="{t}"/>'))
+    tree = parse_tree(document('<HoverFor seconds="{t}"/>'))
     tree.variables["t"] = 2.0
     assert load_mission(tree, FlightOptions()) is tree
 
@@ -48,7 +44,7 @@ def test_python_may_set_the_variables_of_a_tree() -> None:
 
 def heights(body: str, ports: dict[str, object]) -> list[float]:
     """Return the heights of the take-offs of a mission that is loaded with these values."""
-    text = mission(f"<Sequence>{body}<Land/></Sequence>")
+    text = document(f"<Sequence>{body}<Land/></Sequence>")
     loaded = load_mission(text, FlightOptions(ports=ports))  # type: ignore[arg-type]
     return [leaf.port_value("height_m") for leaf in loaded.leaves() if leaf.name != "Land"]
 
@@ -56,7 +52,7 @@ def heights(body: str, ports: dict[str, object]) -> list[float]:
 def test_a_value_from_outside_replaces_the_one_of_the_file() -> None:
     assert heights('<TakeOff height_m="1"/>', {"TakeOff.height_m": 1.2}) == [1.2]
     two = '<TakeOff name="a"/><TakeOff name="b.c"/>'
-    assert heights(two, {"M/Sequence/a.height_m": "0.9", "b.c.height_m": 1.1}) == [0.9, 1.1]
+    assert heights(two, {"Main/Sequence/a.height_m": "0.9", "b.c.height_m": 1.1}) == [0.9, 1.1]
 
 
 @pytest.mark.parametrize(
@@ -65,7 +61,7 @@ def test_a_value_from_outside_replaces_the_one_of_the_file() -> None:
         ({"TakeOf.height_m": 1}, "no node of that name or path; did you mean 'TakeOff'"),
         ({"TakeOff.height": 1}, "did you mean 'height_m'"),
         ({"TakeOff.height_m": 30}, "0.3 to 20"),
-        ({"HoverFor.seconds": 1}, r"fits 2 nodes: .*'M/Sequence/HoverFor#2.seconds'"),
+        ({"HoverFor.seconds": 1}, r"fits 2 nodes: .*'Main/Sequence/HoverFor#2.seconds'"),
         ({"Explore.policy": "coverage"}, "'Explore.policy' is given two values"),
         ({"ExploreFor.min_gai": 1}, "no port 'min_gai'; did you mean 'min_gain'"),
         ({"seconds": 1}, "ports: expected values by node and port"),
@@ -80,7 +76,7 @@ def test_a_wrong_value_from_outside_is_refused(ports: dict[str, str], message: s
     )
     with pytest.raises(InputError, match=message):
         load_mission(
-            mission(f"<Sequence>{body}<Land/></Sequence>"),
+            document(f"<Sequence>{body}<Land/></Sequence>"),
             FlightOptions(ports=ports, policies={"Explore": "corridor"}),
         )
 
@@ -92,7 +88,7 @@ def test_what_is_given_counts_before_the_parameter_file(tmp_path: Path) -> None:
     file = tmp_path / "params.yaml"
     file.write_text("{set: {TakeOff.height_m: 1.1}, var: {wait_s: 1, laps: 2}}")
     body = '<Sequence><TakeOff/><HoverFor seconds="{wait_s}"/><Repeat num_cycles="{laps}"><Land/>'
-    text = mission(f"{body}</Repeat></Sequence>")
+    text = document(f"{body}</Repeat></Sequence>")
     options = FlightOptions(params=file, variables={"wait_s": 3, "laps": 4})
     tree = load_mission(text, options)
     assert [tree.find(name).port_value(port) for name, port in PORTS] == [1.1, 3.0, 4]
@@ -114,7 +110,7 @@ def test_wrong_variables_are_refused(variables: object, message: str) -> None:
 
 
 def test_a_loaded_tree_takes_ports_and_no_variables() -> None:
-    tree = parse_tree(mission('<HoverFor seconds="1"/>'))
+    tree = parse_tree(document('<HoverFor seconds="1"/>'))
     assert load_mission(tree, FlightOptions(ports={"HoverFor.seconds": "2"})) is tree
     assert tree.find("HoverFor").port_value("seconds") == 2.0
     with pytest.raises(InputError, match=r"write tree.variables\['t'\] = 2"):
@@ -137,7 +133,7 @@ class _Base(Leaf):
 def test_a_tree_uses_the_leaves_of_a_python_file(tmp_path: Path) -> None:
     file = tmp_path / "my_leaves.py"
     file.write_text(WAIT)
-    text = mission('<Sequence><Wait ticks="4"/><Land/></Sequence>')
+    text = document('<Sequence><Wait ticks="4"/><Land/></Sequence>')
     for _ in range(2):  # the file is run once; its classes stay the same
         loaded = load_mission(text, FlightOptions(leaves=[file, str(file)][:1]))
         assert next(loaded.leaves()).port_value("ticks") == 4
@@ -163,7 +159,7 @@ def test_a_file_without_usable_leaves_is_refused(
     if content is not None:
         (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match=message):
-        load_mission(mission("<Land/>"), FlightOptions(leaves=[tmp_path / name]))
+        load_mission(document("<Land/>"), FlightOptions(leaves=[tmp_path / name]))
 
 
 PARTS = """
@@ -190,7 +186,7 @@ def test_policies_and_drones_of_a_python_file(tmp_path: Path) -> None:
     file = tmp_path / "my_parts.py"
     file.write_text(PARTS)
     options = FlightOptions(leaves=[file], drone="Slow", scene="val-a")
-    text = mission('<Sequence><Explore policy="Spin:0.5"/><Land/></Sequence>')
+    text = document('<Sequence><Explore policy="Spin:0.5"/><Land/></Sequence>')
     flight = assemble(text, options)
     assert flight.scene_name == "val-a"
     made = [flight.context.policy(name) for name in ("Spin:0.5", "Spin")]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.worlds.trees import document
 from uav_bt import app
 from uav_bt.app.assembly import Flight, assemble
 from uav_bt.app.reload import TreeReload
@@ -31,10 +32,9 @@ AHEAD = "start:-0.5,-0.5; start:0.6,-0.5; start:0.6,0.5; start:-0.5,0.5"
 
 
 def mission(rules: str, body: str) -> str:
-    return (
-        '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">'
+    return document(
         f'<ReactiveSequence><Segment model="unet"/><TrackMotion/><Sequence>{rules}{body}'
-        "</Sequence></ReactiveSequence></BehaviorTree></root>"
+        "</Sequence></ReactiveSequence>"
     )
 
 

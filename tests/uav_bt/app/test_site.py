@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.fly.take_off import TakeOff
-from tests.uav_bt.record.record_world import tree_file
+from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.app.loading import load_mission
 from uav_bt.app.site import Site, load_site

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
 from tests.uav_bt.cli.test_root import python
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import click
 import pytest
 from rich.console import Console
 
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from uav_bt import campaign as campaigns
 from uav_bt.cli.progress import campaign_progress
 

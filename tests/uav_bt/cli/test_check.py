@@ -12,10 +12,8 @@ from pathlib import Path
 import pytest
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from uav_bt.tree.shipped import shipped_missions
-
-SHIPPED = Path(__file__).parents[3] / "trees"
 
 
 @pytest.mark.parametrize("path", sorted(shipped_missions().values()), ids=lambda path: path.stem)

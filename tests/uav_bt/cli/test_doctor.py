@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from uav_bt.app.doctor import examine
 from uav_bt.errors import MissingDependencyError
 from uav_bt.record.reader import RecordReader

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from tests.uav_bt.cli.cli_world import run
+from tests.worlds.cli import run
 from uav_bt.cli.depth_tables import depth_report
 
 ONE_SCENE = ("--scene", "train-b", "--views", 3)

@@ -14,7 +14,7 @@ from typing import Any
 import av
 import pytest
 
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from uav_bt import app
 from uav_bt.board import SITE_MAP
 from uav_bt.board.blackboard import Blackboard

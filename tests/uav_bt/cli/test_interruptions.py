@@ -15,8 +15,8 @@ from pathlib import Path
 import av
 import pytest
 
-from tests.uav_bt.cli.cli_world import run, tree_file
 from tests.uav_bt.learning.lab_world import draw_lab
+from tests.worlds.cli import run, tree_file
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.record.info import record_info
 

@@ -11,7 +11,7 @@ from PIL import Image
 
 from perception.camera.camera_file import load_camera
 from sim_bridge.twin.scene_file import scene_names
-from tests.uav_bt.cli.cli_world import run
+from tests.worlds.cli import run
 
 # The board is drawn by warping, with this focal length: fast, and accurate enough here.
 FOCAL_PX, SIZE = 600.0, (640, 360)

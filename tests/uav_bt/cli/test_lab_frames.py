@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.cli.cli_world import assert_refused, run
 from tests.uav_bt.learning.frames_world import view, walk, write_video
+from tests.worlds.cli import assert_refused, run
 
 
 @pytest.fixture

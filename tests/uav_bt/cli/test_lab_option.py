@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.app.test_lab_flights import LAB, MARK
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from uav_bt.lab.lab_file import read_lab
 from uav_bt.lab.schema import lab_schema
 

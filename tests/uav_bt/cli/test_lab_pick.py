@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.uav_bt.cli.cli_world import assert_refused, run
+from tests.worlds.cli import assert_refused, run
 from uav_bt.lab.starter import write_lab
 
 PICKS = """\

@@ -12,7 +12,6 @@ import pytest
 import torch
 
 from sim_bridge.anafi import anafi_camera
-from tests.uav_bt.cli.cli_world import assert_refused, run
 from tests.uav_bt.learning.lab_world import (
     COLOURS,
     HEIGHT,
@@ -21,7 +20,8 @@ from tests.uav_bt.learning.lab_world import (
     exact_ids,
     write_colour_network,
 )
-from tests.uav_bt.record.footage_world import frame, write_record
+from tests.worlds.cli import assert_refused, run
+from tests.worlds.footage import frame, write_record
 from uav_bt import app
 from uav_bt.types import DepthMap, Frame
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.cli.cli_world import assert_refused, run
+from tests.worlds.cli import assert_refused, run
 from uav_bt import app
 from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.campaign.report.sources import read_sources

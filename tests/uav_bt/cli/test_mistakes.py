@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.uav_bt.cli.cli_world import HOP, run, tree_file
+from tests.worlds.cli import HOP, run, tree_file
 
 MISTAKES = [
     # --- names

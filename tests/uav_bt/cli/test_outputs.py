@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 import pytest
 
-from tests.uav_bt.cli.cli_world import HOP, all_commands, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, all_commands, assert_refused, run, tree_file
 from uav_bt.cli.command import Command, OutputFile, OutputFolder
 
 INCLUDING = '<root BTCPP_format="4"><include path="sub/parts.xml"/></root>'

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from tests.uav_bt.cli.cli_world import assert_refused, run, tree_file
+from tests.worlds.cli import assert_refused, run, tree_file
 from uav_bt.cli.root import uav_bt
 
 BODY = (

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 
-from tests.uav_bt.cli.cli_world import assert_refused, run
+from tests.worlds.cli import assert_refused, run
 from uav_bt.app.perceive.pipeline import Pipeline
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.cli.cli_world import HOP, run, tree_file
-from tests.uav_bt.record.record_world import copy_part
+from tests.worlds.cli import HOP, run, tree_file
+from tests.worlds.records import copy_part
 from uav_bt.record import record_file
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")

@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 import pytest
 
-from tests.uav_bt.cli.cli_world import all_commands, assert_refused, run
+from tests.worlds.cli import all_commands, assert_refused, run
 from uav_bt import __version__
 from uav_bt.cli.values import Number, WholeNumber
 from uav_bt.errors import DroneError, InputError

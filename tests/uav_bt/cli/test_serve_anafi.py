@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from tests.uav_bt.cli.cli_world import assert_refused, run
+from tests.worlds.cli import assert_refused, run
 
 
 def test_its_help_names_what_olympe_users_need() -> None:

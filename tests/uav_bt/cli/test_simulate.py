@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 
 
 @pytest.fixture

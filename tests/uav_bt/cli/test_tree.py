@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from tests.uav_bt.cli.cli_world import assert_refused, run, tree_file
+from tests.worlds.cli import assert_refused, run, tree_file
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.schema import schema_xml
 

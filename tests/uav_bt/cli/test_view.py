@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from tests.worlds.cli import HOP, assert_refused, run, tree_file
 from uav_bt.display.rerun import sinks
 
 QUICK = ("--image-size", "160x90", "--profile", "ideal", "--scene", "val-a")

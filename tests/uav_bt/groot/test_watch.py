@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests.uav_bt.groot.groot_world import GrootClient, leaf, make_context, make_tree
+from tests.worlds.trees import tree_file
 from uav_bt import app, plugins
 from uav_bt.clock import ManualClock
 from uav_bt.errors import FileError, InputError
@@ -32,12 +33,7 @@ def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         return found(group, name)
 
     monkeypatch.setattr(plugins, "load", load)
-    path = tmp_path / "mission.xml"
-    path.write_text(
-        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{HOP}</BehaviorTree></root>',
-        encoding="utf-8",
-    )
-    return path
+    return tree_file(tmp_path, HOP)
 
 
 SCRIPTED = app.FlightOptions(drone="scripted", judge=app.JudgeConfig(land_on=app.LandOn.ANY))

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from sim_bridge.twin.scene_file import load_scene
-from tests.uav_bt.record.record_world import tree_file
+from tests.worlds.trees import tree_file
 from uav_bt.campaign import planning
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Answers

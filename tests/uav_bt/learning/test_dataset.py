@@ -11,7 +11,7 @@ import pytest
 
 from perception.odometry.camera_track import shrink
 from sim_bridge.anafi import anafi_camera
-from tests.uav_bt.record.footage_world import frame, state, write_record
+from tests.worlds.footage import frame, state, write_record
 from uav_bt.errors import FileError, InputError
 from uav_bt.learning.dataset import fingerprint, footage_of, records_of, split_records
 from uav_bt.types import Frame

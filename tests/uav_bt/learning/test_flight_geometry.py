@@ -14,7 +14,7 @@ import pytest
 from perception.camera.ground_plane import ground_depth, level_rays, view_of
 from sim_bridge.anafi import anafi_camera
 from tests.paper_lab import BACKGROUND, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
-from tests.uav_bt.record.footage_world import frame, state, write_record
+from tests.worlds.footage import frame, state, write_record
 from uav_bt.errors import FileError
 from uav_bt.lab.lab import Lab
 from uav_bt.lab.shipped import load_lab

@@ -20,7 +20,7 @@ from tests.uav_bt.learning.frames_world import (
     write_photograph,
     write_video,
 )
-from tests.uav_bt.record.footage_world import frame, write_record
+from tests.worlds.footage import frame, write_record
 from uav_bt.app.sources.video_source import VideoSource
 from uav_bt.errors import FileError, InputError
 from uav_bt.lab.lab_file import read_lab

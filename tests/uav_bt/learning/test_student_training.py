@@ -16,6 +16,7 @@ from perception.control.training.run import ControlTrainingConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from tests.paper_lab import paper_map
+from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import FileError
@@ -59,12 +60,7 @@ class Grey:
 def flown(folder: Path, *, adviser: str = ADVISER, drone: ScriptedDrone | None = None) -> Path:
     """Fly a scripted drone under the rule's advice and return the record."""
     folder.mkdir(parents=True, exist_ok=True)
-    tree = folder / "mission.xml"
-    body = MISSION.format(adviser=adviser)
-    tree.write_text(
-        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>',
-        encoding="utf-8",
-    )
+    tree = tree_file(folder, MISSION.format(adviser=adviser))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("uav_bt.app.assembly.make_drone", lambda _: drone or ScriptedDrone())
         patch.setattr(

@@ -13,7 +13,7 @@ from perception.depth.runtime import load_depth_estimator
 from perception.depth.training.run import DepthTrainingConfig
 from sim_bridge.anafi import anafi_camera
 from tests.paper_lab import paper_map
-from tests.uav_bt.record.footage_world import frame, state, write_record
+from tests.worlds.footage import frame, state, write_record
 from uav_bt.cli.root import uav_bt
 from uav_bt.learning import training
 from uav_bt.learning.dataset import read_flights

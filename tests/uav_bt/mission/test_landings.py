@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from tests.worlds.trees import document
 from uav_bt.board import MISSION_KEYS, ODOMETRY, STATE
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals
@@ -145,9 +146,7 @@ class Records(list[TickRecord]):
 
 
 def tree_of(body: str, context: MissionContext) -> MissionTree:
-    tree = parse_tree(
-        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>', REGISTRY
-    )
+    tree = parse_tree(document(body), REGISTRY)
     tree.setup(context)
     return tree
 

@@ -10,6 +10,7 @@ from typing import ClassVar, Self
 
 import pytest
 
+from tests.worlds.trees import document
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, MISSION_KEYS, ODOMETRY, PHASE, STATE
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals
@@ -226,9 +227,7 @@ class At:
 
 
 def tree_of(body: str) -> MissionTree:
-    return parse_tree(
-        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>', REGISTRY
-    )
+    return parse_tree(document(body), REGISTRY)
 
 
 class Flight:

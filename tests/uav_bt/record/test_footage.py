@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.uav_bt.record.footage_world import LAB_CLASSES, state
+from tests.worlds.footage import LAB_CLASSES, state
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import FileError
 from uav_bt.protocols import Advice

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.writer import Writer
 
-from tests.uav_bt.record.record_world import copy_part, fly_noisy
+from tests.worlds.records import copy_part, fly_noisy
 from uav_bt.errors import FileError
 from uav_bt.record.info import record_info
 from uav_bt.record.playback import Playback
@@ -30,7 +30,8 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 sys.path[0] = {here!r}
-from tests.uav_bt.record.record_world import NoisyDrone, tree_file
+from tests.worlds.records import NoisyDrone
+from tests.worlds.trees import tree_file
 from uav_bt import app
 
 class Kill:

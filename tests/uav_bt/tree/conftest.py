@@ -18,7 +18,7 @@ _MODULE = importlib.util.module_from_spec(_SPEC)
 sys.modules["conformance"] = _MODULE
 _SPEC.loader.exec_module(_MODULE)
 
-from tests.uav_bt.tree.tree_world import World  # noqa: E402  # needs the module above
+from tests.worlds.trees import World  # noqa: E402  # needs the module above
 
 
 @pytest.fixture

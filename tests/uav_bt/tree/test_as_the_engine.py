@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.tree.test_loader import REGISTRY, warnings_of
-from tests.uav_bt.tree.tree_world import document
+from tests.worlds.trees import document
 from uav_bt.errors import FileError, TreeError
 from uav_bt.tree import load_tree, parse_tree
 from uav_bt.tree.loading.findings import ERROR, Findings

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.fly.say import Say
+from tests.worlds.trees import document, subtree
 from uav_bt.board import ODOMETRY, PHASE
 from uav_bt.board.blackboard import Key
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
@@ -76,18 +77,11 @@ class Steer(Leaf):
 REGISTRY = NodeRegistry([RedDetector, Fly, Tilt, Steer, Say, Visit])
 
 
-def mission(body: str, inner: str = "<AlwaysSuccess/>") -> str:
-    return (
-        f'<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">{body}'
-        f'</BehaviorTree><BehaviorTree ID="Inner">{inner}</BehaviorTree></root>'
-    )
-
-
 def findings(
     body: str, inner: str = "<AlwaysSuccess/>", given: Mapping[str, float] | None = None
 ) -> list[str]:
     """Return the messages on a mission; warnings begin with `warning:`."""
-    text = mission(body, inner)
+    text = document(body, subtree("Inner", inner))
     found = check_text(
         text,
         REGISTRY,
@@ -337,7 +331,7 @@ def test_a_place_in_a_queue_is_checked() -> None:
 
 
 def test_a_place_in_a_queue_from_outside_is_checked() -> None:
-    text = mission(VISITS.format(queue="{points}", visit='<Visit to="{p}"/>'))
+    text = document(VISITS.format(queue="{points}", visit='<Visit to="{p}"/>'))
     for points, good in (("door;window", True), ("door;wndow", False)):
         given = Parameters(variables={"points": points})
         found = check_text(text, REGISTRY, path=Path("m.xml"), parameters=given)
@@ -345,7 +339,8 @@ def test_a_place_in_a_queue_from_outside_is_checked() -> None:
 
 
 def test_an_entry_from_outside_is_checked() -> None:
-    text = mission('<SubTree ID="Inner" at="door"/>', '<Visit to="{at}"/>')
+    inner = subtree("Inner", '<Visit to="{at}"/>')
+    text = document('<SubTree ID="Inner" at="door"/>', inner)
     for place, good in (("window", True), ("wndow", False)):
         given = Parameters(ports={"Inner.at": place})
         found = check_text(text, REGISTRY, path=Path("m.xml"), parameters=given)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.uav_bt.tree.tree_world import World, document, leaf
+from tests.worlds.trees import World, document, leaf
 from uav_bt.board import HEIGHT, PHASE
 from uav_bt.errors import BoardAccessError, NodeFailedError
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import pytest
 
-from tests.uav_bt.tree.tree_world import World
+from tests.worlds.trees import World
 from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals

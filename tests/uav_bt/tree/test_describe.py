@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.conformance import Scripted
-from tests.uav_bt.tree.tree_world import document
+from tests.worlds.trees import document
 from uav_bt.board import HEIGHT, STATE
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.describe import PortInfo, describe, describe_all, palette_xml

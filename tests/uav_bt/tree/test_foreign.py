@@ -10,7 +10,7 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status as Theirs
 
-from tests.uav_bt.tree.tree_world import World, document
+from tests.worlds.trees import World, document
 from uav_bt.board import HEIGHT
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals

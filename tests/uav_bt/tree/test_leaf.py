@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from tests.uav_bt.tree.tree_world import World
+from tests.worlds.trees import World
 from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import (

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.conformance import Scripted
-from tests.uav_bt.tree.tree_world import World, document, leaf
+from tests.worlds.trees import World, document, leaf
 from uav_bt.board import MARK
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, load_tree, parse_tree

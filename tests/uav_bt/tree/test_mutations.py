@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.conformance import REGISTRY, read_traces
-from tests.uav_bt.tree.tree_world import World
+from tests.worlds.trees import World
 from uav_bt.board import MISSION_KEYS
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import MissionTree, parse_tree

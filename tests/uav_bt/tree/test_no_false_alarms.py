@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.conformance import REGISTRY, read_traces
-from tests.uav_bt.tree.tree_world import World, document
+from tests.worlds.trees import World, document
 from uav_bt.board import HEIGHT
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.conformance import Scripted
-from tests.uav_bt.tree.tree_world import World, leaf
+from tests.worlds.trees import World, leaf
 from uav_bt.errors import InputError, MissionError, NodeFailedError, TreeError
 from uav_bt.tree import MissionTree, Status
 from uav_bt.tree.nodes import Inverter, Parallel, Repeat, Sequence, SubTree

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.uav_bt.tree.tree_world import World, leaf
+from tests.worlds.trees import World, leaf
 from uav_bt.tree import Node
 from uav_bt.tree.observer import NodeEvent, observe, unobserve
 

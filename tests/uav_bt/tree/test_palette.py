@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.conformance import Scripted
-from tests.uav_bt.tree.tree_world import World, document
+from tests.worlds.trees import World, document
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.describe import palette_xml

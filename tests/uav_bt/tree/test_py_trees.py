@@ -7,7 +7,7 @@ import pytest
 from py_trees.common import Status
 
 from tests.conformance import Scripted
-from tests.uav_bt.tree.tree_world import World, leaf
+from tests.worlds.trees import World, leaf
 from uav_bt.board import MissionContext
 from uav_bt.errors import MissionError
 from uav_bt.tree import MissionTree

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests.conformance import Scripted
-from tests.uav_bt.tree.tree_world import document
+from tests.worlds.trees import document
 from uav_bt.board import STATE
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.loading.palette import PaletteLeaf, PalettePort

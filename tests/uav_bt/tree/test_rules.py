@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.trees import document, subtree
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY
 from uav_bt.errors import InputError
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Status, parse_tree
@@ -37,19 +38,13 @@ REGISTRY = NodeRegistry([Rules, Up, Track])
 SQUARE = "start:-1,-1; start:3,-1; lab:3,1; start:-1,1"
 
 
-def text(body: str, inner: str = "<AlwaysSuccess/>") -> str:
-    return (
-        f'<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main">{body}'
-        f'</BehaviorTree><BehaviorTree ID="Inner">{inner}</BehaviorTree></root>'
-    )
-
-
 def messages(body: str, inner: str = "<AlwaysSuccess/>") -> list[str]:
-    return [each.message for each in check_text(text(body, inner), REGISTRY, path=Path("m.xml"))]
+    text = document(body, subtree("Inner", inner))
+    return [each.message for each in check_text(text, REGISTRY, path=Path("m.xml"))]
 
 
 def stated(body: str, inner: str = "<AlwaysSuccess/>") -> MissionRules:
-    tree: MissionTree = parse_tree(text(body, inner), REGISTRY)
+    tree: MissionTree = parse_tree(document(body, subtree("Inner", inner)), REGISTRY)
     (leaf,) = (leaf for leaf in tree.leaves() if isinstance(leaf, Rules))
     return leaf.stated()
 

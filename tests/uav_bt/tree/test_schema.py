@@ -9,7 +9,7 @@ from lxml import etree
 
 from tests.conformance import REGISTRY as TRACED
 from tests.conformance import Scripted, read_traces
-from tests.uav_bt.tree.tree_world import document
+from tests.worlds.trees import document
 from uav_bt.board import STATE
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.describe import palette_xml

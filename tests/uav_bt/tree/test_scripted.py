@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.tree.tree_world import World, document
+from tests.worlds.trees import World, document
 from uav_bt.board import ELAPSED
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, TreeError, ValueRangeError

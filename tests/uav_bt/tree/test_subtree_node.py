@@ -10,6 +10,7 @@ import py_trees
 import pytest
 
 from behaviours.nodes import NODES
+from tests.worlds.trees import document
 from uav_bt.board import ELAPSED, MISSION_KEYS, Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
@@ -81,10 +82,7 @@ def context_of() -> MissionContext:
 
 
 def text_of(body: str, trees: str = HOME) -> str:
-    return (
-        '<root BTCPP_format="4" main_tree_to_execute="Main">\n'
-        f'<BehaviorTree ID="Main">{body}</BehaviorTree>{trees}</root>'
-    )
+    return document(body, trees).replace("><B", ">\n<B", 1)
 
 
 def flown(tree: MissionTree) -> list[tuple[object, ...]]:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.uav_bt.tree.tree_world import World, document
+from tests.worlds.trees import World, document
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import NodeFailedError
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree

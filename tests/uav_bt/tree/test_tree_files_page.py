@@ -12,7 +12,7 @@ from py_trees.parsers.behaviour_tree_xml import parse_behaviour_tree_xml
 from py_trees.ports import BehaviourWithPorts
 
 from tests.conformance import read_traces
-from tests.uav_bt.tree.tree_world import World
+from tests.worlds.trees import World
 from uav_bt.board import HEIGHT
 from uav_bt.errors import TreeError
 from uav_bt.tree import MissionTree, NodeRegistry, Status, parse_tree

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.worlds.trees import document
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.findings import Finding, Rule, errors_of
 from uav_bt.tree.loading.loader import check_text
 
 
 def findings(body: str) -> tuple[Finding, ...]:
-    text = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
-    return check_text(text, path=Path("mission.xml"))
+    return check_text(document(body), path=Path("mission.xml"))
 
 
 def doubt(body: str) -> str:

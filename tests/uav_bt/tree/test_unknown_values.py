@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from tests.uav_bt.tree.tree_world import World
+from tests.worlds.trees import World, document, subtree
 from uav_bt.board.blackboard import Key
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.types import Hover
@@ -45,11 +45,8 @@ REGISTRY = NodeRegistry([Detect, Fly])
 
 
 def tree_of(world: World, body: str) -> MissionTree:
-    text = (
-        '<root BTCPP_format="4" main_tree_to_execute="M">'
-        f'<BehaviorTree ID="M"><Sequence><Detect/>{body}</Sequence></BehaviorTree>'
-        '<BehaviorTree ID="In"><ScriptCondition code="red &gt; 0"/></BehaviorTree></root>'
-    )
+    inner = subtree("In", '<ScriptCondition code="red &gt; 0"/>')
+    text = document(f"<Sequence><Detect/>{body}</Sequence>", inner, tree_id="M")
     tree = parse_tree(text, REGISTRY)
     tree.setup(world.context)
     return tree

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.uav_bt.tree.tree_world import World, leaf
+from tests.worlds.trees import World, leaf
 from uav_bt.board import HEIGHT
 from uav_bt.errors import MissionError, NodeFailedError
 from uav_bt.tree import Status

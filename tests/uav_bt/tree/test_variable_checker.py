@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.tree.tree_world import document
+from tests.worlds.trees import document
 from uav_bt.board import HEIGHT, MARK
 from uav_bt.errors import TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree

@@ -13,7 +13,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
-from tests.uav_bt.record.footage_world import frame, state, write_record
+from tests.worlds.footage import frame, state, write_record
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.types import CameraModel
 from uav_bt.types.arrays import Image

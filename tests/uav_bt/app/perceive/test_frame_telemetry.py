@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.uav_bt.record.footage_world import frame, state, write_record
+from tests.worlds.footage import frame, state, write_record
 from uav_bt.app.perceive.frame_telemetry import FixedTelemetry, FlightTelemetry
 from uav_bt.errors import FileError
 from uav_bt.record.reader import RecordReader

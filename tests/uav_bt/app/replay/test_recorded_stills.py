@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.uav_bt.record.record_world import NoisyDrone, copy_part, fly_noisy
+from tests.worlds.records import NoisyDrone, copy_part, fly_noisy
 from uav_bt.app.replay import replay
 from uav_bt.app.replay.recorded_stills import RecordedStills
 from uav_bt.errors import DroneError, FileError

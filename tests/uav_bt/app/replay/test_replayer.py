@@ -10,7 +10,8 @@ import pytest
 
 from behaviours.fly.land import Land
 from behaviours.policies.segmentation_rule import SegmentationRule
-from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, copy_part, fly_noisy, tree_file
+from tests.worlds.records import FLIGHT, NoisyDrone, copy_part, fly_noisy
+from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.app import recorded_files

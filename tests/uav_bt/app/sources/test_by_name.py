@@ -15,7 +15,7 @@ import pytest
 from av.stream import Disposition
 from numpy.typing import NDArray
 
-from tests.uav_bt.record.footage_world import frame, write_record
+from tests.worlds.footage import frame, write_record
 from uav_bt.app.sources.by_name import FolderSource, RecordSource, open_source
 from uav_bt.app.sources.streams import CameraSource
 from uav_bt.app.sources.video_source import VideoSource

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.tick import TickListener, TickRecord
@@ -51,11 +52,7 @@ class Seen:
 
 def fly(folder: Path, name: str = "flight.mcap", **changes: Any) -> tuple[Path, Seen, FlightReport]:
     """Fly the mission and return its record, the follower's ticks and the report."""
-    tree = folder / "mission.xml"
-    tree.write_text(
-        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{MISSION}</BehaviorTree></root>',
-        encoding="utf-8",
-    )
+    tree = tree_file(folder, MISSION)
     told: dict[str, Any] = {
         "scene": "val-a",
         "seed": 4,

@@ -12,6 +12,7 @@ import pytest
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.writer import Writer
 
+from tests.worlds.trees import tree_file
 from uav_bt import app
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.protocols import Drone
@@ -46,15 +47,6 @@ class NoisyDrone(ScriptedDrone):
 
 
 ANYWHERE = app.JudgeConfig(land_on=app.LandOn.ANY)  # nobody looks for a mark
-
-
-def tree_file(folder: Path, body: str = FLIGHT, name: str = "mission.xml") -> Path:
-    path = folder / name
-    path.write_text(
-        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>',
-        encoding="utf-8",
-    )
-    return path
 
 
 def fly_noisy(

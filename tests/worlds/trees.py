@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from tests.conformance import Scripted
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals
@@ -47,13 +49,24 @@ class World:
         return "".join(tree.tick().letter for _ in range(ticks))
 
 
-def document(body: str, *more: str) -> str:
-    """Return a tree file with a main tree of that body."""
-    trees = "".join(more)
+def document(body: str, *more: str, tree_id: str = "Main") -> str:
+    """Return a tree file with a main tree of that body; `more` are further elements."""
     return (
-        '<root BTCPP_format="4" main_tree_to_execute="Main">'
-        f'<BehaviorTree ID="Main">{body}</BehaviorTree>{trees}</root>'
+        f'<root BTCPP_format="4" main_tree_to_execute="{tree_id}">'
+        f'<BehaviorTree ID="{tree_id}">{body}</BehaviorTree>{"".join(more)}</root>'
     )
+
+
+def subtree(tree_id: str, body: str) -> str:
+    """Return the XML of a further tree."""
+    return f'<BehaviorTree ID="{tree_id}">{body}</BehaviorTree>'
+
+
+def tree_file(folder: Path, body: str, name: str = "mission.xml") -> Path:
+    """Write a tree file with a main tree of that body."""
+    path = folder / name
+    path.write_text(document(body), encoding="utf-8")
+    return path
 
 
 def leaf(name: str, script: str) -> str:
