@@ -40,7 +40,7 @@ def variables(kernels: str) -> dict[str, str]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("kernels", choices=NEWER)
-    parser.add_argument("command", nargs="+", help="after --")
+    parser.add_argument("command", nargs="+", help='after "--"')
     given = parser.parse_args()
     chosen = variables(given.kernels)
     if not chosen:

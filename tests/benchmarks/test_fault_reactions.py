@@ -14,6 +14,8 @@ from benchmarks.fault_flight import KINDS, Case, fly
 from benchmarks.fault_reactions import EXPECTED, Expected, Facts, problems, survived
 from benchmarks.faults import Flown
 
+pytestmark = pytest.mark.flight
+
 # Steps for two seconds, then a landing on the spot: a short flight.
 TREE = """
 <root BTCPP_format="4">

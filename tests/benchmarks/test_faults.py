@@ -13,6 +13,8 @@ from benchmarks.fault_flight import Case, fly
 from benchmarks.faults import main
 from tests.benchmarks.test_fault_reactions import TREE
 
+pytestmark = pytest.mark.flight
+
 
 class Done(NamedTuple):
     """What a command left."""

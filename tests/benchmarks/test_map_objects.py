@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from benchmarks.map_objects import SAME_ID, fly, report
+
+pytestmark = pytest.mark.flight
 
 
 def test_each_object_keeps_its_id_through_a_survey() -> None:

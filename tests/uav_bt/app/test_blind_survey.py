@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from sim_bridge.plain import PlainConfig
@@ -12,6 +13,8 @@ from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.protocols import Referee
 from uav_bt.types import Frame, Truth
 from uav_bt.types.ground import Ground
+
+pytestmark = pytest.mark.flight
 
 
 class GroundlessReferee:

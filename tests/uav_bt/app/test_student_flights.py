@@ -12,6 +12,8 @@ from perception.control.runtime import SHIPPED_STUDENT
 from uav_bt import app
 from uav_bt.errors import NodeFailedError
 
+pytestmark = pytest.mark.flight
+
 ROOT = Path(__file__).parents[3]
 SMALL = app.FlightOptions(scene="val-b", seed=3, image_size_px=(320, 180))
 EXPLORES = '="90000"'  # duration of the exploration, ms
