@@ -256,6 +256,7 @@ def test_ci_runs_what_a_person_runs() -> None:
     lines = script.read_text(encoding="utf-8").splitlines()
     made = [line.split() for line in lines if " make " in f" {line}" and not line.startswith("#")]
     assert [words[-1] for words in made] == ["test", "fly"]
+    assert "for kernels in avx2 baseline; do" in lines  # the choices of tools/kernels.py
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert all(f"make {words[-1]}" in readme for words in made)
 

@@ -39,7 +39,7 @@ class Capture:
 
 
 class Simulation:
-    """One flight. The same seed and commands give the same flight.
+    """One flight. On one machine the same seed and commands give the same flight.
 
     Time passes only in `run_until`.
 

@@ -60,7 +60,7 @@ def render_views(
             the size of the images.
         profile: source of blur, exposure error and noise of the images; None: clean images.
         vary_light: change direction, strength and tint of the lamp from image to image.
-        seed: seed of noise, exposure and light; the same seed gives the same images.
+        seed: seed of noise, exposure and light; the same seed gives the same images on one machine.
 
     Yields:
         One view per pose, in order.

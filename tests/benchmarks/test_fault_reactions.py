@@ -18,6 +18,8 @@ from benchmarks.fault_reactions import EXPECTED, Expected, Facts, problems
 from benchmarks.faults import KINDS, faults_of, fly, fly_each, main, reaction
 from uav_bt.testing.faults import Fault
 
+pytestmark = pytest.mark.flight
+
 # Steps for two seconds, then a landing on the spot: a short flight.
 TREE = """
 <root BTCPP_format="4">

@@ -82,6 +82,7 @@ NOT_HERE: Final = {
     "python benchmarks": "minutes to hours",
     "python -m benchmarks": "minutes to hours",
     "python examples": "tests/docs/test_examples.py runs them",
+    "python tools/kernels.py": "runs other tests",
     "pytest -n 2": "runs other tests",
     "pytest -m slow": "runs this test",
     "python3.11 -m venv": "makes another environment",

@@ -13,6 +13,8 @@ import pytest
 
 from tests.docs.documents import ROOT
 
+pytestmark = pytest.mark.flight
+
 EXAMPLES: Final = ROOT / "examples"
 NOTEBOOK: Final = "06_notebook.ipynb"
 PRINTED: Final = {

@@ -25,6 +25,8 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.protocols import Drone, Imageless, Sight
 from uav_bt.types import Command, GimbalTo, MoveBy, Observation, TakeOff
 
+pytestmark = pytest.mark.flight
+
 
 def connected(**options: object) -> PlainDrone:
     drone = PlainConfig(**options).create()

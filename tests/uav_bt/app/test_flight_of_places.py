@@ -16,6 +16,8 @@ from uav_bt.record.reader import RecordReader
 from uav_bt.tree import load_tree
 from uav_bt.types import Pose2D
 
+pytestmark = pytest.mark.flight
+
 MISSION = """<root BTCPP_format="4" main_tree_to_execute="Main">
 <BehaviorTree ID="Main"><ReactiveSequence>
 <Rules land_on="any"/><Segment/><FindMark/><TrackMotion/><MapSite/>

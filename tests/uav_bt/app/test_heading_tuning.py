@@ -24,6 +24,8 @@ from uav_bt.errors import InputError
 from uav_bt.tree import Leaf, NodeRegistry, Status
 from uav_bt.types import Velocity
 
+pytestmark = pytest.mark.flight
+
 TICK_S = 0.1
 TIMES_S = np.arange(0.0, 12.0, TICK_S)
 SQUARE_RADPS = np.where((TIMES_S // 1.0) % 2 == 0, 0.4, -0.4)  # turns of 23 degrees to and fro

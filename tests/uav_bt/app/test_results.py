@@ -11,6 +11,8 @@ import pytest
 from uav_bt import app
 from uav_bt.app.view.recorded import RecordedFlight
 
+pytestmark = pytest.mark.flight
+
 
 def test_a_flight_and_its_record_have_the_same_path_and_map(tmp_path: Path) -> None:
     options = app.FlightOptions(

@@ -22,6 +22,8 @@ from uav_bt.types import Velocity
 from uav_bt.types.mission_rules import LandOn
 from uav_bt.types.place import area_corners
 
+pytestmark = pytest.mark.flight
+
 NO_PAD = """\
 take_off: {from: [-1.0, 0.5], yaw_deg: 90}
 boxes:

@@ -11,6 +11,8 @@ import pytest
 from perception.control.runtime import SHIPPED_STUDENT
 from uav_bt import app
 
+pytestmark = pytest.mark.flight
+
 ROOT = Path(__file__).parents[3]
 SMALL = app.FlightOptions(scene="val-b", seed=3, image_size_px=(320, 180))
 EXPLORES = '="90000"'  # duration of the exploration, ms

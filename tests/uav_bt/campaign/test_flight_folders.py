@@ -13,6 +13,8 @@ from uav_bt.campaign import fly as campaign
 from uav_bt.campaign.flight import fly_task
 from uav_bt.campaign.plan import FlightTask
 
+pytestmark = pytest.mark.flight
+
 BODY = """<root BTCPP_format="4"><BehaviorTree ID="M"><ReactiveSequence name="m">
 <Segment/><FindMark/><TrackMotion/><MapSite/>
 <Sequence name="s"><TakeOff/>{}<HelipadCenter/><Land/></Sequence>

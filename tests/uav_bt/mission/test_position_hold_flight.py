@@ -14,6 +14,8 @@ from uav_bt.testing import Fault, FaultyDrone
 from uav_bt.types import MissionPhase
 from uav_bt.types.mission_rules import LandOn
 
+pytestmark = pytest.mark.flight
+
 TREE = """
 <root BTCPP_format="4">
   <BehaviorTree ID="Mission">

@@ -157,7 +157,7 @@ def assemble_recorded(
         raise FileError(
             reader.path,
             "was flown without images, so there is nothing to perceive again; fly it again with "
-            "its seed instead, which gives the same flight",
+            "its seed instead, which gives the same flight on the same machine",
         )
     drone = RecordedDrone(reader, recorded.airframe, stills=recorded.stills)
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
