@@ -96,7 +96,7 @@ class Segment(Leaf):
                 with self._timer:
                     class_map = self._segmenter.segment(frame)
             except AnswerError as error:
-                self._context.warn_once(f"no class map: {error}", self.path)
+                self.mission.warn_once(f"no class map: {error}", self.path)
                 return Status.SUCCESS
             self.write(CLASS_MAP, class_map, captured_s=frame.captured_s)
             network = self._network
