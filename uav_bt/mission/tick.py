@@ -56,7 +56,7 @@ class TickListeners:
 
     def __init__(self, listeners: Sequence[TickListener]) -> None:
         self.following = list(listeners)
-        self.lost: dict[str, str] = {}  # by kind of listener: the error that it raised
+        self.lost: dict[str, str] = {}  # by kind of listener, the second with #2: its error
 
     def on_tick(self, record: TickRecord) -> None:
         """Call all listeners that have not failed."""
@@ -65,4 +65,7 @@ class TickListeners:
                 listener.on_tick(record)
             except Exception as fault:  # noqa: BLE001  # whatever a listener does wrong
                 self.following.remove(listener)
-                self.lost[type(listener).__name__] = f"{type(fault).__name__}: {fault}"
+                name = type(listener).__name__
+                alike = sum(known.partition("#")[0] == name for known in self.lost)
+                key = f"{name}#{alike + 1}" if alike else name
+                self.lost[key] = f"{type(fault).__name__}: {fault}"
