@@ -12,6 +12,7 @@ from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.metric import LEAST_CONFIDENCE
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, HELIPAD_H, paper_map
+from tests.worlds.values import motion
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError
@@ -29,7 +30,7 @@ from uav_bt.types import (
     FlyingState,
     Frame,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 
 SIZE = (224, 112)
 CAMERA = pinhole(640, 360)
@@ -131,10 +132,8 @@ def test_the_leaf_trusts_the_same_scales_as_the_evaluation() -> None:
 def test_ground_that_passes_too_fast_lowers_the_confidence(estimating: LeafBench) -> None:
     fly(estimating)
     before = estimating.board[METRIC_DEPTH].confidence
-    pose, still = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=0.1), BodyVelocity()
-    estimating.board[ODOMETRY] = MotionEstimate(
-        pose=pose, seen=pose, velocity=still, error=still, tracked_s=0.1, stretch=1.4
-    )
+    pose = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=0.1)
+    estimating.board[ODOMETRY] = motion(pose, tracked_s=0.1, stretch=1.4)
     fly(estimating)
     assert before > 0.5
     assert estimating.board[METRIC_DEPTH].confidence < 0.3
