@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from uav_bt.types import BodyVelocity, Corridor, MarkFix
+import numpy as np
+
+from uav_bt.types import BodyVelocity, Corridor, Frame, MarkFix, Pose, Truth
+from uav_bt.types.arrays import Image
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 STILL = BodyVelocity()
@@ -51,3 +54,37 @@ def corridor(
         nearest_side=side,
         time_to_impact_s=impact_s,
     )
+
+
+def frame(
+    image: Image | tuple[int, int],
+    pitch_rad: float = -0.5,
+    height_m: float = 1.5,
+    *,
+    captured_s: float = 0.0,
+    index: int = 0,
+    **more: Any,
+) -> Frame:
+    """Return a frame of an image, or of a black one with so many rows and columns."""
+    return Frame(
+        image=np.zeros((*image, 3), np.uint8) if isinstance(image, tuple) else image,
+        index=index,
+        captured_s=captured_s,
+        gimbal_pitch_rad=pitch_rad,
+        height_above_ground_m=height_m,
+        **more,
+    )
+
+
+def truth(pose: Pose, time_s: float = 0.0, **more: Any) -> Truth:
+    """Return the truth of a drone in flight over the ground, a metre away from everything."""
+    given = {
+        "contacts": (),
+        "clearance_m": 1.0,
+        "inside_ground": True,
+        "on_mark": False,
+        "landing_error_m": 1.0,
+        "motors_on": True,
+        **more,
+    }
+    return Truth(time_s=time_s, pose=pose, **given)

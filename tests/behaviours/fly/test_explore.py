@@ -30,7 +30,7 @@ from uav_bt.board import (
     PHASE,
     SITE_MAP,
 )
-from uav_bt.errors import NodeFailedError, UnknownNameError
+from uav_bt.errors import NodeFailedError
 from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, live, show
@@ -162,12 +162,6 @@ def test_the_policy_sees_the_frames_telemetry() -> None:
     assert view.height_above_ground_m == 1.4
     assert view.turning == 0
     assert view.tie_break == again.tie_break
-
-
-def test_an_unknown_policy_is_refused_at_setup() -> None:
-    """Before the flight, with the names that there are."""
-    with pytest.raises(UnknownNameError, match="segmentation"):
-        LeafBench(Explore, policy="segmentatoin").setup()
 
 
 def test_an_advance_forgets_the_held_turn() -> None:

@@ -12,6 +12,7 @@ from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.metric import LEAST_CONFIDENCE
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, HELIPAD_H, paper_map
+from tests.worlds import values
 from tests.worlds.values import motion
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
@@ -91,12 +92,8 @@ def fly(
     )
     frame = bench.board[FRAME]
     picture = np.full_like(frame.image, grey)
-    bench.board[FRAME] = Frame(
-        image=picture,
-        index=frame.index,
-        captured_s=now,
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_ground_m=height_m,
+    bench.board[FRAME] = values.frame(
+        picture, PITCH_RAD, height_m, captured_s=now, index=frame.index
     )
     shown = np.full(SIZE[::-1], CARPET, dtype=np.uint8) if ids is None else ids
     bench.board[CLASS_MAP] = ClassMap(ids=shown, classes=classes, captured_s=now)
@@ -254,12 +251,11 @@ def test_a_frozen_picture_of_a_moving_drone_is_refused(estimating: LeafBench) ->
 
 def test_a_frame_of_another_aspect_than_its_camera_is_refused(estimating: LeafBench) -> None:
     estimating.hover()
-    square = Frame(
-        image=np.full((300, 300, 3), 90, dtype=np.uint8),
-        index=7,
+    square = values.frame(
+        np.full((300, 300, 3), 90, dtype=np.uint8),
+        PITCH_RAD,
         captured_s=estimating.clock.now(),
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_ground_m=1.5,
+        index=7,
     )
     estimating.board[FRAME] = square
     estimating.board[CLASS_MAP] = paper_map(

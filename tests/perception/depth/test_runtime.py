@@ -8,7 +8,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from perception.depth import runtime
-from uav_bt.errors import FileError, UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import FileError, ValueRangeError, WeightsError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.types import Frame
 
@@ -134,11 +134,6 @@ def test_a_network_of_another_input_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(WeightsError, match="the input must be 1x3xHxW, got"):
         runtime.OnnxDepthEstimator(path)
-
-
-def test_a_name_that_nobody_knows_gets_a_suggestion() -> None:
-    with pytest.raises(UnknownNameError, match="unknown depth model 'dept'; did you mean 'depth'"):
-        runtime.load_depth_estimator("dept")
 
 
 def test_the_earlier_name_of_contact_says_the_new_one() -> None:

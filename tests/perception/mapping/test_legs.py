@@ -18,7 +18,7 @@ from perception.mapping.view import View
 from tests.worlds import values
 from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.testing import pinhole
-from uav_bt.types import BodyVelocity, ClassMap, Frame, Pose2D
+from uav_bt.types import BodyVelocity, ClassMap, Pose2D
 from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.projection import project
@@ -58,13 +58,7 @@ def view_of(
     pose: Pose2D = HERE,
     captured_s: float = 1.0,
 ) -> View:
-    frame = Frame(
-        image=np.zeros((36, 64, 3), dtype=np.uint8),
-        index=1,
-        captured_s=captured_s,
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_ground_m=HEIGHT_M,
-    )
+    frame = values.frame((36, 64), PITCH_RAD, HEIGHT_M, captured_s=captured_s, index=1)
     class_map = ClassMap(ids=ids, classes=classes, captured_s=captured_s)
     found = View.of(class_map, frame, CAMERA, pose)
     assert found is not None

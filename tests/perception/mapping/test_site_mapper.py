@@ -83,13 +83,7 @@ def fly(mapper: SiteMapper, drift: Drift = no_drift, *, from_s: float = 0.0) -> 
         pose = OdometryPose(
             time_s=time_s, x_m=true.x_m + x_m, y_m=true.y_m + y_m, yaw_rad=true.yaw_rad + yaw_rad
         )
-        frame = Frame(
-            image=np.zeros((4, 8, 3), dtype=np.uint8),
-            index=index,
-            captured_s=time_s,
-            gimbal_pitch_rad=PITCH_RAD,
-            height_above_ground_m=HEIGHT_M,
-        )
+        frame = values.frame((4, 8), PITCH_RAD, HEIGHT_M, captured_s=time_s, index=index)
         mapper.follow(motion(pose))
         look(mapper, paper_map(ids=ids, captured_s=time_s), frame, pose)
         maps.append(mapper.map(motion(pose)))
@@ -255,13 +249,7 @@ def show_ground(
     """Let the mapper see ground, from x, with an obstacle in columns; return the map then."""
     pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=0.0, yaw_rad=0.0)
     mapper.follow(motion(pose))
-    frame = Frame(
-        image=np.zeros((4, 8, 3), dtype=np.uint8),
-        index=0,
-        captured_s=time_s,
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_ground_m=height_m,
-    )
+    frame = values.frame((4, 8), PITCH_RAD, height_m, captured_s=time_s)
     ids = np.full((112, 224), CARPET, dtype=np.uint8)
     ids[from_row:, columns] = BOXES[2]
     look(mapper, paper_map(ids=ids, captured_s=time_s), frame, pose)
@@ -350,12 +338,12 @@ def hover(
         x_m, y_m = at.x_m - CAMERA_FORWARD_M, -at.y_m
         pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=0.0)
         mapper.follow(motion(pose))
-        frame = Frame(
-            image=np.zeros((4, 8, 3), dtype=np.uint8),
-            index=index,
+        frame = values.frame(
+            (4, 8),
+            at.pitch_rad,
+            at.z_m + float(rng.normal(0.0, height_std_m)),
             captured_s=time_s,
-            gimbal_pitch_rad=at.pitch_rad,
-            height_above_ground_m=at.z_m + float(rng.normal(0.0, height_std_m)),
+            index=index,
         )
         class_map = paper_map(ids=view.ids, captured_s=time_s)
         look(mapper, class_map, frame, pose)

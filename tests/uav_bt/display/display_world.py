@@ -105,16 +105,7 @@ class World:
 
 
 def _truth(time_s: float, pose: Pose) -> Truth:
-    return Truth(
-        time_s=time_s,
-        pose=pose,
-        contacts=(),
-        clearance_m=0.8,
-        inside_ground=True,
-        on_mark=False,
-        landing_error_m=2.0,
-        motors_on=True,
-    )
+    return values.truth(pose, time_s, clearance_m=0.8, landing_error_m=2.0)
 
 
 def flight_report(outcome: str = "success", reason: str = "landed") -> FlightReport:

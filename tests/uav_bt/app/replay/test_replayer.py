@@ -19,7 +19,7 @@ from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.app.replay.recorded_drone import MovementIds
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.app.site import Site
-from uav_bt.errors import FileError, TreeError
+from uav_bt.errors import FileError
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickRecord
@@ -301,12 +301,6 @@ def test_a_flight_in_a_site_replays_as_it_was_flown(tmp_path: Path) -> None:
     assert flight.mission.find("TakeOff").port_value("height_m") == 1.2
     report = replay(record)
     assert report.same, report.differences[:3]
-
-
-def test_an_unknown_policy_is_refused(noisy: Path, tmp_path: Path) -> None:
-    tree = tree_file(tmp_path, '<Explore policy="segmentation"/>', "explore.xml")
-    with pytest.raises(TreeError, match="did you mean 'segmentation'"):
-        replay(noisy, ReplayOptions(tree=tree, policies={"Explore": "segmentatoin"}))
 
 
 # --- movements' numbers ---------------------------------------------------------------------------
