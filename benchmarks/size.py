@@ -5,6 +5,7 @@ python -m benchmarks.size
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import tokenize
 from collections import Counter
@@ -46,6 +47,7 @@ def code_lines(path: Path) -> int:
 
 def main() -> None:
     """Print a row for each package, and the sums outside tests and of tests."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     total, code, files = Counter[str](), Counter[str](), Counter[str]()
     for path in tracked("*.py"):
         side = "tests" if path.parts[0] == "tests" else "outside tests"

@@ -13,6 +13,7 @@ from behaviours.fly.moving_leaf import MovingLeaf
 from behaviours.nodes import NODES
 from tests.paper_lab import paper_map
 from tests.worlds.leaves import ADVANCE, TURN_RIGHT
+from tests.worlds.values import corridor, fix, motion
 from uav_bt.answers import Answer
 from uav_bt.board import (
     CORRIDOR,
@@ -32,19 +33,16 @@ from uav_bt.testing.world import Says, ground, show
 from uav_bt.tree import Leaf, Status
 from uav_bt.tree.status import FAILURE, SUCCESS
 from uav_bt.types import (
-    BodyVelocity,
     ClassMap,
-    Corridor,
     FlyingState,
     Frame,
     Hover,
     Land,
-    MarkFix,
     MoveBy,
     MovementState,
     MovementStatus,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 
 LEAVES: Final = [node for node in NODES if issubclass(node, Leaf)]
 PORTS: Final[dict[str, dict[str, object]]] = {
@@ -131,21 +129,10 @@ class Flight:
         )
         now_s = bench.clock.now()
         pose = OdometryPose(time_s=now_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)
-        still = BodyVelocity()
-        bench.board[ODOMETRY] = MotionEstimate(
-            pose=pose, seen=pose, velocity=still, error=still, tracked_s=now_s
-        )
-        bench.board[CORRIDOR] = Corridor(
-            captured_s=now_s,
-            free_distance_m=0.3 if blocked else 3.0,
-            nearest_m=0.3 if blocked else 3.0,
-            nearest_side="front",
-            time_to_impact_s=math.inf,
-        )
+        bench.board[ODOMETRY] = motion(pose)
+        bench.board[CORRIDOR] = corridor(0.3 if blocked else 3.0, "front", captured_s=now_s)
         if not blocked:
-            bench.board[MARK] = MarkFix(
-                captured_s=now_s, forward_m=1.0, right_m=0.2, height_m=0.4, detected=True
-            )
+            bench.board[MARK] = fix(now_s, 1.0, 0.2)
         if self.without is not None:
             del bench.board[self.without]
 

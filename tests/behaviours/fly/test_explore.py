@@ -18,6 +18,7 @@ from tests.worlds.leaves import (
     map_with,
     steering_bench,
 )
+from tests.worlds.values import motion
 from uav_bt.answers import Advance, Answer, Done, FollowLeg, Rotate
 from uav_bt.board import (
     CLASS_MAP,
@@ -29,7 +30,7 @@ from uav_bt.board import (
     PHASE,
     SITE_MAP,
 )
-from uav_bt.errors import AnswerError, NodeFailedError, UnknownNameError
+from uav_bt.errors import AnswerError, NodeFailedError
 from uav_bt.protocols import PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
@@ -46,7 +47,7 @@ from uav_bt.types import (
     NearObstacles,
     Velocity,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.site_map import MapMover
 
 
@@ -179,12 +180,6 @@ def test_the_policy_sees_the_frames_telemetry() -> None:
     assert view.tie_break == again.tie_break
 
 
-def test_an_unknown_policy_is_refused_at_setup() -> None:
-    """Before the flight, with the names that there are."""
-    with pytest.raises(UnknownNameError, match="segmentation"):
-        LeafBench(Explore, policy="segmentatoin").setup()
-
-
 def test_an_advance_forgets_the_held_turn() -> None:
     """The obstacle is behind the drone: the next turn may go either way."""
     policy = Says(ADVANCE)
@@ -310,9 +305,7 @@ def test_at_the_edge_the_camera_is_lowered_to_the_ground(
     edge = replace(drawn_map(pose=(0.0, 1.8, math.pi / 2)), movers=movers)
     here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
     bench.board[SITE_MAP] = edge
-    bench.board[ODOMETRY] = MotionEstimate(
-        pose=here, seen=here, velocity=BodyVelocity(), error=BodyVelocity(), tracked_s=0.0
-    )
+    bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
     bench.allow_stale()
     live(bench)
     assert bench.pointed == (GimbalTo(pitch_rad=math.radians(-56)) if looks_down else None)

@@ -15,13 +15,14 @@ from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.steering import SteeringLeaf
 from tests.behaviours.path.test_ways_out import mover
 from tests.worlds.leaves import ADVANCE, TURN_RIGHT, steering_bench
+from tests.worlds.values import motion
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, show
 from uav_bt.tree import Status
 from uav_bt.types import BodyVelocity, Clearances, MoveBy, NearObstacles, Velocity
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.site_map import MapMover
 
 LEAVES = [Explore, Avoid, ReturnToBase]
@@ -51,12 +52,8 @@ def move(bench: LeafBench, *, yaw_rad: float = 0.0, forward_mps: float = 0.0) ->
     """Write the drone's motion of now on the board."""
     now_s = bench.clock.now()
     pose = OdometryPose(time_s=now_s, x_m=0.0, y_m=0.0, yaw_rad=yaw_rad)
-    bench.board[ODOMETRY] = MotionEstimate(
-        pose=pose,
-        seen=pose,
-        velocity=BodyVelocity(forward_mps=forward_mps),
-        error=BodyVelocity(),
-        tracked_s=now_s,
+    bench.board[ODOMETRY] = motion(
+        pose, velocity=BodyVelocity(forward_mps=forward_mps), tracked_s=now_s
     )
 
 

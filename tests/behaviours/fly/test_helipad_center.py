@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from behaviours.fly.helipad_center import HelipadCenter
+from tests.worlds.values import fix
 from uav_bt.board import FRAME, MARK, PHASE
 from uav_bt.errors import InputError
 from uav_bt.testing import LeafBench
@@ -16,7 +17,6 @@ from uav_bt.tree import Status
 from uav_bt.types import (
     GimbalTo,
     LandingMark,
-    MarkFix,
     MoveBy,
     MovementState,
     MovementStatus,
@@ -41,13 +41,7 @@ def look(
     movement = MovementStatus(id=ended, state=word) if ended is not None else None
     show(bench, seconds=seconds, height_m=height_m, gimbal_deg=gimbal_deg, movement=movement)
     if offset_m is not None:
-        bench.board[MARK] = MarkFix(
-            captured_s=bench.clock.now(),
-            forward_m=offset_m[0] + CAMERA_FORWARD_M,
-            right_m=offset_m[1],
-            height_m=0.4,
-            detected=True,
-        )
+        bench.board[MARK] = fix(bench.clock.now(), offset_m[0] + CAMERA_FORWARD_M, offset_m[1])
     else:
         del bench.board[MARK]
     return bench.tick()
@@ -171,9 +165,7 @@ def test_a_look_from_before_the_movement_ended_does_not_count() -> None:
         gimbal_deg=-90.0,
         movement=MovementStatus(id=1, state=MovementState.DONE),
     )
-    bench.board[MARK] = MarkFix(
-        captured_s=bench.clock.now() - 0.15, forward_m=0.6, right_m=0.0, height_m=0.4, detected=True
-    )
+    bench.board[MARK] = fix(bench.clock.now() - 0.15, 0.6)
     bench.tick()
 
     assert bench.proposed is None
@@ -190,13 +182,7 @@ def test_only_what_is_seen_from_above_counts(why: str) -> None:
         gimbal_deg=-60.0 if why == "gimbal" else -90.0,
         movement=MovementStatus(id=1, state=MovementState.DONE),
     )
-    bench.board[MARK] = MarkFix(
-        captured_s=bench.clock.now(),
-        forward_m=0.6,
-        right_m=0.0,
-        height_m=0.4,
-        detected=why != "tracked",
-    )
+    bench.board[MARK] = fix(bench.clock.now(), 0.6, detected=why != "tracked")
     if why == "no frame":
         del bench.board[FRAME]
     assert bench.tick() is Status.RUNNING
@@ -269,13 +255,8 @@ def tagged(heading_deg: float | None, wanted: str) -> LeafBench:
     look(bench, None, height_m=1.5)
     movement = MovementStatus(id=1, state=MovementState.DONE)
     show(bench, seconds=1.0, height_m=1.7, gimbal_deg=-90.0, movement=movement)
-    bench.board[MARK] = MarkFix(
-        captured_s=bench.clock.now(),
-        forward_m=CAMERA_FORWARD_M,
-        right_m=0.0,
-        height_m=0.0,
-        detected=True,
-        heading_deg=heading_deg,
+    bench.board[MARK] = fix(
+        bench.clock.now(), CAMERA_FORWARD_M, height_m=0.0, heading_deg=heading_deg
     )
     assert bench.tick() is Status.RUNNING
     return bench

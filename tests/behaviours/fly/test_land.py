@@ -11,6 +11,7 @@ import pytest
 from behaviours.fly.land import EmergencyLand, Land, LandHere
 from tests.behaviours.fly.test_landing_spot import CAMERA_DOWN, view_of_box
 from tests.paper_lab import BACKGROUND, BOXES, CARPET
+from tests.worlds.values import fix
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import ground, live, show
@@ -20,7 +21,6 @@ from uav_bt.types import (
     FlyingState,
     GimbalTo,
     LandingMark,
-    MarkFix,
     MoveBy,
     MovementState,
     MovementStatus,
@@ -178,13 +178,7 @@ def test_an_emergency_landing_takes_a_mat_for_what_it_is() -> None:
 def above_mark(forward_m: float, right_m: float) -> LeafBench:
     """Return a bench whose landing begins with a fix of the mark, from the body's centre."""
     bench = bench_with_lens(0.15)
-    bench.board[MARK] = MarkFix(
-        captured_s=bench.clock.now(),
-        forward_m=forward_m,
-        right_m=right_m,
-        height_m=0.0,
-        detected=True,
-    )
+    bench.board[MARK] = fix(bench.clock.now(), forward_m, right_m, height_m=0.0)
     live(bench)
     return bench
 

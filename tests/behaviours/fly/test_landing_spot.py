@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from behaviours.fly.landing_spot import nearest_landing_spot
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, paper_map
+from tests.worlds import values
 from uav_bt.lab.shipped import default_mark
 from uav_bt.testing import pinhole
 from uav_bt.types import Frame
@@ -21,13 +22,7 @@ PX_PER_M = CAMERA_DOWN.fx_px / HEIGHT_M
 
 
 def from_above() -> Frame:
-    return Frame(
-        image=np.zeros((91, 161, 3), dtype=np.uint8),
-        index=0,
-        captured_s=0.0,
-        gimbal_pitch_rad=-math.pi / 2,
-        height_above_ground_m=HEIGHT_M,
-    )
+    return values.frame((91, 161), -math.pi / 2, HEIGHT_M)
 
 
 def spot(
@@ -154,13 +149,7 @@ def test_a_box_that_is_too_small_for_the_disc_holds_nothing() -> None:
 
 def test_from_below_the_top_only_the_ground_counts() -> None:
     """A drone beside the box, lower than its top, cannot land on it."""
-    low = Frame(
-        image=np.zeros((91, 161, 3), dtype=np.uint8),
-        index=0,
-        captured_s=0.0,
-        gimbal_pitch_rad=-math.pi / 2,
-        height_above_ground_m=0.4,
-    )
+    low = values.frame((91, 161), -math.pi / 2, 0.4)
     ids = np.full((91, 161), HELIPAD_BOX, dtype=np.uint8)
     view = paper_map(ids=ids, captured_s=0.0)
 

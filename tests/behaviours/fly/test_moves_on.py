@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from behaviours.fly.moves_on import MovesOn
+from tests.worlds.values import motion
 from uav_bt.board import ODOMETRY
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 
 
 def stay(bench: LeafBench, x_m: float, seconds: float) -> Status:
@@ -18,9 +18,7 @@ def stay(bench: LeafBench, x_m: float, seconds: float) -> Status:
     for _ in range(round(2 * seconds)):
         bench.clock.advance(0.5)
         pose = OdometryPose(x_m=x_m, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
-        bench.board[ODOMETRY] = MotionEstimate(
-            pose=pose, seen=pose, velocity=BodyVelocity(), error=BodyVelocity(), tracked_s=-math.inf
-        )
+        bench.board[ODOMETRY] = motion(pose, tracked_s=-math.inf)
         status = bench.tick()
     return status
 

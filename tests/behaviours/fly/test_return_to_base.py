@@ -24,6 +24,7 @@ from tests.worlds.leaves import (
     map_with,
     steering_bench,
 )
+from tests.worlds.values import fix, motion
 from uav_bt.answers import Done, FollowLeg
 from uav_bt.board import FLIGHT_HEIGHT, MARK, ODOMETRY, PHASE, SITE_MAP
 from uav_bt.testing import LeafBench
@@ -31,15 +32,13 @@ from uav_bt.testing.maps import drawn_map
 from uav_bt.testing.world import Says, show
 from uav_bt.tree import Status
 from uav_bt.types import (
-    BodyVelocity,
     Clearances,
     GimbalTo,
-    MarkFix,
     MoveBy,
     NearObstacles,
     Velocity,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
 
 SEARCH_GIMBAL = GimbalTo(pitch_rad=math.radians(-30))
@@ -62,13 +61,8 @@ def fly(
     now_s = bench.clock.now()
     del bench.board[MARK]
     if pad is not None:
-        bench.board[MARK] = MarkFix(
-            captured_s=now_s - unseen_s,
-            forward_m=pad[0],
-            right_m=pad[1],
-            height_m=0.4,
-            detected=unseen_s == 0.0,
-            std_m=std_m,
+        bench.board[MARK] = fix(
+            now_s - unseen_s, pad[0], pad[1], detected=unseen_s == 0.0, std_m=std_m
         )
     near = NearObstacles(
         points_m=np.array(obstacles, dtype=np.float64).reshape(-1, 2),
@@ -333,9 +327,7 @@ def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_polic
         seen_s=np.where(where("left"), -math.inf, drawn_map().seen_s).astype(np.float32),
     )
     here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
-    bench.board[ODOMETRY] = MotionEstimate(
-        pose=here, seen=here, velocity=BodyVelocity(), error=BodyVelocity(), tracked_s=0.0
-    )
+    bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
     bench.allow_stale()
     for _ in range(2):
         fly(bench, site_map=edge, yaw_rad=math.pi / 2)
@@ -605,9 +597,7 @@ def test_almost_above_the_pad_a_map_that_is_stale_permits_nothing() -> None:
     bench.clock.advance(5.0)
     for _ in range(12):
         show(bench)
-        bench.board[MARK] = MarkFix(
-            captured_s=bench.clock.now(), forward_m=0.4, right_m=0.0, height_m=0.4, detected=True
-        )
+        bench.board[MARK] = fix(bench.clock.now(), 0.4)
         bench.tick()
         assert bench.proposed is None or velocity(bench).forward_mps == 0.0
     assert velocity(bench).yaw_rate_radps > 0.0
@@ -698,9 +688,7 @@ def test_a_drone_that_does_not_get_on_gives_up() -> None:
     mark, status, seconds = shut.pose.to_body(*MARK_M), Status.RUNNING, 0.0
     while status is Status.RUNNING and seconds < 90.0:
         here = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
-        bench.board[ODOMETRY] = MotionEstimate(
-            pose=here, seen=here, velocity=BodyVelocity(), error=BodyVelocity(), tracked_s=0.0
-        )
+        bench.board[ODOMETRY] = motion(here, tracked_s=0.0)
         status, seconds = fly(bench, mark, site_map=shut, seconds=0.5), seconds + 0.5
     assert status is Status.FAILURE
     assert seconds == pytest.approx(60.0, abs=2.0)
@@ -789,13 +777,7 @@ def test_the_camera_follows_a_mat_further_down_than_a_box() -> None:
     bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0)
     for _ in range(2):
         show(bench)
-        bench.board[MARK] = MarkFix(
-            captured_s=bench.clock.now(),
-            forward_m=1.45,
-            right_m=0.0,
-            detected=True,
-            height_m=0.05,
-        )
+        bench.board[MARK] = fix(bench.clock.now(), 1.45, height_m=0.05)
         bench.tick()
     assert bench.pointed is not None
     assert bench.pointed.pitch_rad == pytest.approx(math.radians(-45.0))

@@ -13,7 +13,9 @@ from behaviours.fly.explore import Explore
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.recent_views import RememberViews
+from tests.worlds import values
 from tests.worlds.leaves import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
+from tests.worlds.values import corridor
 from uav_bt.answers import Advance, Blocked, Done, FollowLeg
 from uav_bt.board import (
     ADVICE,
@@ -31,9 +33,7 @@ from uav_bt.testing.world import Says, live, show
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,
-    Corridor,
     HeldTurn,
-    MarkFix,
     MoveBy,
     NearObstacles,
     PastView,
@@ -160,13 +160,7 @@ def room(
     bench = LeafBench(CorridorClear, ahead_m=0.6, impact_s=0.8, beside_m=0.4)
     show(bench)
     now_s = bench.clock.now()
-    bench.board[CORRIDOR] = Corridor(
-        captured_s=now_s,
-        free_distance_m=ahead_m,
-        nearest_m=ahead_m,
-        nearest_side="front",
-        time_to_impact_s=impact_s,
-    )
+    bench.board[CORRIDOR] = corridor(ahead_m, "front", captured_s=now_s, impact_s=impact_s)
     if obstacle is not None:
         bench.board[SITE_MAP] = map_with(
             NearObstacles(points_m=np.array([obstacle]), captured_s=now_s)
@@ -204,16 +198,8 @@ def off_the_ground(pad: tuple[float, float] | None = None) -> Status:
     show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
     now_s = bench.clock.now()
     if pad is not None:
-        bench.board[MARK] = MarkFix(
-            captured_s=now_s, forward_m=pad[0], right_m=pad[1], height_m=0.4, detected=True
-        )
-    bench.board[CORRIDOR] = Corridor(
-        captured_s=now_s,
-        free_distance_m=3.0,
-        nearest_m=math.inf,
-        nearest_side=None,
-        time_to_impact_s=math.inf,
-    )
+        bench.board[MARK] = values.fix(now_s, pad[0], pad[1])
+    bench.board[CORRIDOR] = corridor(3.0, nearest_m=math.inf, captured_s=now_s)
     return bench.tick()
 
 
@@ -239,9 +225,7 @@ EDGE = Blocked(yaw_rad=0.5, ground_ends=True, free_m=1.0, reason="edge")
 
 def fly(bench: LeafBench, pad: tuple[float, float], *, seconds: float = 0.3) -> Status:
     show(bench, seconds=seconds)
-    bench.board[MARK] = MarkFix(
-        captured_s=bench.clock.now(), forward_m=pad[0], right_m=pad[1], height_m=0.4, detected=True
-    )
+    bench.board[MARK] = values.fix(bench.clock.now(), pad[0], pad[1])
     return bench.tick()
 
 
@@ -356,9 +340,7 @@ def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
 ) -> None:
     """Further away something hides it."""
     bench = approaching(Says(FREE, NO_WAY))
-    fix = MarkFix(
-        captured_s=bench.clock.now(), forward_m=range_m, right_m=0.0, height_m=0.4, detected=False
-    )
+    fix = values.fix(bench.clock.now(), range_m, detected=False)
     for _ in range(3):
         show(bench, seconds=0.6)
         bench.board[MARK] = fix

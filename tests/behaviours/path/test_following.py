@@ -14,9 +14,10 @@ from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles, recent_obstacles
 from behaviours.path.survey import best_route
 from tests.behaviours.path.test_survey import where
+from tests.worlds import values
 from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.testing.maps import drawn_map
-from uav_bt.types import Corridor, NearObstacles
+from uav_bt.types import NearObstacles
 
 MARGINS = Margins()
 AHEAD = np.array([0.1, 0.0])
@@ -97,13 +98,7 @@ def past(obstacles: np.ndarray, free_m: float = 0.3) -> FollowLeg | Rotate | Non
     )
     path_m = [(x_m, 0.0) for x_m in np.arange(0.0, 1.0, 0.1)]
     leg = clearance.route_along([clearance.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
-    corridor = Corridor(
-        captured_s=1.0,
-        free_distance_m=free_m,
-        nearest_m=free_m,
-        nearest_side="left",
-        time_to_impact_s=math.inf,
-    )
+    corridor = values.corridor(free_m, "left", captured_s=1.0)
     return follow(leg, clearance.map, corridor, margins=MARGINS, config=FollowConfig())
 
 

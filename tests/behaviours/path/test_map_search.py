@@ -9,9 +9,10 @@ import numpy as np
 
 from behaviours.path.map_search import Aim, Course, MapSearch, MapSearchConfig
 from tests.behaviours.path.drawn_hall import SIGHT, DrawnHall
+from tests.worlds.values import corridor
 from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.testing.maps import drawn_map
-from uav_bt.types import Corridor, NearObstacles, Pose2D
+from uav_bt.types import NearObstacles, Pose2D
 from uav_bt.types.site_map import MapMark
 
 BOXES = (
@@ -139,13 +140,7 @@ def test_corridor_and_assumed_obstacles_limit_the_speed() -> None:
     mark = MapMark(x_m=3.0, y_m=-0.2, std_m=0.03, seen_s=0.0)
     place = known(DrawnHall(side_m=10.0))
     free = MapSearch().decide(place.map(mark), mark, None, None, SIGHT)
-    near = Corridor(
-        captured_s=0.0,
-        free_distance_m=0.6,
-        nearest_m=0.6,
-        nearest_side="front",
-        time_to_impact_s=math.inf,
-    )
+    near = corridor(0.6, "front")
     by_corridor = MapSearch().decide(place.map(mark), mark, None, near, SIGHT)
     beside = np.array([(0.6, 0.5), (0.6, -0.5)])
     assumed = NearObstacles(points_m=np.empty((0, 2)), assumed_m=beside, captured_s=0.0)

@@ -16,6 +16,7 @@ from tests.perception.marks.ground_views import view as view_of_ground
 from tests.perception.marks.tag_views import CAMERA as TAG_CAMERA
 from tests.perception.marks.tag_views import view_of
 from tests.worlds.leaves import replace_tree
+from tests.worlds.values import motion
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, MARK, ODOMETRY, SITE_MAP, STATE
 from uav_bt.errors import AnswerError
 from uav_bt.lab.shipped import default_mark
@@ -34,7 +35,7 @@ from uav_bt.types import (
     LandingMark,
     Pose2D,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 
 
 class Counts:
@@ -320,12 +321,10 @@ def test_a_pad_out_of_view_stays_where_the_ground_says_it_is() -> None:
                 )
             )
             pose = OdometryPose(time_s=bench.clock.now(), x_m=0.0, y_m=0.0, yaw_rad=0.0)
-            bench.board[ODOMETRY] = MotionEstimate(
-                pose=pose,
-                seen=pose,
+            bench.board[ODOMETRY] = motion(
+                pose,
                 velocity=BodyVelocity(right_mps=0.5 + error_mps),
                 error=BodyVelocity(right_mps=error_mps),
-                tracked_s=pose.time_s,
             )
             bench.tick()
         places.append(bench.board[MARK].right_m - before.right_m)

@@ -12,6 +12,8 @@ from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.metric import LEAST_CONFIDENCE
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, CLASSES, HELIPAD_H, paper_map
+from tests.worlds import values
+from tests.worlds.values import motion
 from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import AnswerError, InputError
@@ -29,7 +31,7 @@ from uav_bt.types import (
     FlyingState,
     Frame,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 
 SIZE = (224, 112)
 CAMERA = pinhole(640, 360)
@@ -93,12 +95,8 @@ def fly(
     )
     frame = bench.board[FRAME]
     picture = np.full_like(frame.image, grey)
-    bench.board[FRAME] = Frame(
-        image=picture,
-        index=frame.index,
-        captured_s=now,
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_ground_m=height_m,
+    bench.board[FRAME] = values.frame(
+        picture, PITCH_RAD, height_m, captured_s=now, index=frame.index
     )
     shown = np.full(SIZE[::-1], CARPET, dtype=np.uint8) if ids is None else ids
     bench.board[CLASS_MAP] = ClassMap(ids=shown, classes=classes, captured_s=now)
@@ -134,10 +132,8 @@ def test_the_leaf_trusts_the_same_scales_as_the_evaluation() -> None:
 def test_ground_that_passes_too_fast_lowers_the_confidence(estimating: LeafBench) -> None:
     fly(estimating)
     before = estimating.board[METRIC_DEPTH].confidence
-    pose, still = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=0.1), BodyVelocity()
-    estimating.board[ODOMETRY] = MotionEstimate(
-        pose=pose, seen=pose, velocity=still, error=still, tracked_s=0.1, stretch=1.4
-    )
+    pose = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=0.1)
+    estimating.board[ODOMETRY] = motion(pose, tracked_s=0.1, stretch=1.4)
     fly(estimating)
     assert before > 0.5
     assert estimating.board[METRIC_DEPTH].confidence < 0.3
@@ -269,12 +265,11 @@ def test_a_frozen_picture_of_a_moving_drone_is_refused(estimating: LeafBench) ->
 
 def test_a_frame_of_another_aspect_than_its_camera_is_refused(estimating: LeafBench) -> None:
     estimating.hover()
-    square = Frame(
-        image=np.full((300, 300, 3), 90, dtype=np.uint8),
-        index=7,
+    square = values.frame(
+        np.full((300, 300, 3), 90, dtype=np.uint8),
+        PITCH_RAD,
         captured_s=estimating.clock.now(),
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_ground_m=1.5,
+        index=7,
     )
     estimating.board[FRAME] = square
     estimating.board[CLASS_MAP] = paper_map(

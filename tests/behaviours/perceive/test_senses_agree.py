@@ -10,11 +10,12 @@ import numpy as np
 from behaviours.perceive.senses_agree import SensesAgree
 from perception.camera.ground_plane import CameraView, ground_depth
 from tests.paper_lab import CARPET, paper_map
+from tests.worlds.values import motion
 from uav_bt.board import CLASS_MAP, FRAME, ODOMETRY, RELATIVE_DEPTH
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, DepthMap, DroneState, FlyingState
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types import DepthMap, DroneState, FlyingState
+from uav_bt.types.dead_reckoning import OdometryPose
 
 CAMERA = pinhole(640, 360)
 SIZE = (224, 112)
@@ -67,11 +68,8 @@ def move(
     for tick in range(round(seconds / 0.1)):
         bench.clock.advance(0.1)
         pose = OdometryPose(x_m=0.0, y_m=0.0, yaw_rad=0.0, time_s=bench.clock.now())
-        bench.board[ODOMETRY] = MotionEstimate(
-            pose=pose,
-            seen=pose,
-            velocity=BodyVelocity(),
-            error=BodyVelocity(),
+        bench.board[ODOMETRY] = motion(
+            pose,
             tracked_s=pose.time_s if tick % follows == 0 else 0.0,
             stretch=stretch,
             ground_share=ground_share,

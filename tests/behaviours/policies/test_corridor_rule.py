@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from behaviours.policies.corridor_rule import CorridorRule, CorridorRuleConfig, ground_reach
 from tests.behaviours.policies.cast_world import CAMERA, cast, view
 from tests.worlds.leaves import map_with
+from tests.worlds.values import corridor
 from uav_bt.answers import Advance, Blocked
 from uav_bt.errors import ValueRangeError
 from uav_bt.lab.roles import GROUND, OUTSIDE
@@ -36,19 +37,6 @@ CONFIG = CorridorRuleConfig(
     tie_ratio=0.1,
 )
 RULE = CorridorRule(CONFIG)
-
-
-def corridor(
-    free_m: float = math.inf,
-    side: Literal["left", "right", "front", "up", "down"] | None = None,
-) -> Corridor:
-    return Corridor(
-        captured_s=0.0,
-        free_distance_m=free_m,
-        nearest_m=free_m,
-        nearest_side=side,
-        time_to_impact_s=math.inf,
-    )
 
 
 def decide(found: Corridor | None = None, ids: Any = None, **seen: Any) -> Advance | Blocked:

@@ -12,10 +12,11 @@ from behaviours.policies.coverage_policy import CoveragePolicy
 from tests.behaviours.path.test_passages import corner
 from tests.behaviours.path.test_survey import where
 from tests.behaviours.policies.cast_world import cast, view
+from tests.worlds.values import corridor
 from uav_bt.answers import Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.errors import MissionError
 from uav_bt.testing.maps import drawn_map
-from uav_bt.types import Clearances, Corridor
+from uav_bt.types import Clearances
 from uav_bt.types.site_map import SiteMap
 
 ALL = np.ones((61, 61), dtype=bool)
@@ -23,16 +24,6 @@ ALL = np.ones((61, 61), dtype=bool)
 
 def decide(site_map: SiteMap | None, **seen: object) -> Answer:
     return CoveragePolicy().decide(view(cast(), site_map=site_map, **seen))
-
-
-def corridor(free_m: float) -> Corridor:
-    return Corridor(
-        captured_s=0.0,
-        free_distance_m=free_m,
-        nearest_m=free_m,
-        nearest_side="front",
-        time_to_impact_s=math.inf,
-    )
 
 
 def test_without_a_map_it_says_which_leaf_makes_one() -> None:
@@ -115,14 +106,14 @@ def test_facing_new_ground_it_flies() -> None:
 @pytest.mark.parametrize(("free_m", "max_mps"), [(0.4, 0.25), (0.6, 0.25), (1.0, 0.6)])
 def test_what_the_corridor_shows_limits_the_speed(free_m: float, max_mps: float) -> None:
     ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
-    answer = decide(ahead, corridor=corridor(free_m))
+    answer = decide(ahead, corridor=corridor(free_m, "front"))
     assert isinstance(answer, FollowLeg)
     assert answer.speed_mps <= max_mps
 
 
 def test_what_the_corridor_shows_right_ahead_blocks() -> None:
     ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
-    assert isinstance(decide(ahead, corridor=corridor(0.3)), Blocked)
+    assert isinstance(decide(ahead, corridor=corridor(0.3, "front")), Blocked)
 
 
 def test_covered_after_a_full_turn_without_a_leg() -> None:

@@ -20,8 +20,9 @@ from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
 from tests.paper_lab import CARPET
+from tests.worlds import values
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Attitude, CameraModel, Frame
+from uav_bt.types import Attitude, CameraModel
 from uav_bt.types.projection import camera_axes, pixel_rays, project
 
 CAMERA = CameraModel(
@@ -96,14 +97,7 @@ def test_a_roll_to_the_right_brings_the_ground_nearer_on_the_right() -> None:
 
 def test_the_lens_rises_with_the_nose_and_the_gimbal_holds_its_pitch() -> None:
     """Of the body's attitude only the lever of the lens ahead of its centre matters."""
-    frame = Frame(
-        image=np.zeros((4, 8, 3), dtype=np.uint8),
-        index=0,
-        captured_s=0.0,
-        gimbal_pitch_rad=-0.5,
-        attitude=Attitude(pitch_rad=0.1, roll_rad=0.3, yaw_rad=1.0),
-        height_above_ground_m=1.5,
-    )
+    frame = values.frame((4, 8), attitude=Attitude(pitch_rad=0.1, roll_rad=0.3, yaw_rad=1.0))
     seen = view_of(frame, CAMERA, (82, 42), roll_rad=0.01)
 
     assert seen.height_m == pytest.approx(1.5 + 0.2 * math.sin(0.1))

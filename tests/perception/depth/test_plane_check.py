@@ -12,8 +12,9 @@ from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.confidence import Confidence
 from perception.depth.plane_check import agreement_with_plane
 from tests.paper_lab import BACKGROUND, CARPET, paper_map
+from tests.worlds import values
 from uav_bt.testing import pinhole
-from uav_bt.types import DepthMap, Frame
+from uav_bt.types import DepthMap
 
 CAMERA = pinhole(640, 360)
 SIZE = (224, 112)
@@ -36,12 +37,10 @@ def agreement(
     depth = np.nan_to_num(ground_depth(view), nan=50.0) / np.float32(HEIGHT_M)
     if wall:
         depth = np.full_like(depth, 2.0)
-    frame = Frame(
-        image=np.full((360, 640, 3), 90, np.uint8),
-        index=0,
-        captured_s=0.0,
-        gimbal_pitch_rad=pitch_rad + math.radians(pitch_off_deg),
-        height_above_ground_m=HEIGHT_M + height_off_m,
+    frame = values.frame(
+        np.full((360, 640, 3), 90, np.uint8),
+        pitch_rad + math.radians(pitch_off_deg),
+        HEIGHT_M + height_off_m,
     )
     ids = np.full(SIZE[::-1], CARPET if ground else BACKGROUND, np.uint8)
     camera = replace(CAMERA, fx_px=focal * CAMERA.fx_px, fy_px=focal * CAMERA.fy_px)

@@ -17,6 +17,7 @@ from perception.mapping.contact_scan import (
 from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.view import View
 from tests.paper_lab import BOXES, CARPET, CLASS_COUNT, CLASSES, ROOFS, paper_map
+from tests.worlds import values
 from uav_bt.lab.roles import NO_ROLE
 from uav_bt.testing import pinhole
 from uav_bt.types import ClassMap, Frame, Pose2D
@@ -33,13 +34,7 @@ def noise(seed: int = 0) -> ClassMap:
 
 
 def frame(pitch_rad: float) -> Frame:
-    return Frame(
-        image=np.zeros((36, 64, 3), dtype=np.uint8),
-        index=1,
-        captured_s=1.0,
-        gimbal_pitch_rad=pitch_rad,
-        height_above_ground_m=1.5,
-    )
+    return values.frame((36, 64), pitch_rad, captured_s=1.0, index=1)
 
 
 @pytest.mark.parametrize("pitch_deg", [-5, -40, -85])

@@ -15,11 +15,12 @@ from perception.mapping.ground_grid import GroundGrid
 from perception.mapping.landmarks import LandmarkConfig, bases_of, find_free
 from perception.mapping.site_mapper import SiteMapper
 from perception.mapping.view import View
+from tests.worlds import values
 from uav_bt.lab.classes import LabClass, LabClasses
 from uav_bt.testing import pinhole
-from uav_bt.types import BodyVelocity, ClassMap, Frame, Pose2D
+from uav_bt.types import BodyVelocity, ClassMap, Pose2D
 from uav_bt.types.arrays import Floats
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.projection import project
 from uav_bt.types.site_map import SiteMap
 
@@ -57,13 +58,7 @@ def view_of(
     pose: Pose2D = HERE,
     captured_s: float = 1.0,
 ) -> View:
-    frame = Frame(
-        image=np.zeros((36, 64, 3), dtype=np.uint8),
-        index=1,
-        captured_s=captured_s,
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_ground_m=HEIGHT_M,
-    )
+    frame = values.frame((36, 64), PITCH_RAD, HEIGHT_M, captured_s=captured_s, index=1)
     class_map = ClassMap(ids=ids, classes=classes, captured_s=captured_s)
     found = View.of(class_map, frame, CAMERA, pose)
     assert found is not None
@@ -166,9 +161,7 @@ def flown(legs_m: float | None, table: Pose2D, board_m: float) -> SiteMap:
     for step in range(40):
         time_s, x_m = 0.2 * step, 0.06 * step
         drone = OdometryPose(time_s=time_s, x_m=x_m, y_m=0.0, yaw_rad=0.0)
-        motion = MotionEstimate(
-            pose=drone, seen=drone, velocity=STILL, error=STILL, tracked_s=time_s
-        )
+        motion = values.motion(drone, tracked_s=time_s)
         ids = np.full((126, 224), FLOOR, dtype=np.uint8)
         draw(ids, replace(table, x_m=table.x_m - x_m), board_m)
         mapper.follow(motion)

@@ -15,8 +15,9 @@ from perception.mapping.site_mapper import SiteMapper
 from perception.mapping.view import View
 from sim_bridge.anafi import anafi_camera
 from tests.paper_lab import BOXES, CARPET, CLASSES, paper_map
+from tests.worlds import values
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import BodyVelocity, Frame
+from uav_bt.types import BodyVelocity
 from uav_bt.types.arrays import Floats
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMover, SiteMap
@@ -325,13 +326,7 @@ def mapped(
         still = BodyVelocity()
         motion = MotionEstimate(pose=pose, seen=pose, velocity=still, error=still, tracked_s=time_s)
         mapper.follow(motion)
-        frame = Frame(
-            image=np.zeros((4, 8, 3), dtype=np.uint8),
-            index=index,
-            captured_s=time_s,
-            gimbal_pitch_rad=PITCH_RAD,
-            height_above_ground_m=height_m,
-        )
+        frame = values.frame((4, 8), PITCH_RAD, height_m, captured_s=time_s, index=index)
         class_map = paper_map(ids=class_ids(place, height_m, box=box), captured_s=time_s)
         view = View.of(class_map, frame, CAMERA, pose)
         assert view is not None

@@ -18,6 +18,7 @@ from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, paper_map
+from tests.worlds import values
 from uav_bt.errors import ShapeError
 from uav_bt.types import (
     Attitude,
@@ -61,13 +62,7 @@ def end_ground(ids: Ids, forward_m: float) -> Ids:
 
 
 def frame(time_s: float, pitch_rad: float = PITCH_RAD) -> Frame:
-    return Frame(
-        image=np.zeros((36, 64, 3), dtype=np.uint8),
-        index=0,
-        captured_s=time_s,
-        gimbal_pitch_rad=pitch_rad,
-        height_above_ground_m=HEIGHT_M,
-    )
+    return values.frame((36, 64), pitch_rad, HEIGHT_M, captured_s=time_s)
 
 
 def state(time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0) -> DroneState:

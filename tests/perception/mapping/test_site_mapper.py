@@ -20,6 +20,7 @@ from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import BOXES, CARPET, CLASSES, paper_map
+from tests.worlds import values
 from uav_bt.types import BodyVelocity, ClassMap, Frame, MarkFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
@@ -82,13 +83,7 @@ def fly(mapper: SiteMapper, drift: Drift = no_drift, *, from_s: float = 0.0) -> 
         pose = OdometryPose(
             time_s=time_s, x_m=true.x_m + x_m, y_m=true.y_m + y_m, yaw_rad=true.yaw_rad + yaw_rad
         )
-        frame = Frame(
-            image=np.zeros((4, 8, 3), dtype=np.uint8),
-            index=index,
-            captured_s=time_s,
-            gimbal_pitch_rad=PITCH_RAD,
-            height_above_ground_m=HEIGHT_M,
-        )
+        frame = values.frame((4, 8), PITCH_RAD, HEIGHT_M, captured_s=time_s, index=index)
         mapper.follow(motion(pose))
         look(mapper, paper_map(ids=ids, captured_s=time_s), frame, pose)
         maps.append(mapper.map(motion(pose)))
@@ -217,16 +212,7 @@ def sighted(
         time_s = from_s + index / 10
         here = motion(OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0))
         mapper.follow(here)
-        mapper.see_mark(
-            MarkFix(
-                captured_s=time_s,
-                forward_m=1.0,
-                right_m=right_m,
-                height_m=0.4,
-                detected=True,
-                confidence=confidence,
-            )
-        )
+        mapper.see_mark(values.fix(time_s, 1.0, right_m, confidence=confidence))
         mark = mapper.map(here).mark
         assert mark is not None
         marks.append(mark)
@@ -244,14 +230,7 @@ def test_the_map_keeps_the_direction_of_the_marks_upper_edge(
     mapper.follow(here)
     for captured_s in (0.0, 0.1):
         mapper.see_mark(
-            MarkFix(
-                captured_s=captured_s,
-                forward_m=1.0,
-                right_m=0.0,
-                height_m=0.4,
-                detected=True,
-                heading_deg=heading_deg if captured_s == 0.0 else None,
-            )
+            values.fix(captured_s, 1.0, heading_deg=heading_deg if captured_s == 0.0 else None)
         )
     mark = mapper.map(here).mark
     assert mark is not None
@@ -270,13 +249,7 @@ def show_ground(
     """Let the mapper see ground, from x, with an obstacle in columns; return the map then."""
     pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=0.0, yaw_rad=0.0)
     mapper.follow(motion(pose))
-    frame = Frame(
-        image=np.zeros((4, 8, 3), dtype=np.uint8),
-        index=0,
-        captured_s=time_s,
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_ground_m=height_m,
-    )
+    frame = values.frame((4, 8), PITCH_RAD, height_m, captured_s=time_s)
     ids = np.full((112, 224), CARPET, dtype=np.uint8)
     ids[from_row:, columns] = BOXES[2]
     look(mapper, paper_map(ids=ids, captured_s=time_s), frame, pose)
@@ -365,12 +338,12 @@ def hover(
         x_m, y_m = at.x_m - CAMERA_FORWARD_M, -at.y_m
         pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=0.0)
         mapper.follow(motion(pose))
-        frame = Frame(
-            image=np.zeros((4, 8, 3), dtype=np.uint8),
-            index=index,
+        frame = values.frame(
+            (4, 8),
+            at.pitch_rad,
+            at.z_m + float(rng.normal(0.0, height_std_m)),
             captured_s=time_s,
-            gimbal_pitch_rad=at.pitch_rad,
-            height_above_ground_m=at.z_m + float(rng.normal(0.0, height_std_m)),
+            index=index,
         )
         class_map = paper_map(ids=view.ids, captured_s=time_s)
         look(mapper, class_map, frame, pose)
@@ -414,14 +387,8 @@ def test_on_a_tag_stands_nothing(heading_deg: float | None) -> None:
     before = fly(mapper)[-1]
     x_m, y_m = before.obstacles_m[0]
     forward_m, right_m = before.pose.to_body(float(x_m), float(y_m))
-    fix = MarkFix(
-        forward_m=forward_m,
-        right_m=right_m,
-        height_m=0.0,
-        captured_s=before.captured_s,
-        detected=True,
-        confidence=1.0,
-        heading_deg=heading_deg,
+    fix = values.fix(
+        before.captured_s, forward_m, right_m, height_m=0.0, confidence=1.0, heading_deg=heading_deg
     )
     mapper.see_mark(fix)
     after = fly(mapper)[-1]

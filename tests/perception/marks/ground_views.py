@@ -9,8 +9,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from sim_bridge.anafi import anafi_camera
+from tests.worlds import values
 from uav_bt.landing_marks import MarkView
-from uav_bt.types import Frame, Pose2D
+from uav_bt.types import Pose2D
 from uav_bt.types.arrays import Image
 from uav_bt.types.projection import ground_points
 
@@ -48,12 +49,12 @@ def view(
     seen = cv2.remap(ground, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
     noise = np.random.default_rng(round(10.0 * at_s)).normal(0.0, 3.0, seen.shape)
     grey = np.clip(seen + noise, 0.0, 255.0).astype(np.uint8)
-    frame = Frame(
-        image=np.repeat(grey[:, :, None], 3, axis=2),
-        index=round(10.0 * at_s),
+    frame = values.frame(
+        np.repeat(grey[:, :, None], 3, axis=2),
+        pitch_rad,
+        CAMERA_M,
         captured_s=at_s,
-        gimbal_pitch_rad=pitch_rad,
-        height_above_ground_m=CAMERA_M,
+        index=round(10.0 * at_s),
     )
     believed = Pose2D(
         x_m=body.x_m + off[0], y_m=body.y_m + off[1], yaw_rad=body.yaw_rad + math.radians(off[2])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.anafi import anafi_camera
+from tests.worlds import values
 from uav_bt.types import Frame, LandingMark
 from uav_bt.types.projection import project
 
@@ -60,10 +61,4 @@ def view_of(
     size = (CAMERA.width_px * _FINER, CAMERA.height_px * _FINER)
     large = cv2.warpPerspective(picture, warp, size, borderValue=(110, 120, 110))
     image = cv2.resize(large, (CAMERA.width_px, CAMERA.height_px), interpolation=cv2.INTER_AREA)
-    return Frame(
-        image=np.asarray(image, dtype=np.uint8),
-        index=0,
-        captured_s=0.0,
-        gimbal_pitch_rad=math.radians(pitch_deg),
-        height_above_ground_m=camera_m,
-    )
+    return values.frame(np.asarray(image, dtype=np.uint8), math.radians(pitch_deg), camera_m)

@@ -10,6 +10,7 @@ import pytest
 from perception.odometry.ground import GroundOdometry
 from perception.odometry.stretch import Stretch
 from tests.paper_lab import CARPET, paper_map
+from tests.worlds import values
 from uav_bt.testing import pinhole
 from uav_bt.types import BodyVelocity, DroneState, FlyingState, Frame, Pose2D
 
@@ -77,13 +78,7 @@ def test_the_odometry_states_the_factor_of_a_wrong_height() -> None:
         odometry.predict(
             DroneState(captured_s=time_s, flying=FlyingState.FLYING, velocity=velocity)
         )
-        frame = Frame(
-            image=image,
-            index=index,
-            captured_s=time_s,
-            gimbal_pitch_rad=-0.5,
-            height_above_ground_m=1.5,
-        )
+        frame = values.frame(image, captured_s=time_s, index=index)
         odometry.see(paper_map(ids=ids, captured_s=time_s), frame, camera)
         if index == 2:
             assert odometry.estimate is not None

@@ -24,6 +24,7 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET, paper_map
+from tests.worlds import values
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
@@ -66,12 +67,12 @@ def fly(
                 velocity=told,
             )
         )
-        frame = Frame(
-            image=np.zeros_like(view.image) if blind else view.image,
-            index=index,
+        frame = values.frame(
+            np.zeros_like(view.image) if blind else view.image,
+            PITCH_RAD,
+            HEIGHT_M + height_off_m(index),
             captured_s=time_s,
-            gimbal_pitch_rad=PITCH_RAD,
-            height_above_ground_m=HEIGHT_M + height_off_m(index),
+            index=index,
         )
         odometry.see(paper_map(ids=view.ids, captured_s=time_s), frame, CAMERA)
     return odometry
@@ -234,13 +235,7 @@ def test_the_border_of_the_ground_is_left_out() -> None:
     for index in range(6):
         time_s = index * STEP_S
         odometry.predict(DroneState(captured_s=time_s, flying=FlyingState.FLYING, velocity=told))
-        frame = Frame(
-            image=view.image,
-            index=index,
-            captured_s=time_s,
-            gimbal_pitch_rad=PITCH_RAD,
-            height_above_ground_m=HEIGHT_M,
-        )
+        frame = values.frame(view.image, PITCH_RAD, HEIGHT_M, captured_s=time_s, index=index)
         odometry.see(paper_map(ids=ids, captured_s=time_s), frame, CAMERA)
     assert odometry.estimate is not None
     assert odometry.estimate.tracked_s < 0.0  # never
@@ -301,12 +296,8 @@ def test_a_velocity_that_is_only_late_is_no_error_of_telemetry() -> None:
             velocity=BodyVelocity(right_mps=mps[measured]),
         )
         odometry.predict(state, times_s[index])
-        frame = Frame(
-            image=view.image,
-            index=index,
-            captured_s=times_s[index],
-            gimbal_pitch_rad=PITCH_RAD,
-            height_above_ground_m=HEIGHT_M,
+        frame = values.frame(
+            view.image, PITCH_RAD, HEIGHT_M, captured_s=times_s[index], index=index
         )
         odometry.see(paper_map(ids=view.ids, captured_s=times_s[index]), frame, CAMERA)
         assert odometry.estimate is not None
@@ -373,13 +364,7 @@ def test_without_frames_the_known_error_of_the_velocity_is_still_corrected(
                 DroneState(captured_s=time_s, flying=FlyingState.FLYING, velocity=velocity)
             )
         if not lost:
-            frame = Frame(
-                image=np.zeros((9, 16, 3), dtype=np.uint8),
-                index=index,
-                captured_s=time_s,
-                gimbal_pitch_rad=PITCH_RAD,
-                height_above_ground_m=HEIGHT_M,
-            )
+            frame = values.frame((9, 16), PITCH_RAD, HEIGHT_M, captured_s=time_s, index=index)
             odometry.see(paper_map(ids=np.full((9, 16), CARPET), captured_s=time_s), frame, CAMERA)
     assert odometry.now is not None
     assert abs(odometry.now.x_m) < 0.4

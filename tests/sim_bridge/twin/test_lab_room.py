@@ -23,9 +23,10 @@ from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import start_pose, varied
 from sim_bridge.twin.views import sample_flight_poses
 from tests.sim_bridge.twin.room_world import LAB, alone, scene_of, write_lab
+from tests.worlds import values
 from uav_bt.errors import FileError, SceneError, ValueRangeError
 from uav_bt.mission.covered_ground import CoveredGround, GroundCells
-from uav_bt.types import Pose, Truth
+from uav_bt.types import Pose
 
 GOOD = """\
 helipad: {position_m: [2.0, 1.2]}
@@ -168,15 +169,9 @@ def test_the_ground_below_a_table_is_free_but_hidden_from_above(folder: Path) ->
     cells = GroundCells(plan)
     assert int((~cells.free).sum()) == 4, "one cell below each leg"
     covered = CoveredGround(plan, anafi_camera(640, 360))
-    truth = Truth(
-        time_s=0.0,
-        pose=Pose(x_m=0.0, y_m=0.0, z_m=1.6, yaw_rad=0.0),
-        contacts=(),
-        clearance_m=1.0,
-        inside_ground=True,
-        on_mark=False,
+    truth = values.truth(
+        Pose(x_m=0.0, y_m=0.0, z_m=1.6, yaw_rad=0.0),
         landing_error_m=None,
-        motors_on=True,
         gimbal_pitch_rad=-math.pi / 2,
     )
     covered.add(0.0, truth)

@@ -15,10 +15,10 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import paper_map
+from tests.worlds import values
 from uav_bt.errors import SceneError, ValueRangeError
 from uav_bt.landing_marks import MarkView
 from uav_bt.plugins import make_mark_finder
-from uav_bt.types import Frame
 
 CAMERA_M = 1.5
 KINDS: dict[str, dict[str, Any]] = {
@@ -51,13 +51,7 @@ def test_each_kind_is_found_where_it_stands(kind: str, height_m: float) -> None:
     finder = make_mark_finder(mark.mark)
     views = render_views(Scene(name="mark", helipad=mark), poses, truth_size_px=(224, 112))
     for pose, view, ahead_m in zip(poses, views, (0.0, 1.5), strict=True):
-        frame = Frame(
-            image=view.image,
-            index=0,
-            captured_s=0.0,
-            gimbal_pitch_rad=pose.pitch_rad,
-            height_above_ground_m=CAMERA_M,
-        )
+        frame = values.frame(view.image, pose.pitch_rad, CAMERA_M)
         class_map = paper_map(ids=view.ids, captured_s=0.0)
         camera = anafi_camera(640, 360)
         seen = finder.find(MarkView(frame=frame, camera=camera, class_map=class_map))

@@ -8,7 +8,7 @@ from dataclasses import fields
 import pytest
 
 from sim_bridge.twin.profile import Profile
-from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.errors import ValueRangeError
 
 
 def test_the_ideal_profile_has_limits_but_no_delay_and_no_error() -> None:
@@ -62,11 +62,3 @@ def test_limits_must_not_be_zero() -> None:
     """A limit of zero would prevent all movements."""
     with pytest.raises(ValueRangeError, match="max_speed_mps must be a positive"):
         Profile(max_speed_mps=0.0)
-
-
-def test_an_unknown_name_gets_a_suggestion() -> None:
-    """The error of a misspelt name suggests the right one."""
-    with pytest.raises(
-        UnknownNameError, match=r"did you mean 'ideal'\?.*known: harsh, harsh-instant, "
-    ):
-        Profile.named("idea")

@@ -33,13 +33,11 @@ DRAWN = {"train-a": "78186f6c29484969", "benchmarks/scenes/moving.yaml": "b3f713
 # Present names of geoms, and those of release 0.1.0.
 NAMES_BEFORE = {"ground": "carpet", "mark": "helipad"}
 POSE = CameraPose(x_m=-1.5, y_m=-1.2, z_m=1.5, yaw_rad=0.6, pitch_rad=-0.45)
-# fmt: off
 COLOURS = [
-    121, 80, 105, 99, 115, 99, 83, 106, 118, 113, 105, 111,
-    117, 99, 106, 101, 123, 120, 83, 109, 128, 90, 103, 111,
-    82, 104, 100, 85, 108, 103, 91, 117, 125, 73, 103, 107,
+    *(121, 80, 105, 99, 115, 99, 83, 106, 118, 113, 105, 111),
+    *(117, 99, 106, 101, 123, 120, 83, 109, 128, 90, 103, 111),
+    *(82, 104, 100, 85, 108, 103, 91, 117, 125, 73, 103, 107),
 ]
-# fmt: on
 
 
 def _name_before(name: str) -> str:

@@ -16,6 +16,7 @@ from sim_bridge.twin.objects import BoxSpec, Helipad
 from sim_bridge.twin.scene import Scene, TakeOffSpec
 from sim_bridge.twin.scene_file import load_scene
 from tests.paper_lab import CLASSES, paper_map
+from tests.worlds import values
 from uav_bt import app
 from uav_bt.app import film
 from uav_bt.board import CLASS_MAP
@@ -24,7 +25,7 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Status, load_tree
-from uav_bt.types import HOVER, DepthMap, Frame, Pose2D
+from uav_bt.types import HOVER, DepthMap, Pose2D
 
 SCENE = Scene(
     name="small",
@@ -207,13 +208,7 @@ def test_the_film_makes_room_for_what_the_tree_perceives(tmp_path: Path) -> None
 
 def test_the_film_marks_the_corridor_that_the_tree_asks_for(tmp_path: Path) -> None:
     path = tmp_path / "mission.xml"
-    frame = Frame(
-        image=np.zeros((36, 64, 3), np.uint8),
-        index=0,
-        captured_s=0.0,
-        gimbal_pitch_rad=0.0,
-        height_above_ground_m=1.5,
-    )
+    frame = values.frame((36, 64), 0.0)
     depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=0.0)
     ids = paper_map(ids=np.full((28, 56), CLASSES.id_of("box_1"), np.uint8), captured_s=0.0)
     marked = {}

@@ -48,7 +48,7 @@ def noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Notes]
     monkeypatch.setattr("uav_bt.app.assembly.make_drone", lambda _: NoisyDrone())
     record = tmp_path / "flight.mcap"
     app.fly(
-        tree_file(tmp_path),
+        tree_file(tmp_path, FLIGHT),
         app.FlightOptions(seed=5, record=record, judge=ANYWHERE),
         listeners=[notes.listeners],
     )
@@ -153,7 +153,7 @@ def test_a_fault_in_flight_is_the_records_end(
     monkeypatch.setattr("uav_bt.app.assembly.make_drone", lambda _: Broken())
     record = tmp_path / "flight.mcap"
     with pytest.raises(ZeroDivisionError):
-        app.fly(tree_file(tmp_path), app.FlightOptions(record=record))
+        app.fly(tree_file(tmp_path, FLIGHT), app.FlightOptions(record=record))
     reader = RecordReader(record)
     assert reader.finished
     assert reader.end is not None
@@ -217,7 +217,7 @@ def test_a_folder_that_is_not_there_is_reported_before_the_flight(
     monkeypatch.setattr("uav_bt.app.assembly.make_drone", lambda _: drone)
     options = app.FlightOptions(record=tmp_path / "absent" / "flight.mcap")
     with pytest.raises(FileError, match="does not exist; create it first"):
-        app.fly(tree_file(tmp_path), options)
+        app.fly(tree_file(tmp_path, FLIGHT), options)
     assert not drone.connected
     assert drone.commands == []
 
@@ -283,7 +283,9 @@ def test_a_replay_has_the_mark_and_the_clearances_of_the_record(tmp_path: Path) 
     record = tmp_path / "flight.mcap"
     mat, place = replace(default_mark(), height_m=0.05), Clearances(obstacle_m=0.5, edge_m=0.4)
     site = Site(mark=mat, clearances=place)
-    app.fly(tree_file(tmp_path), app.FlightOptions(drone=NoisyDrone(), site=site, record=record))
+    app.fly(
+        tree_file(tmp_path, FLIGHT), app.FlightOptions(drone=NoisyDrone(), site=site, record=record)
+    )
     replayed, _ = assemble_recorded(RecordReader(record), ReplayOptions())
     assert (replayed.context.mark, replayed.context.clearances) == (mat, place)
 
@@ -292,6 +294,6 @@ def test_a_replay_flies_the_airframe_of_the_record(tmp_path: Path) -> None:
     """The position hold and the limits depend on it."""
     drone, record = NoisyDrone(), tmp_path / "flight.mcap"
     drone.airframe = Airframe(body_size_m=(0.4, 0.4, 0.12), command_delay_s=0.3)
-    app.fly(tree_file(tmp_path), app.FlightOptions(drone=drone, record=record))
+    app.fly(tree_file(tmp_path, FLIGHT), app.FlightOptions(drone=drone, record=record))
     replayed, _ = assemble_recorded(RecordReader(record), ReplayOptions())
     assert replayed.drone.airframe == drone.airframe

@@ -381,10 +381,10 @@ def test_a_tree_that_does_not_segment_flies_in_a_lab_with_a_network(
 ) -> None:
     folder = make_lab()
     write_colour_network(folder / "segmentation.onnx")
-    check_in_lab(tree_file(tmp_path), app.FlightOptions(lab="hall"))
+    check_in_lab(tree_file(tmp_path, FLIGHT), app.FlightOptions(lab="hall"))
     assert not caplog.messages
     make_lab(f"{MARK}network: {{model: segmentation.onnx}}\n")
-    check_in_lab(tree_file(tmp_path), app.FlightOptions(lab="hall"))
+    check_in_lab(tree_file(tmp_path, FLIGHT), app.FlightOptions(lab="hall"))
     assert "has no effect" in caplog.messages[0]
 
 

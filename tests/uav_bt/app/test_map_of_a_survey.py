@@ -43,7 +43,7 @@ def test_a_survey_maps_each_object_once_under_one_id() -> None:
         if item.height_m is not None:
             errors_m.append(abs(item.height_m - true[item.class_id].height_m))
         there = ids.ticks[item.id]
-        assert len(there) >= 0.95 * (flown.ticks - there[0])
+        assert len(there) >= 0.8 * (flown.ticks - there[0])
     assert len(errors_m) >= 3
     assert max(errors_m) < 0.03
     brief = [there for there in ids.ticks.values() if len(there) < 0.05 * flown.ticks]

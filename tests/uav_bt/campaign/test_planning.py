@@ -19,7 +19,7 @@ from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.flight import PathKeeper
 from uav_bt.campaign.plan import CampaignPlan, FlightTask
 from uav_bt.campaign.store import CampaignStore
-from uav_bt.errors import InputError, SceneError, TreeError, UnknownNameError
+from uav_bt.errors import InputError, SceneError, TreeError
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.tree.loading.lookup import shipped_trees
 
@@ -82,12 +82,6 @@ def test_a_folder_gives_back_its_plan_as_it_would_be_today(tmp_path: Path) -> No
     assert plan_of(tmp_path / "out") == plan
     tree(mission, f"<ForceSuccess>{HOP}</ForceSuccess>")
     assert plan_of(tmp_path / "out").differences(plan)[0].startswith("tree: 'hop.xml' has changed")
-
-
-@pytest.mark.parametrize("scene", ["val-z", "zzz-*"])
-def test_an_unknown_scene_is_refused_with_those_there_are(scene: str) -> None:
-    with pytest.raises(UnknownNameError, match="known: depot-test-a, "):
-        make_plan(["land_only"], scenes=[scene])
 
 
 def test_what_cannot_be_flown_is_refused(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -24,14 +23,6 @@ from tests.worlds.cli import assert_refused, run
 from tests.worlds.footage import frame, write_record
 from uav_bt import app
 from uav_bt.types import DepthMap, Frame
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def test_training_writes_the_network_that_the_lab_is_flown_with(

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
+from typing import Any
 
 import numpy as np
 
 from tests.paper_lab import paper_map
+from tests.worlds import values
 from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, MARK, METRIC_DEPTH, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.mission.flight_report import FlightReport, Percentiles
-from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame, pinhole
 from uav_bt.tree import Status
@@ -20,7 +20,6 @@ from uav_bt.types import (
     HOVER,
     Attitude,
     BodyVelocity,
-    Corridor,
     DepthMap,
     DroneState,
     FlyingState,
@@ -41,8 +40,8 @@ LAB = LabMap(
 class World:
     """A board with its clock and matching ticks."""
 
-    def __init__(self) -> None:
-        self.clock = ManualClock()
+    def __init__(self, start_s: float = 0.0) -> None:
+        self.clock = ManualClock(start_s)
         self.board = Blackboard(self.clock, MISSION_KEYS)
         self.index = 0
 
@@ -60,13 +59,7 @@ class World:
         """Put metric depth and a corridor on the board."""
         now_s = self.clock.now()
         depth = DepthMap(depth=np.full((28, 56), 1.5, np.float32), metric=True, captured_s=now_s)
-        corridor = Corridor(
-            captured_s=now_s,
-            free_distance_m=1.5,
-            nearest_m=0.6,
-            nearest_side="left",
-            time_to_impact_s=math.inf,
-        )
+        corridor = values.corridor(1.5, "left", nearest_m=0.6, captured_s=now_s)
         self.board.write(METRIC_DEPTH, depth, captured_s=now_s)
         self.board.write(CORRIDOR, corridor, captured_s=now_s)
 
@@ -74,14 +67,11 @@ class World:
         self,
         *,
         pose: Pose | None = None,
-        phase: str = "explore",
-        active: tuple[str, ...] = ("mission", "Explore"),
-        feedback: str = "clear",
-        override: Override | None = None,
         yaw_rad: float = 0.0,
         forward_mps: float = 0.0,
         frame: bool = True,
         after_s: float = 0.1,
+        **changes: Any,
     ) -> TickRecord:
         """Return the next tick; a pose adds the truth of a referee."""
         time_s = self.clock.now()
@@ -94,38 +84,28 @@ class World:
             gimbal_pitch_rad=-0.5,
         )
         self.board.write(ELAPSED, time_s)
-        record = TickRecord(
-            index=self.index,
-            time_s=time_s,
-            observation=Observation(
-                frame=blank_frame(CAMERA, state) if frame else None, state=state
-            ),
-            tree_status=Status.RUNNING,
-            phase=phase,
-            active=active,
-            command=HOVER,
-            proposed_by=None,
-            override=override,
-            compute_s=0.001,
-            truth=None if pose is None else _truth(time_s, pose),
-            feedback=feedback,
-        )
+        image = blank_frame(CAMERA, state) if frame else None
+        told: dict[str, Any] = {
+            "index": self.index,
+            "time_s": time_s,
+            "observation": Observation(frame=image, state=state),
+            "tree_status": Status.RUNNING,
+            "phase": "explore",
+            "active": ("mission", "Explore"),
+            "command": HOVER,
+            "proposed_by": None,
+            "override": None,
+            "compute_s": 0.001,
+            "truth": None if pose is None else _truth(time_s, pose),
+            "feedback": "clear",
+        }
         self.index += 1
         self.clock.advance(after_s)
-        return record
+        return TickRecord(**{**told, **changes})
 
 
 def _truth(time_s: float, pose: Pose) -> Truth:
-    return Truth(
-        time_s=time_s,
-        pose=pose,
-        contacts=(),
-        clearance_m=0.8,
-        inside_ground=True,
-        on_mark=False,
-        landing_error_m=2.0,
-        motors_on=True,
-    )
+    return values.truth(pose, time_s, clearance_m=0.8, landing_error_m=2.0)
 
 
 def flight_report(outcome: str = "success", reason: str = "landed") -> FlightReport:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from tests.uav_bt.display.display_world import flight_report
+from tests.worlds.values import corridor
 from uav_bt.display.phrases import (
     describe_corridor,
     describe_fix,
@@ -16,7 +17,6 @@ from uav_bt.display.phrases import (
 )
 from uav_bt.lab.shipped import default_mark
 from uav_bt.types import (
-    Corridor,
     CutMotors,
     Hover,
     Land,
@@ -89,13 +89,7 @@ def test_no_fix_says_for_how_long() -> None:
 
 
 def test_a_corridor_says_what_intrudes_and_how_far_the_way_is_free() -> None:
-    clear = Corridor(
-        captured_s=0.0,
-        free_distance_m=math.inf,
-        nearest_m=math.inf,
-        nearest_side=None,
-        time_to_impact_s=math.inf,
-    )
+    clear = corridor()
     assert (describe_corridor(clear), describe_free(clear)) == ("corridor clear", "nothing ahead")
     blocked = replace(
         clear, free_distance_m=1.5, nearest_m=0.62, nearest_side="left", time_to_impact_s=2.04

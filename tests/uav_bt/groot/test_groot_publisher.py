@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import sys
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -14,7 +13,7 @@ import zmq
 from tests.uav_bt.groot.groot_world import HEIGHT, GrootClient, leaf, make_context, make_tree
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
-from uav_bt.errors import InputError, MissingDependencyError, MissionError, ValueRangeError
+from uav_bt.errors import InputError, MissionError, ValueRangeError
 from uav_bt.groot import GrootConfig, GrootPublisher, TreeWatch
 from uav_bt.groot.groot_view import MAX_RECORDED
 from uav_bt.tree import MissionTree
@@ -334,15 +333,6 @@ def test_an_interface_that_is_none_is_refused() -> None:
 def test_a_port_without_a_neighbour_is_refused(port: int) -> None:
     with pytest.raises(ValueRangeError, match=f"got {port}"):
         GrootConfig(port=port)
-
-
-@pytest.mark.parametrize("absent", ["zmq", "msgpack"])
-def test_a_missing_package_names_the_extra(absent: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, absent, None)
-    with pytest.raises(
-        MissingDependencyError, match=rf"needs {absent}; run `pip install .*\[live\]"
-    ):
-        GrootPublisher(ANY)
 
 
 def test_ticking_and_answering_do_not_disturb_each_other(

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import torch
 from safetensors.numpy import load_file
 
 from perception.segmentation.runtime import OnnxSegmenter
@@ -27,14 +25,6 @@ from uav_bt.learning.lab_training import (
 from uav_bt.learning.masks import MaskSource, make_masks
 
 CONFIG = replace(lab_training_config(steps=3, batch=2), checkpoint_every=1)
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def with_foreign_teacher(folder: Path, **drawn: int) -> LabData:

@@ -13,6 +13,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views
 from tests.paper_lab import CARPET
+from tests.worlds import values
 from uav_bt.mission.covered_ground import CoveredGround, GroundCells
 from uav_bt.types import Pose, Truth, projection
 from uav_bt.types.arrays import Flags
@@ -24,15 +25,9 @@ TURNED = Footprint(x_m=1.0, y_m=0.5, half_x_m=0.5, half_y_m=0.25, yaw_rad=math.p
 
 
 def truth(x_m: float, y_m: float, yaw_rad: float = 0.0, pitch_rad: float | None = -0.5) -> Truth:
-    return Truth(
-        time_s=0.0,
-        pose=Pose(x_m=x_m, y_m=y_m, z_m=1.5, yaw_rad=yaw_rad),
-        contacts=(),
+    return values.truth(
+        Pose(x_m=x_m, y_m=y_m, z_m=1.5, yaw_rad=yaw_rad),
         clearance_m=math.inf,
-        inside_ground=True,
-        on_mark=False,
-        landing_error_m=1.0,
-        motors_on=True,
         gimbal_pitch_rad=pitch_rad,
     )
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from sim_bridge.anafi import anafi_camera
+from tests.worlds import values
 from uav_bt.errors import FileError
 from uav_bt.mission.covered_ground import CoveredGround
 from uav_bt.mission.flight_log import FlightLog
@@ -29,7 +30,6 @@ from uav_bt.types import (
     Observation,
     Pose,
     TakeOff,
-    Truth,
 )
 from uav_bt.types.ground import Ground
 
@@ -77,12 +77,10 @@ class Tale:
                 forward_mps=dx_m / self.tick_s, right_mps=dy_m / self.tick_s, down_mps=9.0
             ),
         )
-        truth = Truth(
-            time_s=self.now_s,
-            pose=Pose(x_m=self.x_m, y_m=self.y_m, z_m=float(self._index), yaw_rad=0.0),
-            contacts=(),
+        truth = values.truth(
+            Pose(x_m=self.x_m, y_m=self.y_m, z_m=float(self._index), yaw_rad=0.0),
+            self.now_s,
             clearance_m=clearance_m,
-            inside_ground=True,
             on_mark=on_mark,
             landing_error_m=error_m,
             motors_on=motors_on,

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.worlds import values
 from uav_bt.mission.ground_height import GroundHeight
 from uav_bt.types import (
     BodyVelocity,
     DroneState,
     FlyingState,
-    Frame,
     MeasurementTimes,
     Observation,
 )
@@ -34,12 +34,8 @@ def observed(
 ) -> Observation:
     """Return the report of a drone above a surface, with an altimeter error and a frame."""
     altitude_m = true_m + altimeter_m
-    frame = Frame(
-        image=np.zeros((9, 16, 3), dtype=np.uint8),
-        index=1,
-        captured_s=time_s if captured_s is None else captured_s,
-        gimbal_pitch_rad=0.0,
-        height_above_ground_m=altitude_m,
+    frame = values.frame(
+        (9, 16), 0.0, altitude_m, captured_s=time_s if captured_s is None else captured_s, index=1
     )
     state = DroneState(
         captured_s=time_s,

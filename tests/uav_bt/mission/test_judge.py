@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.worlds import values
 from uav_bt.mission.judge import Belief, Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, Pose, Truth
@@ -18,11 +19,9 @@ def truth_of(
     error_m: float = 1.25,
     motors_on: bool = True,
 ) -> Truth:
-    return Truth(
-        time_s=0.0,
-        pose=Pose(x_m=2.613, y_m=-0.5, z_m=1.5, yaw_rad=0.0),
+    return values.truth(
+        Pose(x_m=2.613, y_m=-0.5, z_m=1.5, yaw_rad=0.0),
         contacts=contacts,
-        clearance_m=1.0,
         inside_ground=inside,
         on_mark=on_pad,
         landing_error_m=error_m,

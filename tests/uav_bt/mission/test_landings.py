@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 from tests.worlds.trees import document
+from tests.worlds.values import motion
 from uav_bt.board import MISSION_KEYS, ODOMETRY, STATE
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals
@@ -20,7 +21,6 @@ from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Status, parse_tree
 from uav_bt.types import (
-    BodyVelocity,
     CutMotors,
     DroneState,
     FlyingState,
@@ -33,7 +33,7 @@ from uav_bt.types import (
     TakeOff,
     Velocity,
 )
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.mission_rules import LandOn
 
 LOW_M = 0.35
@@ -84,13 +84,7 @@ class Track(Leaf):
         state = self.read(STATE).value
         if state is not None:
             pose = OdometryPose(time_s=state.captured_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)
-            still = MotionEstimate(
-                pose=pose,
-                seen=pose,
-                velocity=BodyVelocity(),
-                error=BodyVelocity(),
-                tracked_s=state.captured_s,
-            )
+            still = motion(pose, tracked_s=state.captured_s)
             self.write(ODOMETRY, still, captured_s=state.captured_s)
         return Status.SUCCESS
 

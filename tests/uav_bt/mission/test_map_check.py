@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.paper_lab import CLASSES
+from tests.worlds import values
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import Outcome, Verdict
@@ -25,7 +26,6 @@ from uav_bt.types import (
     Pose,
     Pose2D,
     TakeOff,
-    Truth,
 )
 from uav_bt.types.ground import Footprint, Ground, Standing
 from uav_bt.types.site_map import MapObject, SiteMap
@@ -43,16 +43,7 @@ def tick(
     taking_off: bool = False,
     referee: bool = True,
 ) -> TickRecord:
-    truth = Truth(
-        time_s=time_s,
-        pose=pose,
-        contacts=(),
-        clearance_m=math.inf,
-        inside_ground=True,
-        on_mark=False,
-        landing_error_m=1.0,
-        motors_on=True,
-    )
+    truth = values.truth(pose, time_s, clearance_m=math.inf)
     state = DroneState(
         captured_s=time_s, flying=FlyingState.FLYING, attitude=Attitude(yaw_rad=reported_rad)
     )

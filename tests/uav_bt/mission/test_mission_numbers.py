@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.paper_lab import CLASSES
+from tests.worlds import values
 from uav_bt.board import MARK, MISSION_KEYS, ODOMETRY, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.flight_notes import FlightNotes
@@ -19,7 +20,6 @@ from uav_bt.mission.mission_numbers import MissionNumbers
 from uav_bt.mission.whereabouts import Whereabouts
 from uav_bt.testing import blank_frame
 from uav_bt.types import (
-    BodyVelocity,
     CameraModel,
     DroneState,
     FlyingState,
@@ -31,7 +31,7 @@ from uav_bt.types import (
     SiteMap,
 )
 from uav_bt.types.area import Area
-from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.flight_results import Photo
 
 AREA = Area((((-2.0, -2.0), (4.0, -2.0), (4.0, 2.0), (-2.0, 2.0)),))
@@ -67,13 +67,7 @@ class World:
     ) -> None:
         now_s = self.clock.now()
         pose = OdometryPose(x_m=x_m, y_m=y_m, yaw_rad=math.radians(yaw_deg), time_s=now_s)
-        motion = MotionEstimate(
-            pose=pose,
-            seen=pose,
-            velocity=BodyVelocity(),
-            error=BodyVelocity(),
-            tracked_s=now_s - untracked_s,
-        )
+        motion = values.motion(pose, tracked_s=now_s - untracked_s)
         self.board.write(ODOMETRY, motion, captured_s=now_s)
 
     def map(self, **changes: object) -> None:

@@ -96,7 +96,6 @@ def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     [
         "explore_and_land_depth",
         "explore_and_land_segmentation",
-        "explore_unknown_room",
         "survey_and_land",
         "survey_any_room",
     ],

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from uav_bt.errors import FileError, UnknownNameError
+from uav_bt.errors import FileError
 from uav_bt.tree import load_tree, parse_tree
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.loading.lookup import shipped_trees
@@ -14,7 +14,6 @@ from uav_bt.tree.render import render
 from uav_bt.tree.shipped import (
     STARTERS,
     resolve_tree,
-    starter_mission,
     tree_files,
     write_starter,
 )
@@ -77,8 +76,3 @@ def test_a_file_that_cannot_be_written_raises(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"ends in \.xml"):
         write_starter(tmp_path / "mine.txt")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_unknown_starter_gets_a_suggestion() -> None:
-    with pytest.raises(UnknownNameError, match="'hove'; did you mean 'hover'"):
-        starter_mission("hove")

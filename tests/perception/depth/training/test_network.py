@@ -1,7 +1,6 @@
 """The networks: shapes, size, untrained output, and exported files."""
 
 import hashlib
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,14 +16,6 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import ValueRangeError, WeightsError
 
 NET = network.DepthNetConfig(width_px=64, height_px=32, channels=(8, 12, 16))
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 def _shaken(config: network.DepthNetConfig = NET) -> network.DepthNet:

@@ -1,6 +1,5 @@
 """Training the depth network: it learns, resumes bit by bit, and refuses unusable input."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,15 +18,6 @@ SIZE = (64, 64)
 NET = network.DepthNetConfig(width_px=64, height_px=64, channels=(8, 12, 16))
 SHORT = run.DepthTrainingConfig(steps=4, batch=1, checkpoint_every=2, warm_up_steps=2)
 LABELS_ONLY = replace(SHORT, photometric=0.0, geometry=0.0, smoothness=0.0)
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    """Sums in one order, so that two runs agree to the bit."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """The U-Net: its shape, its losses, training that resumes, and the ONNX file made from it."""
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,15 +24,6 @@ from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError, Weights
 
 NET = unet.UNetConfig(width_px=64, height_px=32, channels=(8, 12, 16), outputs=17)
 SHORT = run.TrainingConfig(steps=6, batch=2, checkpoint_every=3, warm_up_steps=2)
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    """Sums in one order, so that two runs agree to the bit; small nets are no slower for it."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")

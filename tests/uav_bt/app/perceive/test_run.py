@@ -27,7 +27,7 @@ from tests.uav_bt.app.perceive.perceive_world import (
 from uav_bt.app import perceive
 from uav_bt.app.perceive import PerceiveOptions, inputs
 from uav_bt.app.perceive.pipeline import Pipeline
-from uav_bt.errors import FileError, InputError, ShapeError, UnknownNameError, ValueRangeError
+from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
 from uav_bt.lab.shipped import load_lab
 from uav_bt.types import DepthMap, Frame
 from uav_bt.types.arrays import Image
@@ -308,21 +308,6 @@ def test_a_file_in_a_missing_folder_is_refused(tmp_path: Path, images: list[Imag
     for given in ({"out": tmp_path / "no" / "a.mp4"}, {"lines": tmp_path / "no" / "a.jsonl"}):
         with pytest.raises(FileError, match="cannot be written"):
             perceive.perceive(str(folder), CONTACT, **given)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"model": "contct"}, "unknown depth model 'contct'; did you mean 'contact'"),
-        ({"segmentation": "u-net"}, "unknown segmentation model 'u-net'; did you mean 'unet'"),
-    ],
-)
-def test_an_unknown_network_is_refused_with_a_suggestion(
-    tmp_path: Path, images: list[Image], options: dict[str, str], words: str
-) -> None:
-    folder = write_images(tmp_path / "views", images[:1])
-    with pytest.raises(UnknownNameError, match=words):
-        perceive.perceive(str(folder), replace(CONTACT, **options))
 
 
 @pytest.mark.parametrize(

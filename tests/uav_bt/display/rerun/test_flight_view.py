@@ -9,7 +9,8 @@ from collections.abc import Mapping
 import pytest
 from rerun.blueprint import GraphView, Spatial2DView, Vertical, View
 
-from tests.uav_bt.display.rerun.rerun_world import NotedStream, World, setting, values
+from tests.uav_bt.display.display_world import World
+from tests.uav_bt.display.rerun.rerun_world import NotedStream, setting, values
 from tests.uav_bt.display.test_live_map import believed
 from uav_bt.board import PHASE, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
@@ -49,7 +50,7 @@ def test_texts_are_logged_when_they_change_and_overrides_warn() -> None:
     view.on_tick(world.tick(override=Override.STALE_FRAME))
     said = stream.of("words")
     assert [values(note.thing.level) for note in said] == [["INFO"], ["WARN"]]
-    assert values(said[0].thing.text) == ["explore: leaf (clear): hover"]
+    assert values(said[0].thing.text) == ["explore: Explore (clear): hover"]
     assert Override.STALE_FRAME.value in values(said[1].thing.text)[0]
 
 

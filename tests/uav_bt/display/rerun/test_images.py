@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.paper_lab import paper_map
-from tests.uav_bt.display.rerun.rerun_world import (
-    CAMERA,
-    CLASSES,
-    NotedStream,
-    World,
-    setting,
-    values,
-)
+from tests.uav_bt.display.display_world import CAMERA, World
+from tests.uav_bt.display.rerun.rerun_world import CLASSES, NotedStream, setting, values
+from tests.worlds.values import corridor
 from uav_bt.display.rerun.images import ImageView, outlines
 from uav_bt.display.video.panes import pad_circle
-from uav_bt.types import ClassMap, Corridor, DepthMap, Frame, MarkFix
+from uav_bt.types import ClassMap, DepthMap, Frame, MarkFix
 
 CLEAR = "Clear"
+
+FREE = corridor(1.5, "left", nearest_m=0.6)
 
 
 def frame(**changes: object) -> Frame:
@@ -41,16 +37,6 @@ def depth(captured_s: float = 0.0) -> DepthMap:
     metres = np.full((18, 32), 1.5, np.float32)
     metres[0] = np.nan
     return DepthMap(depth=metres, metric=True, captured_s=captured_s)
-
-
-def corridor() -> Corridor:
-    return Corridor(
-        captured_s=0.0,
-        free_distance_m=1.5,
-        nearest_m=0.6,
-        nearest_side="left",
-        time_to_impact_s=math.inf,
-    )
 
 
 def kinds(stream: NotedStream, entity: str) -> list[str]:
@@ -151,7 +137,7 @@ def marked(*_: object) -> np.ndarray:
 def test_intrusions_are_marked_with_their_side() -> None:
     stream = NotedStream()
     view = ImageView(stream, setting(intruding=marked))
-    view.show_depth(depth(), corridor(), frame(captured_s=0.0), class_map())
+    view.show_depth(depth(), FREE, frame(captured_s=0.0), class_map())
     marks = stream.last("world/camera/intrusions")
     assert values(marks.labels) == ["intrusion left, 0.60 m"]
 
@@ -159,5 +145,5 @@ def test_intrusions_are_marked_with_their_side() -> None:
 def test_intrusions_of_another_frame_are_not_marked() -> None:
     stream = NotedStream()
     view = ImageView(stream, setting(intruding=marked))
-    view.show_depth(depth(), corridor(), frame(captured_s=0.1), class_map())
+    view.show_depth(depth(), FREE, frame(captured_s=0.1), class_map())
     assert stream.of("world/camera/intrusions") == []

@@ -7,10 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from tests.uav_bt.display.rerun.rerun_world import NODES, NotedStream, World, values
+from tests.uav_bt.display.display_world import World
+from tests.uav_bt.display.rerun.rerun_world import NODES, NotedStream, values
+from tests.worlds.values import corridor
 from uav_bt.display.rerun.plots import STATUS_COLOURS, FlightPlots, TreeGraph, TurnLeft, places
 from uav_bt.tree import Status
-from uav_bt.types import HOVER, Command, Corridor, MarkFix, MoveBy, NearObstacles, Pose
+from uav_bt.types import HOVER, Command, MarkFix, MoveBy, NearObstacles, Pose
 
 
 def turn(id_: int, yaw_rad: float) -> Command:
@@ -54,21 +56,15 @@ def test_every_series_has_a_name_and_a_point_a_tick() -> None:
     assert shown(stream, "plots/height/telemetry") == 1.5
     assert shown(stream, "plots/height/true") == pytest.approx(1.4)
     assert shown(stream, "plots/free_distance/clearance") == 0.8
-    assert shown(stream, "plots/tick_time/compute") == pytest.approx(4.0)
+    assert shown(stream, "plots/tick_time/compute") == pytest.approx(1.0)
 
 
 def test_what_is_known_of_the_way_is_plotted() -> None:
     stream = NotedStream()
-    corridor = Corridor(
-        captured_s=0.0,
-        free_distance_m=1.2,
-        nearest_m=0.7,
-        nearest_side="front",
-        time_to_impact_s=2.0,
-    )
+    ahead = corridor(1.2, "front", nearest_m=0.7, impact_s=2.0)
     obstacles = NearObstacles(points_m=np.array([[0.3, 0.4]]), captured_s=0.0)
     fix = MarkFix(captured_s=0.0, forward_m=1.0, right_m=1.0, height_m=0.4, detected=True)
-    FlightPlots(stream).show(World().tick(), corridor=corridor, near=obstacles, fix=fix)
+    FlightPlots(stream).show(World().tick(), corridor=ahead, near=obstacles, fix=fix)
     assert shown(stream, "plots/free_distance/ahead") == 1.2
     assert shown(stream, "plots/free_distance/intrusion") == 0.7
     assert shown(stream, "plots/free_distance/remembered") == pytest.approx(0.5)
@@ -84,13 +80,7 @@ def test_what_is_not_known_leaves_a_gap(entity: str) -> None:
 
 def test_a_way_without_an_end_leaves_a_gap() -> None:
     stream = NotedStream()
-    free = Corridor(
-        captured_s=0.0,
-        free_distance_m=math.inf,
-        nearest_m=math.inf,
-        nearest_side=None,
-        time_to_impact_s=math.inf,
-    )
+    free = corridor()
     FlightPlots(stream).show(World().tick(), corridor=free, near=None, fix=None)
     assert math.isnan(shown(stream, "plots/free_distance/ahead"))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from tests.uav_bt.display.rerun.rerun_world import LAB, NotedStream, World
+from tests.uav_bt.display.display_world import LAB, World
+from tests.uav_bt.display.rerun.rerun_world import NotedStream
 from tests.uav_bt.display.test_live_map import believed
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.rerun.site_map import SiteMapView

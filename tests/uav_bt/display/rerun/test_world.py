@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from tests.uav_bt.display.rerun.rerun_world import NotedStream, World, setting, values
+from tests.uav_bt.display.display_world import World
+from tests.uav_bt.display.rerun.rerun_world import NotedStream, setting, values
+from tests.worlds.values import corridor
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import LabMap, MapItem, MapMover
 from uav_bt.display.rerun.setting import CorridorSize
 from uav_bt.display.rerun.world import WorldView, camera_axes, corridor_planes
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Corridor, MarkFix, MoverState, NearObstacles, Pose
+from uav_bt.types import MarkFix, MoverState, NearObstacles, Pose
 
 
 def pose(x_m: float = 0.0, y_m: float = 0.0, z_m: float = 1.5, yaw_rad: float = 0.0) -> Pose:
@@ -121,20 +123,10 @@ def test_what_moves_is_drawn_where_it_is() -> None:
         assert isinstance(shape, kind)
 
 
-def corridor(side: str | None, captured_s: float = 0.0) -> Corridor:
-    return Corridor(
-        captured_s=captured_s,
-        free_distance_m=1.0,
-        nearest_m=0.6,
-        nearest_side=side,
-        time_to_impact_s=math.inf,
-    )
-
-
 def test_the_intruded_plane_stands_out() -> None:
     flight = Flight()
     flight.fly(pose())
-    flight.view.show_corridor(corridor("left"))
+    flight.view.show_corridor(corridor(1.0, "left", nearest_m=0.6))
     boxes = flight.stream.of("world/corridor")[-1].things[1]
     colours = values(boxes.colors)
     assert len(colours) == 5
@@ -145,7 +137,7 @@ def test_the_intruded_plane_stands_out() -> None:
 def test_a_corridor_that_is_gone_is_taken_away() -> None:
     flight = Flight()
     flight.fly(pose())
-    flight.view.show_corridor(corridor(None))
+    flight.view.show_corridor(corridor(1.0, nearest_m=0.6))
     flight.view.show_corridor(None)
     flight.view.show_corridor(None)
     assert [type(n.thing).__name__ for n in flight.stream.of("world/corridor")] == [

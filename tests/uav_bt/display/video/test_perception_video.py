@@ -8,21 +8,16 @@ import numpy as np
 
 from tests.paper_lab import CLASSES, paper_map
 from tests.uav_bt.display.display_world import CAMERA
+from tests.worlds import values
 from uav_bt.display.canvas import ACCENT, PANEL
 from uav_bt.display.video.perception_video import PerceptionPanes, Seen
-from uav_bt.types import DepthMap, Frame, MarkFix
+from uav_bt.types import DepthMap, MarkFix
 
 IDS = np.full((28, 56), 5, np.uint8)
 
 
 def seen(**changes: object) -> Seen:
-    frame = Frame(
-        image=np.full((36, 64, 3), 90, np.uint8),
-        index=0,
-        captured_s=1.5,
-        gimbal_pitch_rad=-0.5,
-        height_above_ground_m=1.5,
-    )
+    frame = values.frame(np.full((36, 64, 3), 90, np.uint8), captured_s=1.5)
     nothing = Seen(
         frame=frame,
         class_map=paper_map(ids=IDS, captured_s=1.5),

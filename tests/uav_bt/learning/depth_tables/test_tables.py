@@ -137,11 +137,6 @@ def test_plans_without_images_are_refused(bad: Any) -> None:
         bad()
 
 
-def test_unknown_masks_are_refused() -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'unet'"):
-        ImagePlan(masks="unets")  # type: ignore[arg-type]
-
-
 # --- methods --------------------------------------------------------------------------------------
 
 

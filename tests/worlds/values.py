@@ -1,0 +1,90 @@
+"""Values on the board, with what most tests do not care about filled in."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from uav_bt.types import BodyVelocity, Corridor, Frame, MarkFix, Pose, Truth
+from uav_bt.types.arrays import Image
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+
+STILL = BodyVelocity()
+
+
+def motion(
+    pose: OdometryPose,
+    *,
+    velocity: BodyVelocity = STILL,
+    error: BodyVelocity = STILL,
+    tracked_s: float | None = None,
+    **more: Any,
+) -> MotionEstimate:
+    """Return the motion of a drone at a pose, by default at rest on ground that is followed."""
+    tracked_s = pose.time_s if tracked_s is None else tracked_s
+    given = {"seen": pose, "velocity": velocity, "error": error, "tracked_s": tracked_s, **more}
+    return MotionEstimate(pose=pose, **given)
+
+
+def fix(
+    captured_s: float, forward_m: float, right_m: float = 0.0, *, height_m: float = 0.4, **more: Any
+) -> MarkFix:
+    """Return a sight of the mark on a box of 0.4 m."""
+    more = {"detected": True, **more}
+    return MarkFix(
+        captured_s=captured_s, forward_m=forward_m, right_m=right_m, height_m=height_m, **more
+    )
+
+
+def corridor(
+    free_m: float = math.inf,
+    side: Any = None,
+    *,
+    nearest_m: float | None = None,
+    captured_s: float = 0.0,
+    impact_s: float = math.inf,
+) -> Corridor:
+    """Return a corridor that is free for a distance, with the nearest obstacle on a side."""
+    return Corridor(
+        captured_s=captured_s,
+        free_distance_m=free_m,
+        nearest_m=free_m if nearest_m is None else nearest_m,
+        nearest_side=side,
+        time_to_impact_s=impact_s,
+    )
+
+
+def frame(
+    image: Image | tuple[int, int],
+    pitch_rad: float = -0.5,
+    height_m: float = 1.5,
+    *,
+    captured_s: float = 0.0,
+    index: int = 0,
+    **more: Any,
+) -> Frame:
+    """Return a frame of an image, or of a black one with so many rows and columns."""
+    return Frame(
+        image=np.zeros((*image, 3), np.uint8) if isinstance(image, tuple) else image,
+        index=index,
+        captured_s=captured_s,
+        gimbal_pitch_rad=pitch_rad,
+        height_above_ground_m=height_m,
+        **more,
+    )
+
+
+def truth(pose: Pose, time_s: float = 0.0, **more: Any) -> Truth:
+    """Return the truth of a drone in flight over the ground, a metre away from everything."""
+    given = {
+        "contacts": (),
+        "clearance_m": 1.0,
+        "inside_ground": True,
+        "on_mark": False,
+        "landing_error_m": 1.0,
+        "motors_on": True,
+        **more,
+    }
+    return Truth(time_s=time_s, pose=pose, **given)
