@@ -1,0 +1,1 @@
+"""States what changed between two installed programs, by their commands and files."""

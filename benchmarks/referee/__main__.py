@@ -1,69 +1,100 @@
-"""State what changed between two installed programs, by their commands and files.
-
-python -m benchmarks.referee make FOLDER --program EARLIER       # inputs and answers
-python -m benchmarks.referee compare FOLDER --program LATER      # exit 1: something differs
-"""
-
-from __future__ import annotations
+"""State what changed between two installed programs, by their commands and files."""
 
 import argparse
+import csv
+import json
 import subprocess
 import sys
 import tempfile
-import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from .compare import compare, plain, write
 from .inputs import make_inputs
-from .parts import QUICK, WHOLE, Part
-from .program import Program
+from .program import HERE, TABLE, Program, Rows, plain
+
+Job = tuple[str, Callable[[Path], Rows]]
 
 
 def main() -> int:
-    """Make a baseline, or compare a program with one."""
+    """Make a baseline with the earlier program, or compare the later one with it."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.referee")
     parser.add_argument("action", choices=["make", "compare"])
     parser.add_argument("folder", type=Path, help="the baseline, outside the repository")
     parser.add_argument("--program", type=Path, required=True, help="root of a worktree")
     parser.add_argument("--python", default=sys.executable, help="the Python that runs it")
     parser.add_argument("--quick", action="store_true", help="only what takes a minute")
-    parser.add_argument("--only", nargs="+", default=[], metavar="PART")
+    parser.add_argument("--only", nargs="+", metavar="PART", help="only these parts")
     parser.add_argument("--jobs", type=int, default=2, help="processes at a time")
     parser.add_argument("--traces", type=Path, help="make: traces of the engine, else a sample")
-    parser.add_argument("--cases", type=Path, help="make: a folder with more tree files")
     given = parser.parse_args()
-    jobs = QUICK if given.quick else QUICK + WHOLE
-    jobs = [job for job in jobs if not given.only or job[0] in given.only]
-    inputs, before = given.folder.resolve() / "inputs", given.folder / "answers"
     with tempfile.TemporaryDirectory() as scratch:
-        program = Program(given.program, Path(scratch), given.python)
-        after = before if given.action == "make" else Path(scratch, "answers")
-        if given.action == "make":
-            make_inputs(program, inputs, given.traces, given.cases)
-        elif absent := {f"{part}.jsonl" for part, _ in jobs} - {
-            one.name for one in before.glob("*")
-        }:
-            parser.error(f"{before} has no {', '.join(sorted(absent))}; call make for them")
+        program = Program(given.program.resolve(), Path(scratch), given.python)
+        before, inputs = given.folder.resolve(), given.folder.resolve() / "inputs"
+        after = before if given.action == "make" else Path(scratch)
+        if given.action == "make" and not given.only:
+            make_inputs(program, given.program, inputs, given.traces)
+            for line in [] if given.quick else TABLE["make"]:
+                list(program.long(inputs, line, inputs))
         found: dict[str, dict[str, Any]] = {}
+        jobs = [one for one in parts(program, quick=given.quick) if one[0] in (given.only or one)]
         with ThreadPoolExecutor(given.jobs) as pool:
-            rows = pool.map(lambda job: answers(program, inputs, *job), jobs)
-            for (part, _), some in zip(jobs, rows, strict=True):
-                found.setdefault(part, {}).update(some)
-        write(after, found)
-        return 0 if after == before else compare(before, after, sorted(found))
+            for (part, _), rows in zip(jobs, pool.map(partial(answers, inputs), jobs), strict=True):
+                found.setdefault(part, {}).update(rows)
+        for part, rows in found.items():
+            lines = [json.dumps([name, rows[name]]) + "\n" for name in sorted(rows)]
+            (after / f"{part}.jsonl").write_text("".join(lines))
+        return 0 if given.action == "make" else compare(before, after, list(found))
 
 
-def answers(program: Program, inputs: Path, part: str, run: Part) -> dict[str, Any]:
-    """Return a program's answers; a failure of the part is one of them."""
-    start = time.monotonic()
+def parts(program: Program, *, quick: bool) -> list[Job]:
+    """Return the parts by name; one of long commands has an entry for each."""
+    jobs: list[Job] = [] if quick else [("loopback", program.loopback)]
+    for part, lines in TABLE["short"].items():
+        jobs.append((part, partial(program.short, lines=program.lines(lines))))
+    rows = csv.DictReader((HERE / "found_by_faults.csv").read_text().splitlines())
+    slow = {**TABLE["slow"], "faults": [TABLE["fault"].format(**row) for row in rows]}
+    for part, lines in {**TABLE["quick"], **({} if quick else slow)}.items():
+        jobs += [(part, partial(program.long, line=line)) for line in program.lines(lines)]
+    return jobs
+
+
+def answers(inputs: Path, job: Job) -> dict[str, Any]:
+    """Return the answers of a part by name; that it failed is one of them."""
     try:
-        rows = {row: plain(value) for row, value in run(program, inputs)}
+        return {name: plain(value) for name, value in job[1](inputs)}
     except (OSError, ValueError, LookupError, TypeError, subprocess.SubprocessError) as error:
-        rows = {f"{part} failed": repr(error)}
-    print(f"{part} {list(rows)[-1:]}: {time.monotonic() - start:.1f} s", file=sys.stderr)
-    return rows
+        return {"failed": repr(error)}
+
+
+def difference(before: Any, after: Any, path: str) -> str:
+    """Return the first difference of two values, empty if there is none."""
+    one, other = (dict(enumerate(x)) if isinstance(x, list) else x for x in (before, after))
+    if not isinstance(one, dict) or not isinstance(other, dict):
+        return "" if str(one) == str(other) else f"{path}: before {before}, after {after}"
+    keys = [key for key in {**one, **other} if key != "said"]
+    found = (difference(one.get(key, "-"), other.get(key, "-"), f"{path} {key}") for key in keys)
+    return next(filter(None, found), "")
+
+
+def compare(before: Path, after: Path, parts_: list[str], shown: int = 8) -> int:
+    """Print what differs between two folders of answers; return 1 if anything does."""
+    differs = False
+    for part in parts_:
+        files = [folder / f"{part}.jsonl" for folder in (before, after)]
+        one, other = (dict(map(json.loads, file.open())) if file.exists() else {} for file in files)
+        both = [name for name in one if name in other]
+        lines = [line for name in both if (line := difference(one[name], other[name], name))]
+        print(f"{part}: {len(lines)} of {len(both)} differ" if lines else f"{part}: equal")
+        print(*(f"  {line:.300}\n" for line in lines[:shown]), sep="", end="")
+        for words, some, rest in (("before", one, other), ("after", other, one)):
+            alone = [name for name in some if name not in rest]
+            heads = [name for name in alone if name.rpartition(" ")[0] not in alone]
+            print(f"  only {words}: {', '.join(heads)}\n" if heads else "", end="")
+            differs |= bool(alone or lines)
+    return int(differs)
 
 
 if __name__ == "__main__":

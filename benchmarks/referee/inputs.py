@@ -1,6 +1,4 @@
-"""What both programs read: made by the earlier one."""
-
-from __future__ import annotations
+"""What both programs read, made with the earlier one."""
 
 import json
 import random
@@ -8,54 +6,33 @@ import re
 import shutil
 from pathlib import Path
 
-from .parts import ports, shipped_trees
-from .program import Program
-
-# What is replaced once in a tree file, and by what.
-MISTAKES = (
-    (r' \w+="[^"]*"', ""),
-    (r'="[^"]*"', '="x"'),
-    (r'="[^"]*"', '="{nobody}"'),
-    (r'="[^"]*"', '="{@phase}"'),
-    (r"<(\w+)", r"<\1x"),
-    (r"<\w+[^<>]*/>", ""),
-    (r"(<\w+[^<>]*/>)", r"\1\1"),
-    (r"(<\w+[^<>]*/>)", r"<Parallel>\1\1</Parallel>"),
-    (r"\d+", "-7"),
-    (r"/>", ">"),
-)
+from .program import HERE, TABLE, Program
 
 
-def make_inputs(program: Program, folder: Path, traces: Path | None, cases: Path | None) -> None:
+def make_inputs(program: Program, root: Path, folder: Path, traces: Path | None) -> None:
     """Copy tree files, write mistakes into some, and write scripts for the shipped ones."""
     shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(program.root / "trees", folder / "trees/shipped")
-    shutil.copytree(program.root / "tests/data", folder / "trees/data")
+    shutil.copytree(HERE / "boards", folder / "boards")
+    shutil.copytree(root / "trees", folder / "trees/shipped")
+    shutil.copytree(root / "tests/data", folder / "trees/data")
     shutil.copy(traces or folder / "trees/data/bt_traces_sample.jsonl", folder / "traces.jsonl")
-    if cases:
-        shutil.copytree(cases, folder / "trees/cases")
-    (folder / "trees/wrong").mkdir()
-    (folder / "scripts").mkdir()
+    draw = random.Random(0)  # noqa: S311
     files = sorted((folder / "trees/shipped").rglob("*.xml"))
-    for seed in range(200):
-        draw = random.Random(seed)  # noqa: S311
+    for number in range(200):
         text = (file := draw.choice(files)).read_text()
-        wrong, new = draw.choice(MISTAKES)
+        wrong, new = draw.choice(TABLE["mistakes"])
         place = draw.choice(list(re.finditer(wrong, text)))
         text = text[: place.start()] + place.expand(new) + text[place.end() :]
-        (folder / f"trees/wrong/{file.stem}-{seed}.xml").write_text(text)
-    nodes = dict(ports(program, folder))
-    trees = shipped_trees(program)
-    drawings = program.many([["tree", "render", tree] for tree in trees], folder)
-    for tree, drawing in zip(trees, drawings, strict=True):
-        ids = sorted(set(re.findall(r"-- (\w+)", drawing.stdout)))
-        for seed in range(6):
-            draw = random.Random(seed)  # noqa: S311
+        (folder / f"trees/wrong-{number}-{file.name}").write_text(text)
+    nodes = {
+        name.split()[-1]: one for name, one in program.short(folder, ["tree nodes --format json"])
+    }
+    for name, drawing in program.short(folder, program.lines(["tree render TREE"])):
+        for number in range(6):
             leaves = {
-                one: "".join(draw.choices([word[0] for word in nodes[one]["answers"]], k=5))
-                for one in ids
-                if nodes.get(one, {}).get("kind") in ("Action", "Condition")
-                and not nodes[one]["builtin"]
+                one: "".join(word[0] for word in draw.choices(nodes[one]["answers"], k=5))
+                for one in sorted(nodes.keys() & set(re.findall(r"-- (\w+)", str(drawing))))
+                if nodes[one]["kind"] in ("Action", "Condition") and not nodes[one]["builtin"]
             }
             script = json.dumps({"leaves": leaves, "default": "S"})
-            (folder / f"scripts/{tree}-{seed}.yaml").write_text(script)
+            (folder / f"{name.split()[-1]}-{number}.yaml").write_text(script)

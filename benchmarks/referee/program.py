@@ -1,32 +1,33 @@
-"""An installed program, driven by its command line, and the files that it writes."""
-
-from __future__ import annotations
+"""An installed program, driven by its command line, and its answers."""
 
 import csv
 import hashlib
 import json
 import os
+import re
 import shlex
 import subprocess
-import sys
 import tempfile
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import av
 from mcap.reader import make_reader
 
-Done = subprocess.CompletedProcess[str]
-WARM = Path(__file__).with_name("warm.py")
-TOPICS = ["/drone/truth", "/mission/commands", "/mission/tick"]
+from .loopback import fly
+
+HERE = Path(__file__).parent
+TABLE = tomllib.loads((HERE / "table.toml").read_text())
+Rows = Iterator[tuple[str, Any]]
 
 
 class Program:
     """A worktree of this repository and the Python that runs it."""
 
-    def __init__(self, root: Path, scratch: Path, python: str = sys.executable) -> None:
-        self.root, self.python = root.resolve(), python
+    def __init__(self, root: Path, scratch: Path, python: str) -> None:
+        self.python, self.root = python, root
         info = scratch / "uav_bt-0.dist-info"  # the plug-ins of this worktree, not the installed
         info.mkdir()
         (info / "METADATA").write_text("Name: uav_bt\nVersion: 0\n")
@@ -34,72 +35,96 @@ class Program:
         with (info / "entry_points.txt").open("w") as file:
             for group, entries in project["entry-points"].items():
                 file.writelines([f"[{group}]\n", *(f"{key}={entries[key]}\n" for key in entries)])
-        path = os.pathsep.join((str(self.root), str(scratch)))
-        self.environment = {**os.environ, "PYTHONPATH": path, "NO_COLOR": "1", "COLUMNS": "100"}
+        self.environment = {**os.environ, "PYTHONPATH": f"{root}:{scratch}", "COLUMNS": "100"}
+        trees = sorted(file for file in root.glob("trees/**/*.xml") if file.parent.name != "lib")
+        self.trees = [file.stem for file in trees]
 
-    def start(self, *words: str | Path, cwd: Path, text: str = "") -> Done:
-        """Run Python with these words until it ends."""
-        return subprocess.run(  # noqa: S603
-            [self.python, *words],
-            cwd=cwd,
-            env=self.environment,
-            input=text,
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=900,
-        )
+    def lines(self, lines: list[str]) -> list[str]:
+        """Return lines of the table; one with TREE once for each shipped mission."""
+        trees = {line: self.trees if "TREE" in line else [""] for line in lines}
+        return [line.replace("TREE", tree) for line in lines for tree in trees[line]]
 
-    def many(self, lines: list[list[str]], cwd: Path) -> list[Done]:
-        """Run short commands in a folder; the program is loaded once for all of them."""
-        with tempfile.TemporaryDirectory() as name:
-            codes = self.start(WARM, name, cwd=cwd, text=json.dumps(lines)).stdout.split()
-            texts = [
-                [Path(name, f"{number}.{stream}").read_text() for stream in (1, 2)]
-                for number in range(len(lines))
-            ]
-        return [Done((), int(codes[n - len(lines)]), *text) for n, text in enumerate(texts)]
+    def start(self, words: list[str], cwd: Path, text: str = "") -> tuple[int, str, str]:
+        """Run Python with these words; return its exit code, output and errors."""
+        given = {"cwd": cwd, "env": self.environment, "input": text, "timeout": 900}
+        done = subprocess.run([self.python, *words], capture_output=True, text=True, **given)  # noqa: PLW1510, S603
+        return done.returncode, done.stdout.replace(f"{self.root}/", ""), done.stderr
 
-    def files(self, line: str, inputs: Path) -> dict[str, Any]:
-        """Run commands, with && between, in an empty folder; return what they print and write."""
-        with tempfile.TemporaryDirectory() as name:
-            rows: dict[str, Any] = {}
+    def short(self, inputs: Path, lines: list[str]) -> Rows:
+        """Run short commands, for which the program is loaded once; named objects are answers."""
+        held = shlex.join(sorted(str(file.relative_to(inputs)) for file in inputs.rglob("*.xml")))
+        full = [one.replace("HELD", held).replace("SHIPPED", " ".join(self.trees)) for one in lines]
+        text = json.dumps([shlex.split(line) for line in full])
+        _, out, _ = self.start([str(HERE / "warm.py")], inputs, text)
+        for line, end in zip(lines, json.loads(out), strict=True):
+            found = answer(line, *end)
+            objects = found.pop("printed") if isinstance(found["printed"], dict) else {}
+            yield from [(line, found), *((f"{line} {name}", one) for name, one in objects.items())]
+
+    def long(self, inputs: Path, line: str, folder: Path | None = None) -> Rows:
+        """Run commands, with && between, in a folder; what they print and write is one answer."""
+        with tempfile.TemporaryDirectory() as empty:
+            found: dict[str, Any] = {}
             for one in line.replace("INPUTS", str(inputs)).split(" && "):
-                words = shlex.split(one)
-                rows[f"uav-bt {words[0]}"] = answer(
-                    self.start("-m", "uav_bt", *words, cwd=Path(name))
-                )
-            files = sorted(path for path in Path(name).rglob("*") if path.is_file())
-            return rows | {str(file.relative_to(name)): content(file) for file in files}
+                full = one if one.startswith("-m") else f"-m uav_bt {one}"
+                words = shlex.split(f"{full} {TABLE['outputs']}" if "bt fly" in full else full)
+                found[words[2]] = answer(one, *self.start(words, folder or Path(empty)))
+            files = sorted(path for path in Path(empty).rglob("*") if path.is_file())
+            yield line, {**found, **{file.name: content(file) for file in files}}
+
+    def loopback(self, inputs: Path) -> Rows:
+        """Fly a loopback ANAFI by its protocol."""
+        words = [self.python, "-m", "uav_bt", *shlex.split(TABLE["loopback"])]
+        server = subprocess.Popen(words, cwd=inputs, env=self.environment, stdout=-1, text=True)  # noqa: S603
+        try:
+            port = re.search(r"discovery (\d+)", next(server.stdout or iter([""])))
+            yield "events", fly("127.0.0.1", int(port[1]), TABLE["script"]) if port else None
+        finally:
+            server.terminate()
 
 
-def answer(done: Done) -> dict[str, Any]:
-    """Return the exit code, printed JSON, and the last words of a failed command."""
-    said = (done.stderr.strip() or done.stdout.strip()).rpartition("\n")[2]
-    return {
-        "exit": done.returncode,
-        "printed": json.loads(done.stdout) if done.stdout[:1] in "{[" and done.stdout else None,
-        "said": said if done.returncode else "",
-    }
+def answer(line: str, code: int, out: str, errors: str) -> dict[str, Any]:
+    """Return a command's exit code, what it printed, and its last words if it failed."""
+    printed: Any = None
+    if "--help" in line:  # options with default and range, commands
+        entries = re.findall(r"(?m)^  (-.*?|[a-z-]+)(?:  (.*))?$", re.sub(r"\n {5,}", "  ", out))
+        notes = r"\[(?:default|required|x|\d)[^\]]*\]"
+        printed = {head: re.findall(notes, said) for head, said in entries}
+    elif "json" in line and out:
+        printed = json.loads(out if out[1] == "\n" else f"[{','.join(out.splitlines())}]")
+    elif "tree render" in line or "conformance" in line:
+        printed = out.splitlines()
+    said = errors.strip().rpartition("\n")[2] if code else ""
+    return {"exit": code, "said": said, "printed": plain(printed)}
 
 
 def content(file: Path) -> Any:
     """Return what is compared of a file."""
-    match file.suffix:
-        case ".json":
-            return json.loads(file.read_text())
-        case ".jsonl":
-            return [json.loads(line) for line in file.read_text().splitlines()]
-        case ".csv":
-            return list(csv.DictReader(file.read_text().splitlines()))
-        case ".mp4":
-            with av.open(file) as film:
-                images = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
-            return [f"{image.shape} {hashlib.sha256(image.data).hexdigest()}" for image in images]
-        case ".mcap":
-            ticks: dict[str, list[Any]] = {topic: [] for topic in TOPICS}
-            with file.open("rb") as stream:
-                for _, channel, message in make_reader(stream).iter_messages(TOPICS):
-                    ticks[channel.topic].append(json.loads(message.data))
-            return ticks
+    if file.suffix in (".json", ".jsonl"):
+        text = file.read_text()
+        return json.loads(text if file.suffix == ".json" else f"[{','.join(text.splitlines())}]")
+    if file.suffix == ".csv":
+        return list(csv.DictReader(file.read_text().splitlines()))
+    if file.suffix == ".mp4":
+        with av.open(file) as film:
+            images = [frame.to_ndarray() for frame in film.decode(video=0)]
+        return [[*image.shape, hashlib.sha256(image.data).hexdigest()] for image in images]
+    if file.suffix == ".mcap":
+        with file.open("rb") as stream:
+            ticks = make_reader(stream).iter_messages(TABLE["topics"])
+            return [json.loads(message.data) for _, _, message in ticks]
     return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def plain(value: Any) -> Any:
+    """Return a value without wall times and words, with lists of named objects by name."""
+    match value:
+        case dict():
+            return {key: plain(value[key]) for key in value if key not in TABLE["left_out"]}
+        case [{"file": _} | {"node_id": _} | {"name": _}, *_]:
+            return {next(iter(one.values())): plain(one) for one in value}
+        case list():
+            return [plain(one) for one in value]
+        case str() if " " not in value:
+            return value.rpartition("/")[2]  # of the path of a node or file the last name
+    return value
