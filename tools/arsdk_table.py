@@ -22,6 +22,9 @@ HEADER = """\
 #   MEMORY state | note (an event, nothing to remember) | list | map=KEY (one for each key)
 """
 
+ABSENT = {"cellular", "followme", "sequoia", "stereo_vision_sensor", "thermal", "thermal_cam"}
+"""Parts of other drones, and of a phone's application."""
+
 BUFFERS = {"NON_ACK": "noack", "HIGH_PRIO": "prio"}
 
 
@@ -77,7 +80,8 @@ def messages(root: ET.Element) -> Iterator[tuple[str, bool, str, ET.Element]]:
 
 def table(folder: Path) -> str:
     """Return the table of all files of a folder."""
-    roots = [ET.parse(path).getroot() for path in sorted(folder.glob("*.xml"))]  # noqa: S314 (ours)
+    files = [path for path in sorted(folder.glob("*.xml")) if path.stem not in ABSENT]
+    roots = [ET.parse(path).getroot() for path in files]  # noqa: S314 (ours)
     generic = next((root for root in roots if root.get("name") == "generic"), None)
     shared = {} if generic is None else named_enums(generic)
     lines: list[str] = []
