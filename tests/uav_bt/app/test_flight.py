@@ -251,15 +251,6 @@ def test_exact_masks_come_from_the_referee_at_the_networks_size() -> None:
 # --- refusals before take-off ---------------------------------------------------------------------
 
 
-def test_a_report_without_a_folder_is_refused_before_there_is_a_drone(
-    hangar: Hangar, tmp_path: Path
-) -> None:
-    report = tmp_path / "nowhere" / "report.json"
-    with pytest.raises(FileError, match="nowhere' does not exist; create it first"):
-        app.fly(tree_file(tmp_path, HOP), SCRIPTED, report=report)
-    assert hangar.asked == []
-
-
 def test_an_unknown_policy_of_a_node_is_refused_before_there_is_a_drone(
     hangar: Hangar,
 ) -> None:
@@ -439,11 +430,8 @@ def test_a_film_that_cannot_be_finished_is_lost_and_the_report_names_it(
     assert json.loads(path.read_text(encoding="utf-8"))["lost_outputs"] == report.lost_outputs
 
 
-def test_a_film_is_no_other_output_and_no_input(hangar: Hangar, tmp_path: Path) -> None:
+def test_a_film_is_a_file_of_one_tree(hangar: Hangar, tmp_path: Path) -> None:
     tree = tree_file(tmp_path, HOP)
-    for given in ({"video": tmp_path / "a.mp4", "report": tmp_path / "a.mp4"}, {"video": tree}):
-        with pytest.raises(FileError):
-            app.fly(tree, SCRIPTED, **given)
     with pytest.raises(InputError, match="video"):
         app.fly(tree, SCRIPTED, video=3)
     with pytest.raises(InputError, match="watch: a video shows one tree"):

@@ -313,15 +313,6 @@ def test_report_and_record_keep_the_lab_and_a_replay_flies_in_it(
     assert replayed.options.site.limits.speed_mps == 0.4
 
 
-def test_no_output_overwrites_a_file_of_the_lab(make_lab: MakeLab) -> None:
-    folder = make_lab()
-    (folder / "camera.yaml").touch()
-    make_lab(f"{MARK}camera: camera.yaml\n", scenes=("one",))
-    for name in ("lab.yaml", "camera.yaml", "scenes/one.yaml"):
-        with pytest.raises(FileError, match="is an input and would be overwritten"):
-            app.fly("land_only", drone="plain", lab="hall", report=folder / name)
-
-
 # --- before any drone -----------------------------------------------------------------------------
 
 

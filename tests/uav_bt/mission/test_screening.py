@@ -24,7 +24,6 @@ CAMERA = pinhole()
 STATE = DroneState(captured_s=1.0, flying=FlyingState.HOVERING, altitude_m=1.5, height_m=1.5)
 
 HALF = np.zeros((18, 32, 3), np.uint8)
-EMPTY = np.zeros((0, 0, 3), np.uint8)
 
 
 def observed(state: DroneState, *, index: int = 0, **changes: Any) -> Observation:

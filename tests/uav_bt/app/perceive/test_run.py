@@ -294,22 +294,6 @@ def test_masks_need_a_folder_without_files(tmp_path: Path, images: list[Image]) 
         perceive.perceive(str(folder), CONTACT, masks=tmp_path / "masks", lines=lines)
 
 
-@pytest.mark.parametrize("what", ["out", "lines"])
-def test_what_is_read_is_never_written_over(tmp_path: Path, images: list[Image], what: str) -> None:
-    source = write_video(tmp_path / "flight.mp4", images)
-    before = source.read_bytes()
-    with pytest.raises(InputError, match="would overwrite an input"):
-        perceive.perceive(str(source), CONTACT, **{what: source})
-    assert source.read_bytes() == before
-
-
-def test_a_file_in_a_missing_folder_is_refused(tmp_path: Path, images: list[Image]) -> None:
-    folder = write_images(tmp_path / "views", images[:1])
-    for given in ({"out": tmp_path / "no" / "a.mp4"}, {"lines": tmp_path / "no" / "a.jsonl"}):
-        with pytest.raises(FileError, match="cannot be written"):
-            perceive.perceive(str(folder), CONTACT, **given)
-
-
 @pytest.mark.parametrize(
     "options",
     [

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import datetime as dt
 import json
-import re
 from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
@@ -580,14 +579,6 @@ def test_a_campaign_that_was_refused_says_how_it_is_flown(tmp_path: Path) -> Non
         f"{folder}: this campaign has no flight yet; `uav-bt campaign --resume {folder}` flies it, "
         f"and `uav-bt campaign TREE... --out {folder}` flies another one in its place"
     )
-
-
-def test_a_page_that_cannot_be_written_raises(tmp_path: Path) -> None:
-    folder = campaign(tmp_path / "c", flight(0))
-    (tmp_path / "r.html").mkdir()
-    with pytest.raises(FileError, match=re.escape(f"{tmp_path / 'r.html'}: cannot be written")):
-        write(tmp_path / "r.html", folder)
-    assert not (tmp_path / "r.html.part").exists()
 
 
 def test_pictures_differ_with_what_they_show(tmp_path: Path) -> None:
