@@ -79,12 +79,16 @@ def difference(before: Any, after: Any, path: str) -> str:
     return next(filter(None, found), "")
 
 
+def read(file: Path) -> dict[str, Any]:
+    """Return the answers in a file by name; none if a part has none."""
+    return dict(map(json.loads, file.read_text().splitlines())) if file.exists() else {}
+
+
 def compare(before: Path, after: Path, parts_: list[str], shown: int = 8) -> int:
     """Print what differs between two folders of answers; return 1 if anything does."""
     differs = False
     for part in parts_:
-        files = [folder / f"{part}.jsonl" for folder in (before, after)]
-        one, other = (dict(map(json.loads, file.open())) if file.exists() else {} for file in files)
+        one, other = (read(folder / f"{part}.jsonl") for folder in (before, after))
         both = [name for name in one if name in other]
         lines = [line for name in both if (line := difference(one[name], other[name], name))]
         print(f"{part}: {len(lines)} of {len(both)} differ" if lines else f"{part}: equal")

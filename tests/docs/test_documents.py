@@ -71,6 +71,7 @@ NOT_HERE: Final = {
     "uav-bt net perceive walk.mp4": "needs a camera's video",
     "uav-bt lab pick": "serves a browser until Ctrl-C",
     "xmllint": "is a package of the system",
+    "git worktree": "needs a repository",
     "uav-bt lab train": "needs images and picks; tests/uav_bt/cli/test_lab_train.py runs it",
     "uav-bt lab check": "needs images and picks; tests/uav_bt/cli/test_lab_train.py runs it",
     "uav-bt fly land_only --lab hall": "needs a drone",
