@@ -24,23 +24,20 @@ def main() -> int:
     parser.add_argument("action", choices=["make", "compare"])
     parser.add_argument("folder", type=Path, help="the baseline, outside the repository")
     parser.add_argument("--program", type=Path, required=True, help="root of a worktree")
-    parser.add_argument("--python", default=sys.executable, help="the Python that runs it")
     parser.add_argument("--quick", action="store_true", help="only what takes a minute")
-    parser.add_argument("--only", nargs="+", metavar="PART", help="only these parts")
-    parser.add_argument("--jobs", type=int, default=2, help="processes at a time")
     parser.add_argument("--traces", type=Path, help="make: traces of the engine, else a sample")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        program = Program(given.program.resolve(), Path(scratch), given.python)
+        program = Program(given.program.resolve(), Path(scratch), sys.executable)
         before, inputs = given.folder.resolve(), given.folder.resolve() / "inputs"
         after = before if given.action == "make" else Path(scratch)
-        if given.action == "make" and not given.only:
+        if given.action == "make":
             make_inputs(program, given.program, inputs, given.traces)
             for line in [] if given.quick else TABLE["make"]:
                 list(program.long(inputs, line, inputs))
         found: dict[str, dict[str, Any]] = {}
-        jobs = [one for one in parts(program, quick=given.quick) if one[0] in (given.only or one)]
-        with ThreadPoolExecutor(given.jobs) as pool:
+        jobs = parts(program, quick=given.quick)
+        with ThreadPoolExecutor(2) as pool:
             for (part, _), rows in zip(jobs, pool.map(partial(answers, inputs), jobs), strict=True):
                 found.setdefault(part, {}).update(rows)
         for part, rows in found.items():
