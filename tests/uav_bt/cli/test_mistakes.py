@@ -185,7 +185,6 @@ MISTAKES = [
     ("lab check paper --flight binary.bin", "binary.bin"),
     ("net train depth absent.mcap", "absent.mcap"),
     ("net train depth binary.bin", "binary.bin"),
-    ("net train depth old.npz", "uav-bt fly ... --record FILE.mcap"),
     ("net train student photos", "photos"),
     ("net evaluate depth --model absent.onnx", "there is no such network"),
     ("net evaluate depth --model binary.bin", "is not a readable ONNX network"),
