@@ -10,8 +10,7 @@ import pytest
 
 from tests.worlds.trees import document
 from tests.worlds.values import motion
-from uav_bt.board import MISSION_KEYS, ODOMETRY, STATE
-from uav_bt.board.blackboard import Blackboard
+from uav_bt.board import ODOMETRY, STATE
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome
 from uav_bt.mission.limits import Limits
@@ -149,9 +148,7 @@ def fly(
     drone: ScriptedDrone, *, then: str | None = None, until_s: float = 30.0
 ) -> tuple[Outcome, Records]:
     """Fly a landing; `then` is another tree, offered from the start of the descent."""
-    context = MissionContext(
-        board=Blackboard(drone.clock, MISSION_KEYS), clock=drone.clock, proposals=Proposals()
-    )
+    context = MissionContext(clock=drone.clock)
     records = Records()
 
     def next_tree() -> MissionTree | None:

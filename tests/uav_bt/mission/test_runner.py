@@ -11,9 +11,8 @@ from typing import ClassVar, Self
 import pytest
 
 from tests.worlds.trees import document
-from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, MISSION_KEYS, ODOMETRY, PHASE, STATE
-from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.context import MissionContext, Proposals
+from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, STATE
+from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, NodeFailedError, ProposalConflictError
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome
@@ -244,12 +243,7 @@ class Flight:
     ) -> None:
         self.drone = drone or ScriptedDrone()
         self.tree = tree_of(body)
-        self.context = MissionContext(
-            board=Blackboard(self.drone.clock, MISSION_KEYS),
-            clock=self.drone.clock,
-            proposals=Proposals(),
-            policy=lambda name: pytest.fail(f"asked for policy {name}"),
-        )
+        self.context = MissionContext(clock=self.drone.clock)
         self.tree.setup(self.context)
         self.records = Records()
         self.runner = MissionRunner(
@@ -342,12 +336,7 @@ def test_real_time_stands_still_within_a_tick() -> None:
                 drone.clock.advance(0.03)  # as a real clock would
             return Status.RUNNING
 
-    context = MissionContext(
-        board=Blackboard(clock, MISSION_KEYS),
-        clock=clock,
-        proposals=Proposals(),
-        policy=lambda name: pytest.fail(f"asked for policy {name}"),
-    )
+    context = MissionContext(clock=clock)
     tree = MissionTree(Computes())
     tree.setup(context)
     records = Records()
@@ -415,12 +404,7 @@ def test_a_tick_observes_then_thinks_then_sends_then_tells_then_waits() -> None:
             return Status.RUNNING
 
     drone = Noting()
-    context = MissionContext(
-        board=Blackboard(drone.clock, MISSION_KEYS),
-        clock=drone.clock,
-        proposals=Proposals(),
-        policy=lambda name: pytest.fail(f"asked for policy {name}"),
-    )
+    context = MissionContext(clock=drone.clock)
     tree = MissionTree(Thinks())
     tree.setup(context)
     tells = [At(index, lambda: calls.append("tell")) for index in (0, 1)]
@@ -1042,12 +1026,7 @@ def test_a_gimbal_command_reaches_the_drone_with_the_movement() -> None:
             return Status.RUNNING
 
     drone = ScriptedDrone()
-    context = MissionContext(
-        board=Blackboard(drone.clock, MISSION_KEYS),
-        clock=drone.clock,
-        proposals=Proposals(),
-        policy=lambda name: pytest.fail(f"asked for policy {name}"),
-    )
+    context = MissionContext(clock=drone.clock)
     tree = MissionTree(Nod())
     tree.setup(context)
     MissionRunner(drone, tree, context, Judge(JudgeConfig(patience_s=0.3))).run()

@@ -8,9 +8,7 @@ from typing import ClassVar
 import pytest
 
 from tests.worlds.trees import World
-from uav_bt.board import MISSION_KEYS
-from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.context import MissionContext, Proposals
+from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.mission.flight_log import FlightLog
@@ -125,12 +123,7 @@ def test_a_flight_reports_it(wall: ManualClock) -> None:
     drone = ScriptedDrone()
     leaves = [Blocks("b", blocks="update", for_s=0.75), Blocks("t", blocks="terminate", for_s=2.0)]
     tree = MissionTree(Parallel("s", leaves), name="Mission")
-    context = MissionContext(
-        board=Blackboard(drone.clock, MISSION_KEYS),
-        clock=drone.clock,
-        proposals=Proposals(),
-        policy=lambda name: pytest.fail(f"asked for policy {name}"),
-    )
+    context = MissionContext(clock=drone.clock)
     tree.setup(context)
     log = FlightLog()
     records: list[TickRecord] = []
