@@ -1,44 +1,60 @@
-"""A client of the loopback ANAFI, without Parrot's SDK."""
+"""Serve a loopback ANAFI and fly it by its protocol, without Parrot's SDK; print its events."""
 
 import json
+import re
 import socket
 import struct
-from typing import Any
+import subprocess
+import sys
+
+# Commands with their arguments, and the event that ends each.
+SCRIPT = (
+    ("00020000", "0.3.0"),  # all settings
+    ("00040000", "0.5.0"),  # all states
+    ("01000100", "1.4.1 2"),  # take off, hovering
+    ("01000700" + struct.pack("<4f", 0.5, 0, 0, 0).hex(), "1.34.0 0"),  # move by 0.5 m
+    ("01000300", "1.4.1 0"),  # land, landed
+)
 
 
-def fly(host: str, discovery: int, script: list[dict[str, Any]]) -> list[str]:
-    """Send commands, each after the event that ends the one before; return the events."""
+def fly(discovery: int) -> list[str]:
+    """Send each command after the end of the one before; return the names of events."""
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    link.bind((host, 0))
+    link.bind(("127.0.0.1", 0))
     link.settimeout(60)
-    keep = socket.create_connection((host, discovery))  # the drone is gone when this closes
-    card = json.loads(keep.recv(4096).rstrip(b"\0"))
-    request = {"d2c_port": link.getsockname()[1], "device_id": card["serial"], "proto_v_max": 2}
-    with socket.create_connection((host, card["port"])) as control:
-        control.sendall(json.dumps(request).encode() + b"\0")
-        drone = host, json.loads(control.recv(4096).rstrip(b"\0"))["c2d_port"]
-    came, last = [], -1
-    for number, step in enumerate(script):
-        data = struct.pack(f"<BBH{len(step['values'])}f", *step["command"], *step["values"])
-        frame = struct.pack("<BBBHBH", 12, 4, 11, number, len(data) + 2, len(data))
-        link.sendto(frame + data, drone)
-        begun = len(came)
-        while step["end"] not in came[begun:]:
+    keep = socket.create_connection(("127.0.0.1", discovery))  # closed, the client is gone
+    with socket.create_connection(("127.0.0.1", json.loads(keep.recv(4096)[:-1])["port"])) as link_:
+        link_.sendall(json.dumps({"d2c_port": link.getsockname()[1], "proto_v_max": 2}).encode())
+        drone = "127.0.0.1", json.loads(link_.recv(4096)[:-1])["c2d_port"]
+
+    def send(kind: int, buffer: int, sequence: int, payload: bytes) -> None:
+        head = struct.pack("<BBBHB", 12, kind, buffer, sequence, len(payload))
+        link.sendto(head + payload, drone)
+
+    events: set[str] = set()
+    for number, (command, end) in enumerate(SCRIPT):
+        send(4, 11, number, struct.pack("<H", len(command) // 2) + bytes.fromhex(command))
+        while end not in events:
             rest = link.recv(65536)
             while len(rest) > 6:
                 _, kind, buffer, sequence, size, more = struct.unpack_from("<BBBHBB", rest)
                 start, size = (7, size - 128 + 128 * more) if size > 127 else (6, size)
-                events, rest = rest[start : start + size], rest[start + size :]
+                payload, rest = rest[start : start + size], rest[start + size :]
                 if buffer == 0:  # a ping
-                    link.sendto(struct.pack("<BBBHB", 12, 2, 1, sequence, size) + events, drone)
+                    send(2, 1, sequence, payload)
                 if kind == 4:  # to be acknowledged
-                    ack = struct.pack("<BBBHBH", 12, 1, buffer + 128, 0, 2, sequence)
-                    link.sendto(ack, drone)
-                while buffer == 126 and events and sequence != last:
-                    stop = 2 + int.from_bytes(events[:2], "little")
-                    name = "{}.{}.{}".format(*struct.unpack_from("<BBH", events, 2))
-                    name += f" {events[stop - 4]}" if name in step["states"] else ""
-                    came += [name] if name == step["end"] or step["all"] else []
-                    events = events[stop:]
-                last = sequence if buffer == 126 else last
-    return came
+                    send(1, buffer + 128, 0, struct.pack("<H", sequence))
+                while buffer == 126 and payload:
+                    stop = 2 + int.from_bytes(payload[:2], "little")
+                    name = "{}.{}.{}".format(*struct.unpack_from("<BBH", payload, 2))
+                    events |= {name} if number < 2 else {end} & {f"{name} {payload[stop - 4]}"}
+                    payload = payload[stop:]
+    return sorted(events)
+
+
+words = [sys.executable, "-m", "uav_bt", *sys.argv[1:]]
+with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603
+    try:
+        print(json.dumps(fly(int(re.findall(r"discovery (\d+)", next(server.stdout))[0]))))
+    finally:
+        server.terminate()

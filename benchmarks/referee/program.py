@@ -16,8 +16,6 @@ from typing import Any
 import av
 from mcap.reader import make_reader
 
-from .loopback import fly
-
 HERE = Path(__file__).parent
 TABLE = tomllib.loads((HERE / "table.toml").read_text())
 Rows = Iterator[tuple[str, Any]]
@@ -27,33 +25,40 @@ class Program:
     """A worktree of this repository and the Python that runs it."""
 
     def __init__(self, root: Path, scratch: Path, python: str) -> None:
-        self.python, self.root = python, root
+        self.root, self.python = root.resolve(), python
         info = scratch / "uav_bt-0.dist-info"  # the plug-ins of this worktree, not the installed
         info.mkdir()
         (info / "METADATA").write_text("Name: uav_bt\nVersion: 0\n")
         project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
-        with (info / "entry_points.txt").open("w") as file:
-            for group, entries in project["entry-points"].items():
-                file.writelines([f"[{group}]\n", *(f"{key}={entries[key]}\n" for key in entries)])
-        self.environment = {**os.environ, "PYTHONPATH": f"{root}:{scratch}", "COLUMNS": "100"}
-        trees = sorted(file for file in root.glob("trees/**/*.xml") if file.parent.name != "lib")
-        self.trees = [file.stem for file in trees]
+        groups = project["entry-points"].items()
+        texts = ["\n".join([f"[{name}]", *map(" = ".join, each.items())]) for name, each in groups]
+        (info / "entry_points.txt").write_text("\n".join(texts))
+        self.environment = {**os.environ, "PYTHONPATH": f"{self.root}:{scratch}", "COLUMNS": "100"}
+        files = [file for file in root.glob("trees/**/*.xml") if file.parent.name != "lib"]
+        self.trees = sorted(file.stem for file in files)
 
-    def lines(self, lines: list[str]) -> list[str]:
-        """Return lines of the table; one with TREE once for each shipped mission."""
-        trees = {line: self.trees if "TREE" in line else [""] for line in lines}
-        return [line.replace("TREE", tree) for line in lines for tree in trees[line]]
+    def lines(self, line: str) -> list[str]:
+        """Return a line of the table for each shipped mission if it has TREE."""
+        return [line.replace("TREE", tree) for tree in self.trees] if "TREE" in line else [line]
 
     def start(self, words: list[str], cwd: Path, text: str = "") -> tuple[int, str, str]:
         """Run Python with these words; return its exit code, output and errors."""
-        given = {"cwd": cwd, "env": self.environment, "input": text, "timeout": 900}
+        given = {"cwd": cwd, "env": self.environment, "input": text, "timeout": 1800}
         done = subprocess.run([self.python, *words], capture_output=True, text=True, **given)  # noqa: PLW1510, S603
         return done.returncode, done.stdout.replace(f"{self.root}/", ""), done.stderr
+
+    def answers(self, inputs: Path, lines: str | list[str]) -> dict[str, Any]:
+        """Return the answers by command line; that they failed is one of them."""
+        try:
+            whole = isinstance(lines, str)
+            return dict(self.long(inputs, lines) if whole else self.short(inputs, lines))
+        except (OSError, ValueError, LookupError, TypeError, subprocess.SubprocessError) as error:
+            return {f"{lines} failed": repr(error)}
 
     def short(self, inputs: Path, lines: list[str]) -> Rows:
         """Run short commands, for which the program is loaded once; named objects are answers."""
         held = shlex.join(sorted(str(file.relative_to(inputs)) for file in inputs.rglob("*.xml")))
-        full = [one.replace("HELD", held).replace("SHIPPED", " ".join(self.trees)) for one in lines]
+        full = [line.format(held=held, shipped=" ".join(self.trees)) for line in lines]
         text = json.dumps([shlex.split(line) for line in full])
         _, out, _ = self.start([str(HERE / "warm.py")], inputs, text)
         for line, end in zip(lines, json.loads(out), strict=True):
@@ -65,22 +70,12 @@ class Program:
         """Run commands, with && between, in a folder; what they print and write is one answer."""
         with tempfile.TemporaryDirectory() as empty:
             found: dict[str, Any] = {}
-            for one in line.replace("INPUTS", str(inputs)).split(" && "):
-                full = one if one.startswith("-m") else f"-m uav_bt {one}"
-                words = shlex.split(f"{full} {TABLE['outputs']}" if "bt fly" in full else full)
-                found[words[2]] = answer(one, *self.start(words, folder or Path(empty)))
+            for one in line.split(" && "):
+                words = shlex.split(one.format(inputs=inputs, here=HERE, out=TABLE["out"]))
+                words = words if one[0] in "-{" else ["-m", "uav_bt", *words]
+                found[one.split()[0]] = answer(one, *self.start(words, folder or Path(empty)))
             files = sorted(path for path in Path(empty).rglob("*") if path.is_file())
-            yield line, {**found, **{file.name: content(file) for file in files}}
-
-    def loopback(self, inputs: Path) -> Rows:
-        """Fly a loopback ANAFI by its protocol."""
-        words = [self.python, "-m", "uav_bt", *shlex.split(TABLE["loopback"])]
-        server = subprocess.Popen(words, cwd=inputs, env=self.environment, stdout=-1, text=True)  # noqa: S603
-        try:
-            port = re.search(r"discovery (\d+)", next(server.stdout or iter([""])))
-            yield "events", fly("127.0.0.1", int(port[1]), TABLE["script"]) if port else None
-        finally:
-            server.terminate()
+            yield line, {**found, **{file.name: plain(content(file)) for file in files}}
 
 
 def answer(line: str, code: int, out: str, errors: str) -> dict[str, Any]:
@@ -90,7 +85,7 @@ def answer(line: str, code: int, out: str, errors: str) -> dict[str, Any]:
         entries = re.findall(r"(?m)^  (-.*?|[a-z-]+)(?:  (.*))?$", re.sub(r"\n {5,}", "  ", out))
         notes = r"\[(?:default|required|x|\d)[^\]]*\]"
         printed = {head: re.findall(notes, said) for head, said in entries}
-    elif "json" in line and out:
+    elif out[:1] in ("{", "["):
         printed = json.loads(out if out[1] == "\n" else f"[{','.join(out.splitlines())}]")
     elif "tree render" in line or "conformance" in line:
         printed = out.splitlines()

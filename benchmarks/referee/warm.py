@@ -1,6 +1,7 @@
 """Run command lines of one program, each in a fork of a process that has its modules loaded."""
 
 import contextlib
+import gc
 import io
 import json
 import multiprocessing
@@ -19,10 +20,9 @@ def call(words: list[str]) -> tuple[int, str, str]:
     return code, out.getvalue(), errors.getvalue()
 
 
-if __name__ == "__main__":
-    sys.path.pop(0)  # the referee's folder
-    lines = json.load(sys.stdin)
-    for first in {line[0]: line for line in lines[::-1]}.values():
-        call(first)  # loads the modules
-    with multiprocessing.get_context("fork").Pool(1, maxtasksperchild=1) as pool:
-        json.dump(pool.map(call, lines, chunksize=1), sys.stdout)
+lines = json.load(sys.stdin)
+for first in {line[0]: line for line in lines[::-1]}.values():
+    call(first)  # loads the modules
+gc.freeze()  # a collection would copy all memory in each fork
+with multiprocessing.get_context("fork").Pool(1, maxtasksperchild=1) as pool:
+    json.dump(pool.map(call, lines, chunksize=1), sys.stdout)

@@ -1,52 +1,48 @@
-"""The referee's comparison of two folders of answers."""
-
-from __future__ import annotations
+"""The referee, on answers that were made up, and on a mission that flies."""
 
 import json
 from pathlib import Path
 
 import pytest
 
-from benchmarks.referee.__main__ import compare, difference
+from benchmarks.referee.__main__ import compare
 from benchmarks.referee.program import answer, plain
 
 
-def write(folder: Path, part: str, answers: dict[str, object]) -> Path:
-    folder.mkdir(exist_ok=True)
-    lines = [json.dumps(row) + "\n" for row in answers.items()]
-    (folder / f"{part}.jsonl").write_text("".join(lines), encoding="utf-8")
+def write(folder: Path, **answers: object) -> Path:
+    folder.mkdir()
+    lines = [json.dumps([name, value]) + "\n" for name, value in answers.items()]
+    (folder / "flights.jsonl").write_text("".join(lines))
     return folder
 
 
-@pytest.mark.parametrize(
-    ("after", "code", "printed"),
-    [
-        ({"Turn": {"least": 1}, "Land": {}}, 0, ["ports: equal"]),
-        ({"Turn": {"least": 2}, "Land": {}}, 1, ["1 of 2 differ", "Turn least: before 1, after 2"]),
-        ({"Land": {}}, 1, ["ports: equal", "only before: Turn"]),
-        ({"Turn": {"least": 1}, "Land": {}, "New": {}}, 1, ["only after: New"]),
-    ],
-)
-def test_what_differs_is_named(
-    after: dict[str, object],
-    code: int,
-    printed: list[str],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    before = write(tmp_path / "before", "ports", {"Turn": {"least": 1}, "Land": {}})
-    assert compare(before, write(tmp_path / "after", "ports", after), ["ports"]) == code
-    out = capsys.readouterr().out
-    assert all(words in out for words in printed)
+FLOWN = {"exit": 0, "report": {"outcome": "success", "path": [[0.0, 1.5], [0.1, 1.5]]}}
 
 
-def test_the_first_difference_is_named_by_its_path() -> None:
-    one, other = {"a": [{"x": 1}, {"x": 2}]}, {"a": [{"x": 1}, {"x": 3}]}
-    assert difference(one, one, "flight") == ""
-    assert difference(one, other, "flight") == "flight a 1 x: before 2, after 3"
+def test_equal_answers_are_equal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before, after = (write(tmp_path / name, land=FLOWN) for name in ("before", "after"))
+    assert compare(before, after, ["flights"]) == 0
+    assert capsys.readouterr().out == "flights: equal, 1\n"
+
+
+def test_the_first_difference_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    later = {"exit": 0, "report": {"outcome": "success", "path": [[0.0, 1.5], [0.1, 1.6]]}}
+    before = write(tmp_path / "before", land=FLOWN, hover=FLOWN)
+    after = write(tmp_path / "after", land=later, hover=FLOWN)
+    assert compare(before, after, ["flights"]) == 1
+    line = "  land report path 1 1: before 1.5, after 1.6\n"
+    assert capsys.readouterr().out == f"flights: 1 of 2 differ\n{line}"
+
+
+def test_a_deleted_name_is_listed_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = write(tmp_path / "before", land=FLOWN, hover=FLOWN, **{"hover seconds": 1})
+    after = write(tmp_path / "after", land=FLOWN)
+    assert compare(before, after, ["flights"]) == 1
+    assert capsys.readouterr().out == "flights: equal, 1\n  only before: hover\n"
 
 
 def test_wall_times_and_words_are_left_out() -> None:
-    assert plain({"tick_ms": 3.0, "outcome": "success"}) == {"outcome": "success"}
-    failed = answer("check --format json x.xml", 2, "", "Traceback\nError: no such file\n")
-    assert failed == {"exit": 2, "said": "Error: no such file", "printed": None}
+    line = '{"file": "a/b.xml", "findings": [{"message": "no", "line": 3}], "tick_ms": 4.2}\n'
+    found = answer("check a/b.xml", 2, line, "Error: no\n")
+    assert found["printed"] == {"a/b.xml": {"file": "b.xml", "findings": [{"line": 3}]}}
+    assert plain({"wall_s": 3.0, "node": "Mission/mission/Land"}) == {"node": "Land"}

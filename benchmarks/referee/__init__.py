@@ -1,1 +1,0 @@
-"""States what changed between two installed programs, by their commands and files."""
