@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import ast
 import random
-import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -102,9 +102,8 @@ def draw(seed: int, count: int) -> list[Mistake]:
 
 def plant(mistake: Mistake, folder: Path) -> None:
     """Write a copy of the repository with one mistake."""
-    for path in tracked():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / path, folder / path, follow_symlinks=False)
+    command = ["git", "-C", str(ROOT), "checkout-index", "--all", f"--prefix={folder.resolve()}/"]
+    subprocess.run(command, check=True)  # noqa: S603
     rows = (ROOT / mistake.path).read_bytes().split(b"\n")
     row, end = rows[mistake.row - 1], mistake.start + len(mistake.before)
     rows[mistake.row - 1] = row[: mistake.start] + mistake.after.encode() + row[end:]

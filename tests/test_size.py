@@ -14,7 +14,7 @@ CEILINGS = {
     "behaviours/path": 2_644,
     "behaviours/perceive": 931,
     "behaviours/policies": 783,
-    "benchmarks": 3_478,
+    "benchmarks": 3_477,
     "benchmarks/olympe_clients": 588,
     "benchmarks/olympe_faults": 90,
     "benchmarks/referee": 319,
