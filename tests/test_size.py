@@ -17,7 +17,7 @@ CEILINGS = {
     "benchmarks": 3_477,
     "benchmarks/olympe_clients": 588,
     "benchmarks/olympe_faults": 90,
-    "benchmarks/referee": 319,
+    "benchmarks/referee": 301,
     "benchmarks/rooms": 1_185,
     "examples": 254,
     "perception": 1,

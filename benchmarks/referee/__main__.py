@@ -28,50 +28,55 @@ def main() -> int:
     given = parser.parse_args()
     before, inputs = given.folder.resolve(), given.folder.resolve() / "inputs"
     table = {**TABLE["short"], **TABLE["long"], **({} if given.quick else TABLE["slow"])}
+    parts = given.only or list(table)
+    if given.action == "make" and not given.only and before.exists():
+        parser.error(f"{before} exists; name a new folder")
+    absent = [part for part in parts if not (before / f"{part}.jsonl").exists()]
+    if given.action == "compare" and absent:
+        parser.error(f"{before} lacks {', '.join(absent)}; make the whole baseline")
     with tempfile.TemporaryDirectory() as scratch:
         program = Program(given.program, Path(scratch), given.python)
         if given.action == "make" and not given.only:
             make_inputs(program, inputs, given.traces)
             for line in [] if given.quick else TABLE["make"]:
-                list(program.long(inputs, line, inputs))
-        jobs: list[tuple[str, Any]] = []
-        for part in given.only or table:
-            lines = [one for line in table[part] for one in program.lines(line)]
-            jobs += [(part, lines)] if part in TABLE["short"] else [(part, one) for one in lines]
+                program.long(inputs, line, inputs)
+        found: dict[str, Any] = {}
         with ThreadPoolExecutor(given.jobs) as pool:
-            answers = list(pool.map(lambda job: program.answers(inputs, job[1]), jobs))
+            for part in parts:
+                lines = [one for line in table[part] for one in program.lines(line)]
+                jobs = [lines] if part in TABLE["short"] else lines
+                run = program.long if jobs is lines else program.short
+                found[part] = [(f"{job} failed", pool.submit(run, inputs, job)) for job in jobs]
         after = before if given.action == "make" else Path(scratch)
-        for part in given.only or table:
-            found = [rows for (of, _), rows in zip(jobs, answers, strict=True) if of == part]
-            lines = [json.dumps(row) + "\n" for rows in found for row in rows.items()]
-            (after / f"{part}.jsonl").write_text("".join(lines))
-        return 0 if given.action == "make" else compare(before, after, given.only or list(table))
+        for part, ends in found.items():
+            with (after / f"{part}.jsonl").open("w") as file:
+                for name, end in ends:
+                    rows = {name: repr(end.exception())} if end.exception() else end.result()
+                    file.writelines(json.dumps(row) + "\n" for row in rows.items())
+        return 0 if given.action == "make" else compare(before, after, parts)
 
 
 def make_inputs(program: Program, folder: Path, traces: Path | None) -> None:
     """Copy tree files, write mistakes into some, and write scripts for the shipped ones."""
-    shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(program.root / "trees", folder / "trees/shipped")
     shutil.copytree(program.root / "tests/data", folder / "trees/data")
     shutil.copy(traces or folder / "trees/data/bt_traces_sample.jsonl", folder / "traces.jsonl")
     draw = random.Random(0)  # noqa: S311
-    files = sorted((folder / "trees/shipped").rglob("*.xml"))
     for number in range(200):
-        text = (file := draw.choice(files)).read_text()
+        file = draw.choice(sorted((folder / "trees/shipped").rglob("*.xml")))
         wrong, new = draw.choice(TABLE["mistakes"])
-        cut = draw.randrange(len(text))
+        cut = draw.randrange(len(text := file.read_text()))
         text = text[:cut] + re.sub(wrong, new, text[cut:], count=1)
         (folder / f"trees/wrong-{number}-{file.name}").write_text(text)
-    nodes = [node for _, node in program.short(folder, TABLE["short"]["ports"])][1:]
+    nodes = list(program.short(folder, TABLE["short"]["ports"]).values())[1:]
     answers = {node["node_id"]: node["answers"] for node in nodes if not node["builtin"]}
-    drawings = program.short(folder, program.lines("tree render TREE"))
-    for tree, (_, drawing) in zip(program.trees, drawings, strict=True):
+    drawings = program.short(folder, program.lines("tree render TREE")).values()
+    for tree, drawing in zip(program.trees, drawings, strict=True):
         named = sorted(set(re.findall(r"-- (\w+)", str(drawing))))
         for number in range(6):
             drawn = {one: draw.choices(answers[one], k=6) for one in named if answers.get(one)}
             leaves = {one: "".join(word[0] for word in drawn[one]) for one in drawn}
-            script = {"leaves": leaves, "default": "S"}
-            (folder / f"{tree}-{number}.yaml").write_text(json.dumps(script))
+            (folder / f"{tree}-{number}.yaml").write_text(json.dumps({"leaves": leaves}))
 
 
 def difference(before: Any, after: Any, path: str) -> str:
@@ -79,9 +84,8 @@ def difference(before: Any, after: Any, path: str) -> str:
     one, other = (dict(enumerate(x)) if isinstance(x, list) else x for x in (before, after))
     if not isinstance(one, dict) or not isinstance(other, dict):
         return "" if str(one) == str(other) else f"{path}: before {before}, after {after}"
-    keys = [key for key in {**one, **other} if key != "said"]
-    found = (difference(one.get(key, "-"), other.get(key, "-"), f"{path} {key}") for key in keys)
-    return next(filter(None, found), "")
+    pairs = ((key, one.get(key, "-"), other.get(key, "-")) for key in {**one, **other})
+    return next(filter(None, (difference(*two, f"{path} {key}") for key, *two in pairs)), "")
 
 
 def compare(before: Path, after: Path, parts: list[str]) -> int:
@@ -92,8 +96,8 @@ def compare(before: Path, after: Path, parts: list[str]) -> int:
         one, other = (dict(map(json.loads, text.splitlines())) for text in texts)
         both = [name for name in one if name in other]
         lines = [line for name in both if (line := difference(one[name], other[name], name))]
-        print(f"{part}:", f"{len(lines)} of {len(both)} differ" if lines else f"equal, {len(both)}")
-        print(*(f"  {line:.300}\n" for line in lines[:8]), sep="", end="")
+        shown = "".join(f"\n  {line:.300}" for line in lines[:8])
+        print(f"{part}: {len(lines)} of {len(both)} differ{shown}")
         for words, some, rest in (("before", one, other), ("after", other, one)):
             alone = [name for name in some if name not in rest]
             heads = [name for name in alone if name.rpartition(" ")[0] not in alone]

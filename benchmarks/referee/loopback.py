@@ -7,14 +7,9 @@ import struct
 import subprocess
 import sys
 
-# Commands with their arguments, and the event that ends each.
-SCRIPT = (
-    ("00020000", "0.3.0"),  # all settings
-    ("00040000", "0.5.0"),  # all states
-    ("01000100", "1.4.1 2"),  # take off, hovering
-    ("01000700" + struct.pack("<4f", 0.5, 0, 0, 0).hex(), "1.34.0 0"),  # move by 0.5 m
-    ("01000300", "1.4.1 0"),  # land, landed
-)
+# All settings, all states, take off, move forward by 0.5 m, land, and the event that ends each.
+COMMANDS = "00020000", "00040000", "01000100", f"010007000000003f{'0' * 24}", "01000300"
+ENDS = "0.3.0", "0.5.0", "1.4.1 2", "1.34.0 0", "1.4.1 0"
 
 
 def fly(discovery: int) -> list[str]:
@@ -23,17 +18,13 @@ def fly(discovery: int) -> list[str]:
     link.bind(("127.0.0.1", 0))
     link.settimeout(60)
     keep = socket.create_connection(("127.0.0.1", discovery))  # closed, the client is gone
-    with socket.create_connection(("127.0.0.1", json.loads(keep.recv(4096)[:-1])["port"])) as link_:
-        link_.sendall(json.dumps({"d2c_port": link.getsockname()[1], "proto_v_max": 2}).encode())
-        drone = "127.0.0.1", json.loads(link_.recv(4096)[:-1])["c2d_port"]
-
-    def send(kind: int, buffer: int, sequence: int, payload: bytes) -> None:
-        head = struct.pack("<BBBHB", 12, kind, buffer, sequence, len(payload))
-        link.sendto(head + payload, drone)
-
+    control = socket.create_connection(("127.0.0.1", json.loads(keep.recv(4096)[:-1])["port"]))
+    control.sendall(json.dumps({"d2c_port": link.getsockname()[1], "proto_v_max": 2}).encode())
+    drone = "127.0.0.1", json.loads(control.recv(4096)[:-1])["c2d_port"]
     events: set[str] = set()
-    for number, (command, end) in enumerate(SCRIPT):
-        send(4, 11, number, struct.pack("<H", len(command) // 2) + bytes.fromhex(command))
+    for number, (command, end) in enumerate(zip(map(bytes.fromhex, COMMANDS), ENDS, strict=True)):
+        size = len(command)
+        link.sendto(struct.pack("<BBBHBH", 12, 4, 11, number, size + 2, size) + command, drone)
         while end not in events:
             rest = link.recv(65536)
             while len(rest) > 6:
@@ -41,9 +32,9 @@ def fly(discovery: int) -> list[str]:
                 start, size = (7, size - 128 + 128 * more) if size > 127 else (6, size)
                 payload, rest = rest[start : start + size], rest[start + size :]
                 if buffer == 0:  # a ping
-                    send(2, 1, sequence, payload)
+                    link.sendto(struct.pack("<BBBHB", 12, 2, 1, sequence, size) + payload, drone)
                 if kind == 4:  # to be acknowledged
-                    send(1, buffer + 128, 0, struct.pack("<H", sequence))
+                    link.sendto(struct.pack("<BBBHBH", 12, 1, buffer + 128, 0, 2, sequence), drone)
                 while buffer == 126 and payload:
                     stop = 2 + int.from_bytes(payload[:2], "little")
                     name = "{}.{}.{}".format(*struct.unpack_from("<BBH", payload, 2))

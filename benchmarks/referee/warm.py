@@ -1,23 +1,23 @@
 """Run command lines of one program, each in a fork of a process that has its modules loaded."""
 
-import contextlib
 import gc
 import io
 import json
 import multiprocessing
 import runpy
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 
 
-def call(words: list[str]) -> tuple[int, str, str]:
-    """Run `python -m uav_bt` with these words; return its exit code, output and errors."""
-    sys.argv, code, out, errors = ["uav_bt", *words], 0, io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+def call(words: list[str]) -> tuple[int, str]:
+    """Run `python -m uav_bt` with these words; return its exit code and output."""
+    sys.argv, out = ["uav_bt", *words], io.StringIO()
+    with redirect_stdout(out), redirect_stderr(io.StringIO()):
         try:
             runpy.run_module("uav_bt", run_name="__main__", alter_sys=True)
         except SystemExit as end:
-            code = int(end.code or 0)
-    return code, out.getvalue(), errors.getvalue()
+            return int(end.code or 0), out.getvalue()
+    return 0, out.getvalue()
 
 
 lines = json.load(sys.stdin)
