@@ -79,7 +79,7 @@ class Names:
     def _nodes(self, kind: str = "") -> Iterator[Name]:
         for node in (self.registry[node_id] for node_id in self.registry):
             if kind in {"", node.kind.value}:
-                yield Name(node.node_id, "\n\n".join(section(node, self.registry)))
+                yield Name(node.node_id, "\n\n".join(section(node)))
 
     def _trees(self) -> list[str]:
         own = [tag.value("ID") for tag in tags(self.text) if tag.name == "BehaviorTree"]

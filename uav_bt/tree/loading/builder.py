@@ -10,12 +10,7 @@ from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, did_you_
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.elements import (
-    expanded_class,
-    node_attributes,
-    node_id_of,
-    tree_within,
-)
+from uav_bt.tree.loading.elements import node_id_of
 from uav_bt.tree.loading.findings import Finding, Findings, Position, Rule
 from uav_bt.tree.loading.overrides import Overrides
 from uav_bt.tree.loading.plans import GivenValue, Plan, name_of
@@ -26,13 +21,27 @@ from uav_bt.tree.nodes import BUILTIN_NODES, SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
 from uav_bt.tree.placing import child_paths
 from uav_bt.tree.port import Port
-from uav_bt.tree.scripted import ALL_LEAVES, Mock, mock_class, undeclared_answers
+from uav_bt.tree.scripted import (
+    ALL_LEAVES,
+    Mock,
+    ScriptedLeaf,
+    mock_class,
+    subtree_mock,
+    undeclared_answers,
+)
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
 
 
 class _TooLargeError(Exception):
     pass
+
+
+def _mock_class(plan: Plan) -> type[ScriptedLeaf]:
+    if issubclass(plan.node, Leaf):
+        return mock_class(plan.node)
+    entries = [name for name in plan.attributes if name not in CONDITION_ATTRIBUTES]
+    return subtree_mock(plan.element.attributes["ID"], entries)
 
 
 class Builder:
@@ -102,11 +111,9 @@ class Builder:
             raise _TooLargeError(f"more than {MAX_NODES} nodes once its subtrees are in place")
         if depth > MAX_DEPTH:
             raise _TooLargeError(f"deeper than {MAX_DEPTH} once its subtrees are in place")
-        node = expanded_class(element, self._registry)
-        attributes = self._document.entries(element) if node is None else node_attributes(element)
-        node_class = node or self._registry[node_id_of(element)]
-        plan = Plan(element, node_class, name, path, attributes, door)
-        tree_id = tree_within(element, self._registry)
+        node = self._registry[node_id_of(element)]
+        plan = Plan(element, node, name, path, self._document.entries(element), door)
+        tree_id = element.attributes["ID"] if node is SubTree else None
         inner = element.children if tree_id is None else self._document.trees[tree_id].children
         names = [name_of(child) for child in inner]
         for child, child_name, child_path in zip(
@@ -130,7 +137,7 @@ class Builder:
                 if name in given:
                     plan.mock = given[name].over(plan.mock)
             if plan.mock is not None and plan.mock.answers is not None:
-                plan.children.clear()  # of a node that is made of a tree
+                plan.children.clear()  # of a SubTree
         for plan in root.walk() if mocks else ():
             self._finish_mock(plan, given, others)
 
@@ -143,7 +150,7 @@ class Builder:
         target = next((name for name in plan.names if name in given), ALL_LEAVES)
         message = None
         try:
-            mock_class(plan.mockable).check(plan.mock)
+            _mock_class(plan).check(plan.mock)
             if is_ours and issubclass(plan.node, Leaf) and target != ALL_LEAVES:
                 message = undeclared_answers(plan.node, plan.mock)
         except ValueRangeError as error:
@@ -164,7 +171,7 @@ class Builder:
         for plan in plans:
             tag = plan.element.tag
             if target in (plan.path, plan.name) or target == tag:
-                return f"only leaves can be mocked, this is a {tag}"
+                return f"only leaves and SubTrees can be mocked, this is a {tag}"
         return f"the tree has no leaf of that path, name or node id{did_you_mean(target, known)}"
 
     def _check_policies(self) -> None:
@@ -187,12 +194,12 @@ class Builder:
         given: dict[str, object] = dict(plan.attributes)
         node = plan.node
         if plan.mock is not None and plan.mockable is not None:
-            return mock_class(plan.mockable)(plan.name, plan.mock, **given)
+            return _mock_class(plan)(plan.name, plan.mock, **given)
         if node is SubTree:
             return self._make_subtree(plan, children[0], given)
         if issubclass(node, ControlNode):
             return node(plan.name, children, **given)
-        if issubclass(node, DecoratorNode):  # those that are made of a tree, too
+        if issubclass(node, DecoratorNode):
             return node(plan.name, children[0], **given)
         return node(plan.name, **given)
 

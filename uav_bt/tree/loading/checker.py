@@ -8,9 +8,8 @@ from typing import Any, Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import ASKED, CONDITION_ATTRIBUTES, check_condition
-from uav_bt.tree.expanded import ExpandedNode, literal_wanted
 from uav_bt.tree.loading.document import Document, autoremaps
-from uav_bt.tree.loading.elements import doors, expanded_class, node_attributes, node_id_of
+from uav_bt.tree.loading.elements import doors, node_attributes, node_id_of
 from uav_bt.tree.loading.findings import Findings, Rule
 from uav_bt.tree.loading.source import Element, circles, walk
 from uav_bt.tree.loading.structure import check_structure
@@ -77,10 +76,7 @@ class Checker:
 
     def check_element(self, element: Element) -> None:
         """Check the attributes of one node, which is known and has its place."""
-        expanded = expanded_class(element, self._registry)
-        if expanded is not None:
-            self._check_expanded(element, expanded)
-        elif element.tag == NodeKind.SUBTREE.value:
+        if element.tag == NodeKind.SUBTREE.value:
             self._check_subtree(element)
         elif node_id_of(element) in self._registry:
             self._check_ports(element, self._registry[node_id_of(element)])
@@ -190,21 +186,6 @@ class Checker:
         known = [*self._document.trees, *self._document.elsewhere]
         return f"{did_you_mean(tree_id, known)}{self._document.unread}"
 
-    def _check_expanded(self, element: Element, node: type[ExpandedNode]) -> None:
-        self._check_ports(element, node)
-        for name, _ in node.variants:
-            text = element.attributes.get(name, "")
-            if text.strip().startswith("{"):
-                self._note(element, literal_wanted(name), name)
-        if "_autoremap" in element.attributes:
-            message = f"'{node.node_id}' has ports, and shares nothing else: leave _autoremap out"
-            self._note(element, message, "_autoremap")
-        tree_id = node.tree_of(element.attributes)
-        if tree_id not in self._document.trees:
-            hint = self._hint(tree_id)
-            message = f"the node is made of tree '{tree_id}', and there is no such tree{hint}"
-            self._note(element, message, rule=Rule.UNKNOWN_TREE)
-
     def _check_missing_entries(self, element: Element, described: dict[str, str | None]) -> None:
         for name, default in described.items():
             if default is None and name not in element.attributes:
@@ -233,8 +214,7 @@ class Checker:
         trees = self._document.trees
 
         def used(tree_id: str) -> list[tuple[Element, str]]:
-            found = doors(trees[tree_id], self._registry)
-            return [(node, inner) for node, inner in found if inner in trees]
+            return [(node, inner) for node, inner in doors(trees[tree_id]) if inner in trees]
 
         for node, loop in circles(trees, used):
             message = f"the tree contains itself: {' > '.join(loop)}"

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
+from xml.sax.saxutils import quoteattr
 
 from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
@@ -28,7 +29,8 @@ from uav_bt.tree.loading.remarks import remarks_on
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.variable_uses import unset_slots
 from uav_bt.tree.mission_tree import MissionTree
-from uav_bt.tree.node import Node
+from uav_bt.tree.nodes import SubTree
+from uav_bt.tree.port import port_text
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import Mock
 
@@ -111,21 +113,28 @@ def parse_tree(
     return read.build(overrides or {}, by_key=by_key or {}, mocks=mocks or {})
 
 
-def load_shipped_tree(tree_id: str) -> Node:
-    """Return the root of a new tree from `trees/lib/`, with all installed nodes.
+def shipped_subtree(tree_id: str, name: str | None = None, /, **entries: object) -> SubTree:
+    """Return a node that runs a tree of `trees/lib/`: `shipped_subtree("ReturnToBase")`.
 
     Args:
         tree_id: the ID.
+        name: the node's name; default: the ID.
+        entries: as a SubTree has them in a tree file, or typed; a text in braces is a reference.
 
     Raises:
         UnknownNameError: no tree has this ID.
-        TreeError: its file was refused.
+        TreeError: an entry is missing, unknown or cannot be read inside.
     """
-    shipped = Lookup().shipped
-    if tree_id not in shipped.trees:
-        raise UnknownNameError("tree of trees/lib", tree_id, shipped.trees)
-    element, file = shipped.trees[tree_id][0]
-    return parse_tree(file.source, path=element.path, tree_id=tree_id).root
+    if tree_id not in (shipped := Lookup().shipped.trees):
+        raise UnknownNameError("tree of trees/lib", tree_id, shipped)
+    given = {"name": name or tree_id, **entries}
+    texts = (f"{key}={quoteattr(port_text(value))}" for key, value in given.items())
+    subtree = f'<SubTree ID="{tree_id}" {" ".join(texts)}/>'
+    source = f'<root BTCPP_format="4"><BehaviorTree ID="Python">{subtree}</BehaviorTree></root>'
+    registry = NodeRegistry.installed().with_any_policy()  # leaves refuse one at their setup
+    root = parse_tree(source, registry, path=Path(f"{tree_id} in Python")).root
+    assert isinstance(root, SubTree)  # noqa: S101  # as it is written
+    return root
 
 
 class _Read:

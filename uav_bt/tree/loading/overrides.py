@@ -9,7 +9,6 @@ from typing import Any, Final
 from uav_bt.board import Key
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
@@ -116,8 +115,7 @@ class Overrides:
     def _refused(self, plan: Plan, attributes: Mapping[str, str]) -> list[str]:
         """Return the faults of attributes that only a replacement can have."""
         node = plan.node
-        choosing = {name for name, _ in node.variants} if issubclass(node, ExpandedNode) else set()
-        fixed = (_FIXED | choosing).intersection(attributes)
+        fixed = _FIXED.intersection(attributes)
         messages = [f"'{name}' cannot be replaced" for name in fixed]
         if node is SubTree:
             # Neither the subtree's description nor the file knows others.

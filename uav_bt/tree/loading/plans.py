@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.document import autoremaps
 from uav_bt.tree.loading.elements import node_id_of
@@ -40,14 +39,19 @@ class Plan:
             yield from child.walk()
 
     @property
-    def mockable(self) -> type[Leaf | ExpandedNode] | None:
-        """The class of a leaf, or of a node that is made of a tree; None for other nodes."""
-        return self.node if issubclass(self.node, (Leaf, ExpandedNode)) else None
+    def mockable(self) -> type[Leaf | SubTree] | None:
+        """The class of a leaf, or of a SubTree; None for other nodes."""
+        return self.node if issubclass(self.node, (Leaf, SubTree)) else None
 
     @property
     def names(self) -> tuple[str, str, str]:
         """Names by which a caller may choose the node: its path, its name and its node's id."""
-        return self.path, self.name, self.node.node_id
+        is_subtree = issubclass(self.node, SubTree)
+        return (
+            self.path,
+            self.name,
+            self.element.attributes["ID"] if is_subtree else self.node.node_id,
+        )
 
     def given(self, parameters: Parameters) -> Iterator[tuple[Port[Any], GivenValue]]:
         """Yield the input ports of the leaves here and below that have a text, with the text.
@@ -81,9 +85,6 @@ class Plan:
             return None
         if door is None:
             return self._from_outside(key, outside)
-        if issubclass(door.node, ExpandedNode):
-            port = next((port for port in door.node.ports if port.name == key), None)
-            return None if port is None else door._value(key, port_text(port.default), outside)  # noqa: SLF001
         if key in door.attributes or autoremaps(door.element):
             return door._value(key, f"{{{key}}}", outside)  # noqa: SLF001
         return None

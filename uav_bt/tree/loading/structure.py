@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.elements import (
     KIND_TAGS,
@@ -45,7 +44,7 @@ def _check_subtree(element: Element, registry: NodeRegistry, findings: Findings)
     tree_id = element.attributes.get("ID", "")
     if not tree_id:
         findings.note(element, "attribute 'ID' is missing", rule=Rule.ATTRIBUTE)
-    elif tree_id in registry and not issubclass(registry[tree_id], ExpandedNode):
+    elif tree_id in registry:
         message = f"'{tree_id}' is a node, no tree: write <{tree_id}/>"
         findings.note(element, message, "ID", rule=Rule.UNKNOWN_TREE)
 
@@ -87,7 +86,7 @@ def _note_unknown(
         hint = f'; it is a tree of this file: write <SubTree ID="{node_id}"/>'
     else:
         registry = document.registry
-        hint = did_you_mean(node_id, registry)
+        hint = did_you_mean(node_id, [*registry, *document.lookup.described])
         hint = hint or "; --leaves FILE.py or an installed package adds nodes"
         hint += "".join(f"; not loaded: {fault}" for fault in registry.faults)
     attribute = "ID" if element.tag in KIND_TAGS else ""
@@ -116,7 +115,8 @@ def _check_names(tree: Element, findings: Findings) -> None:
     first: dict[str, Element] = {}
     for element in walk(tree):
         name = element.attributes.get("name") if element.tag == NodeKind.SUBTREE.value else None
-        if name and first.setdefault(name, element) is not element:
+        taken = name and first.setdefault(name, element) is not element
+        if taken and {"ID", "name"} <= element.attribute_positions.keys():  # no short form
             findings.note(
                 element,
                 f"the SubTree at {first[name].path}:{first[name].position} has this name, too: "

@@ -10,11 +10,11 @@ from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.document import Document, autoremaps
-from uav_bt.tree.loading.elements import expanded_class, node_id_of, tree_within
+from uav_bt.tree.loading.elements import node_id_of
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
+from uav_bt.tree.nodes import SetBlackboard, SubTree, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parsed_by
 from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
@@ -79,9 +79,8 @@ class VariableUses:
         given = self._document.entries(element)
         for name in CONDITION_ATTRIBUTES.intersection(given):
             self._script(given.pop(name), scope, Use(element, name))
-        tree_id = tree_within(element, self._registry)
-        if tree_id is not None:
-            self._subtree(element, tree_id, given, scope, chain)
+        if element.tag == SubTree.node_id:
+            self._subtree(element, element.attributes.get("ID", ""), given, scope, chain)
             return
         node_id = node_id_of(element)
         if node_id in self._registry:
@@ -122,7 +121,7 @@ class VariableUses:
             remapped=remapped,
             board=board,
             constants=constants,
-            autoremap=expanded_class(element, self._registry) is None and autoremaps(element),
+            autoremap=autoremaps(element),
         )
         known = scope.tree_id in self._document.trees and scope.tree_id not in chain
         if not known or len(chain) > MAX_DEPTH:
