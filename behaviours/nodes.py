@@ -20,7 +20,6 @@ from behaviours.fly.look import HoverFor, Hovering, PointCamera, Turn
 from behaviours.fly.move_by import ClimbTo, MoveBy
 from behaviours.fly.moves_on import MovesOn
 from behaviours.fly.objects import NextObject, ObjectSeen, ViewPoints
-from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.say import Say
 from behaviours.fly.search_mark import MarkFound, ScanBelow, SearchByMap, SearchUnderPolicy
 from behaviours.fly.take_off import TakeOff
@@ -66,7 +65,6 @@ NODES: Final[tuple[type[Node], ...]] = (
     ObjectSeen,
     PointCamera,
     RememberViews,
-    ReturnToBase,
     Rules,
     Say,
     ScanBelow,

@@ -2,19 +2,18 @@
 
 from behaviours.fly.helipad_center import HelipadCenter
 from behaviours.fly.land import Land
-from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.take_off import TakeOff
 from behaviours.perceive.class_map import FindMark, Segment
 from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.site_map import MapSite
 from uav_bt import app
-from uav_bt.tree import MissionTree
+from uav_bt.tree import MissionTree, shipped_subtree
 from uav_bt.tree.nodes import ReactiveSequence, RetryUntilSuccessful, Sequence
 
 
 def mission() -> MissionTree:
     """Return the mission; perception comes first, so that it is ticked every time."""
-    landing = Sequence("landing", [ReturnToBase(), HelipadCenter(), Land()])
+    landing = Sequence("landing", [shipped_subtree("ReturnToBase"), HelipadCenter(), Land()])
     return MissionTree(
         ReactiveSequence(
             "perceive and act",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Unpack
+from functools import partial
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from tests.paper_lab import CLASSES
 from uav_bt.answers import Advance, Blocked
 from uav_bt.testing import LeafBench
 from uav_bt.testing.world import InFlight, Says, live
-from uav_bt.tree import Leaf, MissionTree, Status
+from uav_bt.tree import Leaf, MissionTree, Status, shipped_subtree
 from uav_bt.types import (
     NearObstacles,
     Pose2D,
@@ -21,6 +22,9 @@ from uav_bt.types import (
 ADVANCE = Advance(forward_m=0.3, reason="clear")
 TURN_RIGHT = Blocked(yaw_rad=0.5, reason="obstacle")
 TURN_LEFT = Blocked(yaw_rad=-0.5, reason="obstacle")
+
+
+RETURN_TO_BASE: Any = partial(shipped_subtree, "ReturnToBase")
 
 
 def steering_bench(leaf: type[Leaf], policy: Says, **attributes: object) -> LeafBench:

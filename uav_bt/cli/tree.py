@@ -54,7 +54,7 @@ def nodes(*, names: tuple[str, ...], format_: str, registry: NodeRegistry) -> No
         chosen = NodeRegistry(registry[name] for name in names) if names else registry
         click.echo((palette_xml if format_ == "xml" else node_page)(chosen), nl=False)
         return
-    infos = [describe(registry[name], registry) for name in names] or describe_all(registry)
+    infos = [describe(registry[name]) for name in names] or describe_all(registry)
     if format_ == "json":
         click.echo(json.dumps([asdict(info) for info in infos], indent=2))
         return

@@ -3,14 +3,13 @@
 from uav_bt.tree.foreign import leaf_of
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.folders import TreeFolders
-from uav_bt.tree.loading.loader import load_tree, parse_tree
+from uav_bt.tree.loading.loader import load_tree, parse_tree, shipped_subtree
 from uav_bt.tree.loading.parameters import Parameters
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.status import Status
-from uav_bt.tree.subtree_node import SubtreeNode
 from uav_bt.tree.variables import Variables
 
 __all__ = [
@@ -22,10 +21,10 @@ __all__ = [
     "Parameters",
     "Port",
     "Status",
-    "SubtreeNode",
     "TreeFolders",
     "Variables",
     "leaf_of",
     "load_tree",
     "parse_tree",
+    "shipped_subtree",
 ]

@@ -8,11 +8,9 @@ from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 from uav_bt.board.blackboard import Key
-from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.elements import node_id_of, tree_within
 from uav_bt.tree.loading.lookup import Lookup
-from uav_bt.tree.loading.source import walk
+from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import PORT_TYPES, Port, port_text
@@ -47,7 +45,7 @@ class NodeInfo:
     reads: tuple[str, ...]  # board keys
     writes: tuple[str, ...]
     answers: tuple[str, ...]  # of a leaf: the statuses that it gives
-    abilities: tuple[str, ...]  # of a leaf, or of leaves inside: moves, points, lands
+    abilities: tuple[str, ...]  # of a leaf: moves, points, lands
     builtin: bool  # one of the format's own
     origin: str  # module and class
 
@@ -82,27 +80,18 @@ def _names(keys: Iterable[Key[Any]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(key.name for key in keys))
 
 
-def describe(node: type[Node], registry: NodeRegistry | None = None) -> NodeInfo:
-    """Return the description of a node for people.
-
-    Args:
-        node: the class.
-        registry: the nodes of the tree that the node is made of, whose leaves declare its board
-            keys; default: the node itself declares all.
-    """
-    leaves = [node] if issubclass(node, Leaf) else []
-    if registry is not None and issubclass(node, ExpandedNode):
-        leaves = list(_leaves_of(node, registry))
-    does = [name for name in ABILITIES if any(getattr(leaf, name) for leaf in leaves)]
+def describe(node: type[Node]) -> NodeInfo:
+    """Return the description of a node for people."""
+    leaf = node if issubclass(node, Leaf) else None
     return NodeInfo(
         node_id=node.node_id,
         kind=node.kind.value,
         doc=summary(node),
         ports=tuple(_describe_port(port) for port in node.ports),
-        reads=_names(key for leaf in leaves for key in leaf.reads),
-        writes=_names(key for leaf in leaves for key in leaf.writes),
-        answers=tuple(answer.name for answer in node.answers) if issubclass(node, Leaf) else (),
-        abilities=tuple(does),
+        reads=_names(leaf.reads) if leaf else (),
+        writes=_names(leaf.writes) if leaf else (),
+        answers=tuple(answer.name for answer in leaf.answers) if leaf else (),
+        abilities=tuple(name for name in ABILITIES if getattr(leaf, name, False)),
         builtin=node in BUILTIN_NODES,
         origin=f"{node.__module__}.{node.__qualname__}",
     )
@@ -111,12 +100,12 @@ def describe(node: type[Node], registry: NodeRegistry | None = None) -> NodeInfo
 def describe_all(registry: NodeRegistry) -> list[NodeInfo]:
     """Return all nodes of a registry: missions' own first, then the format's, by kind and name."""
     order = [kind.value for kind in NodeKind]
-    infos = [describe(registry[node_id], registry) for node_id in registry]
+    infos = [describe(registry[node_id]) for node_id in registry]
     return sorted(infos, key=lambda info: (info.builtin, order.index(info.kind), info.node_id))
 
 
 def palette_xml(registry: NodeRegistry) -> str:
-    """Return a TreeNodesModel of the nodes that are not the format's own.
+    """Return a TreeNodesModel of the nodes that are not the format's own, and of described trees.
 
     A graphical editor imports it and offers the nodes with their ports. The loader accepts the
     files that the editor saves.
@@ -126,8 +115,16 @@ def palette_xml(registry: NodeRegistry) -> str:
     for node_id in registry:
         if registry[node_id] not in BUILTIN_NODES:
             add_model(model, registry[node_id])
+    model.extend(map(_copied, Lookup().described.values()))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _copied(element: Element) -> ET.Element:
+    copy = ET.Element(element.tag, element.attributes)
+    copy.text = element.text or None
+    copy.extend(map(_copied, element.children))
+    return copy
 
 
 def add_model(parent: ET.Element, node: type[Node]) -> None:
@@ -145,28 +142,3 @@ def add_model(parent: ET.Element, node: type[Node]) -> None:
         if port.default is not Port.REQUIRED:
             entry.set("default", port_text(port.default))
         entry.text = f"{port.doc} ({port.range})" if port.range else port.doc
-
-
-def _leaves_of(node: type[ExpandedNode], registry: NodeRegistry) -> tuple[type[Leaf], ...]:
-    """Return the classes of the leaves in all shipped trees that a node can be made of.
-
-    Args:
-        node: the class.
-        registry: the nodes that may occur in these trees; unknown ones are left out.
-    """
-    trees = Lookup().shipped.trees
-    leaves: dict[type[Leaf], None] = {}
-    seen: set[str] = set()
-    waiting = [*node.tree_ids()]
-    while waiting:
-        tree_id = waiting.pop(0)
-        if tree_id in seen or tree_id not in trees:
-            continue
-        seen.add(tree_id)
-        for element in walk(trees[tree_id][0][0]):
-            inner = tree_within(element, registry)
-            waiting += [] if inner is None else [inner]
-            leaf = registry.get(node_id_of(element))
-            if leaf is not None and issubclass(leaf, Leaf):
-                leaves[leaf] = None
-    return tuple(leaves)

@@ -6,7 +6,6 @@ import inspect
 from collections.abc import Iterator
 
 from uav_bt.tree.describe import ABILITIES, NodeInfo, PortInfo, describe
-from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.registry import NodeRegistry
@@ -24,7 +23,7 @@ def node_page(registry: NodeRegistry) -> str:
     nodes = [registry[name] for name in registry if registry[name] not in BUILTIN_NODES]
     links = ", ".join(f"[{node.node_id}](#{node.node_id.lower()})" for node in nodes)
     sections = [f"# Nodes\n\n{links}"]
-    sections += ["\n\n".join(section(node, registry)) for node in nodes]
+    sections += ["\n\n".join(section(node)) for node in nodes]
     return "\n\n".join(sections) + "\n"
 
 
@@ -34,9 +33,9 @@ def example(info: NodeInfo) -> str:
     return f"<{info.node_id}{given}/>"
 
 
-def section(node: type[Node], registry: NodeRegistry) -> Iterator[str]:
+def section(node: type[Node]) -> Iterator[str]:
     """Yield the paragraphs about a node, in Markdown."""
-    info = describe(node, registry)
+    info = describe(node)
     yield f"## {info.node_id}"
     # The attributes of a class have a table here.
     yield inspect.cleandoc(node.__doc__ or "").partition("\nArgs:")[0].strip()
@@ -45,8 +44,6 @@ def section(node: type[Node], registry: NodeRegistry) -> Iterator[str]:
         rows = [f"| `{p.name}` | {p.type} | {_value(p)} | {_doc(p)} |" for p in info.ports]
         yield "\n".join(["| port | type | default | meaning |", "|---|---|---|---|", *rows])
     kind = f"{info.kind}."
-    if issubclass(node, ExpandedNode):
-        kind = f"{info.kind} of trees/lib, which a tree of the same ID replaces."
     answers = f" Answers {', '.join(info.answers)}." if info.answers else ""
     abilities = [ABILITIES[name] for name in info.abilities]
     does = f" It {' and '.join(abilities)}." if abilities else ""

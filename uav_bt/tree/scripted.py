@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, ClassVar, Final
 
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import ValueRangeError
-from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.mission_tree import Place
 from uav_bt.tree.port import Port
@@ -104,7 +103,7 @@ class ScriptedLeaf(Leaf):
     """
 
     answers = (SUCCESS, FAILURE, RUNNING, SKIPPED)
-    mocked: ClassVar[type[Leaf | ExpandedNode] | None] = None  # the class that it replaces
+    mocked: ClassVar[type[Leaf] | None] = None  # the class that it replaces
 
     def __init__(
         self, name: str | None = None, script: str | Mock = "S", /, **given: object
@@ -175,16 +174,11 @@ def undeclared_answers(node: type[Leaf], mock: Mock) -> str | None:
 
 
 @cache
-def mock_class(node: type[Leaf | ExpandedNode]) -> type[ScriptedLeaf]:
-    """Return a class of scripted leaves that stand in for a class of nodes.
+def mock_class(node: type[Leaf]) -> type[ScriptedLeaf]:
+    """Return a class of scripted leaves that stand in for a class of leaves.
 
-    They have its id, kind, ports and board keys, and run none of its code. In place of a node that
-    is made of a tree stands one leaf, without that tree.
-
-    Args:
-        node: a class of leaves, or of nodes that are made of a tree.
+    They have its id, kind, ports and board keys, and run none of its code.
     """
-    leaf = node if issubclass(node, Leaf) else None
     return type(
         f"Scripted{node.__name__}",
         (ScriptedLeaf,),
@@ -192,12 +186,23 @@ def mock_class(node: type[Leaf | ExpandedNode]) -> type[ScriptedLeaf]:
             "__doc__": node.__doc__,
             "node_id": node.node_id,
             "ports": node.ports,
-            "moves": leaf is not None and leaf.moves,
-            "points": leaf is not None and leaf.points,
-            "lands": leaf is not None and leaf.lands,
-            "condition": leaf is not None and leaf.condition,
-            "reads": leaf.reads if leaf else (),
-            "writes": leaf.writes if leaf else (),
+            "moves": node.moves,
+            "points": node.points,
+            "lands": node.lands,
+            "condition": node.condition,
+            "reads": node.reads,
+            "writes": node.writes,
             "mocked": node,
         },
     )
+
+
+def subtree_mock(tree_id: str, entries: Iterable[str]) -> type[ScriptedLeaf]:
+    """Return a class of scripted leaves, of which one stands for a SubTree and all inside.
+
+    Args:
+        tree_id: of the SubTree.
+        entries: their names; they are the ports.
+    """
+    ports = tuple(Port(name, object, direction="inout") for name in entries)
+    return type(f"Scripted{tree_id}", (ScriptedLeaf,), {"node_id": tree_id, "ports": ports})

@@ -11,10 +11,9 @@ import pytest
 from behaviours.fly.avoid import Avoid
 from behaviours.fly.explore import Explore
 from behaviours.fly.giving_way import GivingWay, GivingWayConfig
-from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.steering import SteeringLeaf
 from tests.behaviours.path.test_ways_out import mover
-from tests.worlds.leaves import ADVANCE, TURN_RIGHT, steering_bench
+from tests.worlds.leaves import ADVANCE, RETURN_TO_BASE, TURN_RIGHT, steering_bench
 from tests.worlds.values import motion
 from uav_bt.board import FLIGHT_HEIGHT, ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench
@@ -25,7 +24,7 @@ from uav_bt.types import BodyVelocity, Clearances, MoveBy, NearObstacles, Veloci
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.site_map import MapMover
 
-LEAVES = [Explore, Avoid, ReturnToBase]
+LEAVES = [Explore, Avoid, RETURN_TO_BASE]
 COMES = mover(1.6, 0.0, -0.6)
 CROSSES = mover(0.9, -0.9, 0.0, 0.5)
 

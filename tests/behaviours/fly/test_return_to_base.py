@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.passages import ClearanceMaps
@@ -19,6 +18,7 @@ from tests.behaviours.path.test_passages import corner
 from tests.behaviours.path.test_survey import where
 from tests.worlds.leaves import (
     ADVANCE,
+    RETURN_TO_BASE,
     TURN_LEFT,
     TURN_RIGHT,
     map_with,
@@ -78,7 +78,7 @@ def fly(
 
 
 def searching(policy: Says, **attributes: object) -> LeafBench:
-    bench = steering_bench(ReturnToBase, policy, gimbal_deg=-30.0, **attributes)
+    bench = steering_bench(RETURN_TO_BASE, policy, gimbal_deg=-30.0, **attributes)
     assert fly(bench) is Status.RUNNING
     assert bench.proposed is None
     return bench
@@ -309,7 +309,7 @@ def test_without_a_way_on_the_map_the_policy_searches() -> None:
 
 def test_a_policy_that_judges_the_approach_searches_as_well() -> None:
     """A student is not led by the map."""
-    bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0, approach="policy")
+    bench = steering_bench(RETURN_TO_BASE, Says(ADVANCE), gimbal_deg=-30.0, approach="policy")
     fly(bench, site_map=marked(1.6, 0.0))
     fly(bench, site_map=marked(1.6, 0.0), seconds=0.3)
 
@@ -321,7 +321,7 @@ def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_polic
     approach: str,
 ) -> None:
     """A student knows views of one pitch; lowered, a view shows it ground where the edge is."""
-    bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0, approach=approach)
+    bench = steering_bench(RETURN_TO_BASE, Says(ADVANCE), gimbal_deg=-30.0, approach=approach)
     edge = replace(
         drawn_map(pose=(0.0, 1.8, math.pi / 2), passed=None),
         seen_s=np.where(where("left"), -math.inf, drawn_map().seen_s).astype(np.float32),
@@ -733,7 +733,7 @@ def passage() -> SiteMap:
 
 def flies_ahead(clearances: Clearances, **seen: Any) -> bool:
     """Return whether the leaf flies on in a place that asks for these distances."""
-    bench = steering_bench(ReturnToBase, Says(TURN_LEFT), gimbal_deg=-30.0)
+    bench = steering_bench(RETURN_TO_BASE, Says(TURN_LEFT), gimbal_deg=-30.0)
     bench.clearances = clearances
     for _ in range(5):
         fly(bench, **seen)
@@ -774,7 +774,7 @@ def test_without_a_map_the_straight_way_keeps_it_as_well(obstacle_m: float, *, f
 
 def test_the_camera_follows_a_mat_further_down_than_a_box() -> None:
     """1.45 m ahead and as far below, a mat lies 45 degrees below the horizon."""
-    bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0)
+    bench = steering_bench(RETURN_TO_BASE, Says(ADVANCE), gimbal_deg=-30.0)
     for _ in range(2):
         show(bench)
         bench.board[MARK] = fix(bench.clock.now(), 1.45, height_m=0.05)

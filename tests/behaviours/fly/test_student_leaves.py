@@ -10,11 +10,17 @@ import pytest
 
 from behaviours.fly.corridor_clear import CorridorClear
 from behaviours.fly.explore import Explore
-from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.perceive.advise import Advise
 from behaviours.perceive.recent_views import RememberViews
 from tests.worlds import values
-from tests.worlds.leaves import ADVANCE, TURN_LEFT, TURN_RIGHT, map_with, steering_bench
+from tests.worlds.leaves import (
+    ADVANCE,
+    RETURN_TO_BASE,
+    TURN_LEFT,
+    TURN_RIGHT,
+    map_with,
+    steering_bench,
+)
 from tests.worlds.values import corridor
 from uav_bt.answers import Advance, Blocked, Done, FollowLeg
 from uav_bt.board import (
@@ -231,7 +237,7 @@ def fly(bench: LeafBench, pad: tuple[float, float], *, seconds: float = 0.3) -> 
 
 def approaching(policy: Says) -> LeafBench:
     """Return a bench with a pad 2 m ahead, on which the policy has been asked."""
-    bench = steering_bench(ReturnToBase, policy, gimbal_deg=-30.0, approach="policy")
+    bench = steering_bench(RETURN_TO_BASE, policy, gimbal_deg=-30.0, approach="policy")
     fly(bench, (2.0, 0.0))
     fly(bench, (2.0, 0.0))
     return bench
@@ -261,7 +267,7 @@ def test_a_pad_near_the_grounds_end_is_flown_to() -> None:
 
 def test_turns_to_the_pad_before_anybody_is_asked() -> None:
     policy = Says(NO_WAY)
-    bench = steering_bench(ReturnToBase, policy, gimbal_deg=-30.0, approach="policy")
+    bench = steering_bench(RETURN_TO_BASE, policy, gimbal_deg=-30.0, approach="policy")
     fly(bench, (1.0, 1.0))
     fly(bench, (1.0, 1.0))
     assert policy.views == []
@@ -271,7 +277,7 @@ def test_turns_to_the_pad_before_anybody_is_asked() -> None:
 
 def test_waits_for_a_view_that_was_judged() -> None:
     """In the first ticks of an approach the frames are older than it."""
-    bench = steering_bench(ReturnToBase, Says(FREE), gimbal_deg=-30.0, approach="policy")
+    bench = steering_bench(RETURN_TO_BASE, Says(FREE), gimbal_deg=-30.0, approach="policy")
     fly(bench, (2.0, 0.0), seconds=0.1)
     assert speed(bench) == 0.0
 
@@ -350,4 +356,4 @@ def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
 
 def test_an_unknown_approach_is_refused() -> None:
     with pytest.raises(InputError, match="got 'memry'; did you mean 'memory'"):
-        steering_bench(ReturnToBase, Says(FREE), approach="memry")
+        steering_bench(RETURN_TO_BASE, Says(FREE), approach="memry")

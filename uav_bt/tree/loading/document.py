@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.loading.elements import (
     check_attributes,
     check_no_text,
     doors,
-    expanded_class,
     node_attributes,
+    node_id_of,
 )
 from uav_bt.tree.loading.findings import WARNING, Findings, Rule
 from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
@@ -25,7 +23,6 @@ from uav_bt.tree.loading.place_lists import PlaceLists
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
-from uav_bt.tree.port import bind_ports
 from uav_bt.tree.registry import NodeRegistry
 
 _ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
@@ -44,6 +41,7 @@ class Document:
     path: Path
     registry: NodeRegistry  # the nodes that may occur
     place_lists: PlaceLists
+    lookup: Lookup
     main: str = ""  # "": the file leaves it open
     is_mission: bool = False  # whether the file or the caller names the main tree
     trees: dict[str, Element] = field(default_factory=dict)
@@ -64,7 +62,7 @@ class Document:
         used = {
             inner
             for tree_id in self.own
-            for _, inner in doors(self.trees[tree_id], self.registry)
+            for _, inner in doors(self.trees[tree_id])
             if inner != tree_id
         }
         return tuple(tree_id for tree_id in self.own if tree_id not in used)
@@ -77,22 +75,15 @@ class Document:
             tree_id = waiting.pop()
             if tree_id in self.trees and tree_id not in found:
                 found.add(tree_id)
-                waiting += [inner for _, inner in doors(self.trees[tree_id], self.registry)]
+                waiting += [inner for _, inner in doors(self.trees[tree_id])]
         return frozenset(found)
 
     def entries(self, subtree: Element) -> dict[str, str]:
         """Return a SubTree's entries and conditions, the described defaults included.
 
-        As in the engine, a subtree that shares all variables has no defaults. The entries of a node
-        that is made of a tree are its ports.
+        As in the engine, a subtree that shares all variables has no defaults.
         """
         given = node_attributes(subtree)
-        node = expanded_class(subtree, self.registry)
-        if node is not None:
-            names = CONDITION_ATTRIBUTES.intersection(given)
-            conditions = {name: given.pop(name) for name in names}
-            bound, _ = bind_ports(node.ports, dict(given))
-            return {**conditions, **node.entries_of(bound)}
         ports = self.subtree_ports.get(subtree.attributes.get("ID", ""))
         if not ports or autoremaps(subtree):
             return given
@@ -111,23 +102,14 @@ def autoremaps(subtree: Element) -> bool:
 def outline(
     root: Element, registry: NodeRegistry, findings: Findings, lookup: Lookup | None = None
 ) -> Document:
-    """Read the outline of a file and of the files that it includes.
-
-    Args:
-        root: the file's root element.
-        registry: the nodes that may occur.
-        findings: collects the findings.
-        lookup: where to look for included files and trees; default: the file's folder.
-
-    Raises:
-        TreeError: an included file cannot be read or is not XML.
-    """
+    """Read the outline of a file and of the files that it includes."""
     lookup = lookup or Lookup()
     included = Includes(root.path, lookup)
     document = Document(
         root.path,
         registry,
         PlaceLists(lookup.included, included.sources, included.found, findings),
+        lookup,
         included=included.sources,
         inclusions=included.found,
         enum_members=dict(registry.enum_members),
@@ -224,9 +206,7 @@ def _check_id(element: Element, tree_id: str, registry: NodeRegistry, findings: 
         better = "".join("_" if letter in _NOT_IN_AN_ID else letter for letter in tree_id)
         message = f"a tree's ID cannot have '{forbidden}' (the engine refuses it since 4.8.4)"
         findings.note(element, f"{message}; write '{better}'", "ID", rule=Rule.TREE_ID)
-    elif tree_id in _RESERVED or (
-        tree_id in registry and not issubclass(registry[tree_id], ExpandedNode)
-    ):
+    elif tree_id in _RESERVED or tree_id in registry:
         since = "is reserved (since 4.8.4 of the engine)"
         what = since if tree_id in _RESERVED else "is the name of a node"
         message = f"'{tree_id}' {what}: choose another ID"
@@ -235,8 +215,10 @@ def _check_id(element: Element, tree_id: str, registry: NodeRegistry, findings: 
 
 def _fetch(document: Document, lookup: Lookup, findings: Findings) -> None:
     """Take over the trees of other files that the document's own use."""
-    registry = document.registry
-    waiting = [door for tree in document.trees.values() for door in doors(tree, registry)]
+    short = _Short(document, findings)
+    for tree_id, tree in document.trees.items():
+        document.trees[tree_id] = short.replaced(tree)
+    waiting = [door for tree in document.trees.values() for door in doors(tree)]
     while waiting:
         node, tree_id = waiting.pop()
         found = [] if tree_id in document.trees else lookup.find(tree_id, document.path)
@@ -249,24 +231,72 @@ def _fetch(document: Document, lookup: Lookup, findings: Findings) -> None:
             message = f"tree '{tree_id}' stands in several files: {places}; rename one"
             findings.note(node, message, "ID", rule=Rule.UNKNOWN_TREE)
         tree, file = found[0]
+        tree = short.replaced(tree)
         _read_tree(tree, document, findings, alone=False)
         document.included[tree.path] = file.source
         for models in file.root.children:
             if models.tag == "TreeNodesModel":
                 _read_models(models, document, findings)
-        waiting += doors(tree, registry)
+        waiting += doors(tree)
+    for (
+        tree_id,
+        model,
+    ) in short.used.items():  # where a user's tree takes the place of a shipped one
+        if tree_id not in document.subtree_ports:
+            _read_models(replace(model, children=[model]), document, findings)
+
+
+class _Short:
+    """Nodes that are none, but described trees that ship: `<ReturnToBase/>`.
+
+    Such a node is short for `<SubTree ID="ReturnToBase"/>`. A port whose type lists its literals
+    (`memory|policy`) chooses the tree: not the default, but `ReturnToBaseByPolicy`.
+    """
+
+    def __init__(self, document: Document, findings: Findings) -> None:
+        self._document = document
+        self._findings = findings
+        self.used: dict[str, Element] = {}  # models of such trees, by ID
+
+    def replaced(self, element: Element) -> Element:
+        """Return a tree with SubTrees in place of such nodes; elements that change are copied."""
+        children = [self.replaced(child) for child in element.children]
+        document, node_id = self._document, node_id_of(element)
+        if element.tag == SubTree.node_id:
+            tree_id = element.attributes.get("ID", "")
+            tree_id = "" if tree_id in document.trees else tree_id
+        else:
+            tree_id = "" if node_id in document.registry else node_id
+        if tree_id and tree_id in document.lookup.described:
+            attributes = self._chosen(element, tree_id)
+            return replace(element, tag=SubTree.node_id, attributes=attributes, children=children)
+        if all(one is other for one, other in zip(children, element.children, strict=True)):
+            return element
+        return replace(element, children=children)
+
+    def _chosen(self, element: Element, tree_id: str) -> dict[str, str]:
+        described = self._document.lookup.described
+        attributes = {**element.attributes, "ID": tree_id}
+        takes_place = element.tag != SubTree.node_id
+        for port in described[tree_id].children:
+            name, choices = port.attributes.get("name", ""), port.attributes.get("type", "")
+            takes_place |= "|" in choices
+            chosen = attributes.pop(name, None) if "|" in choices else None
+            if chosen is not None and chosen not in choices.split("|"):
+                hint = did_you_mean(chosen, choices.split("|"))
+                message = f"expected one of {choices.replace('|', ', ')}; got '{chosen}'{hint}"
+                message = f"attribute '{name}' chooses a tree: {message}"
+                self._findings.note(element, message, name, rule=Rule.ATTRIBUTE)
+            elif chosen is not None and chosen != port.attributes.get("default"):
+                attributes["name"] = attributes.get("name") or tree_id
+                attributes["ID"] = f"{tree_id}By{chosen.capitalize()}"
+        if takes_place:
+            self.used[attributes["ID"]] = described[attributes["ID"]]
+        return attributes
 
 
 def find_main(document: Document, root: Element, findings: Findings, tree_id: str | None) -> None:
-    """Find the tree that is to be flown, and note when it is not clear which.
-
-    Args:
-        document: the file's outline; its `main` is filled.
-        root: the file's root element.
-        findings: collects the findings.
-        tree_id: the tree that was asked for; None: the one that the file names, or the only one
-            that no other uses.
-    """
+    """Find the tree that is to be flown, and note when it is not clear which."""
     named = root.attributes.get("main_tree_to_execute")
     wanted = tree_id if tree_id is not None else named
     if root.tag != "root" or (wanted is not None and wanted in document.trees):

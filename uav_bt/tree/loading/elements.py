@@ -6,11 +6,9 @@ from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.expanded import ExpandedNode
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.node import NodeKind
-from uav_bt.tree.registry import NodeRegistry
 
 KIND_TAGS: Final = frozenset(kind.value for kind in NodeKind)
 
@@ -19,13 +17,7 @@ EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath",
 
 
 def check_attributes(element: Element, known: frozenset[str], findings: Findings) -> None:
-    """Warn of attributes without meaning on an element that is not a node.
-
-    Args:
-        element: of a tree file.
-        known: the attributes that it can have.
-        findings: collects the findings.
-    """
+    """Warn of attributes without meaning on an element that is not a node."""
     for attribute in element.attributes:
         if attribute in known or attribute in EDITOR_ATTRIBUTES:
             continue
@@ -34,12 +26,7 @@ def check_attributes(element: Element, known: frozenset[str], findings: Findings
 
 
 def check_no_text(element: Element, findings: Findings) -> None:
-    """Warn of text between tags, which means nothing in a tree file.
-
-    Args:
-        element: of a tree file.
-        findings: collects the findings.
-    """
+    """Warn of text between tags, which means nothing in a tree file."""
     text = element.text.strip()
     if text:
         findings.warn(element, f"text between tags means nothing: '{text[:40]}'")
@@ -52,43 +39,10 @@ def node_id_of(element: Element) -> str:
     return element.tag
 
 
-def expanded_class(element: Element, registry: NodeRegistry) -> type[ExpandedNode] | None:
-    """Return the class of a node that is made of a tree; None for any other element.
-
-    `<ReturnToBase/>` and `<SubTree ID="ReturnToBase"/>` are the same.
-
-    Args:
-        element: of a tree file.
-        registry: the nodes that may occur.
-    """
-    is_subtree = element.tag == NodeKind.SUBTREE.value
-    node_id = element.attributes.get("ID", "") if is_subtree else node_id_of(element)
-    node = registry.get(node_id)
-    return node if node is not None and issubclass(node, ExpandedNode) else None
-
-
-def tree_within(element: Element, registry: NodeRegistry) -> str | None:
-    """Return the ID of the tree that a node stands for; None for a node without one.
-
-    Args:
-        element: of a tree file.
-        registry: the nodes that may occur.
-    """
-    node = expanded_class(element, registry)
-    if node is not None:
-        return node.tree_of(element.attributes)
-    return element.attributes.get("ID", "") if element.tag == NodeKind.SUBTREE.value else None
-
-
-def doors(tree: Element, registry: NodeRegistry) -> list[tuple[Element, str]]:
-    """Return the nodes of a tree that stand for other trees, each with the ID of its tree.
-
-    Args:
-        tree: the BehaviorTree element.
-        registry: the nodes that may occur.
-    """
-    found = ((node, tree_within(node, registry)) for node in walk(tree))
-    return [(node, tree_id) for node, tree_id in found if tree_id is not None]
+def doors(tree: Element) -> list[tuple[Element, str]]:
+    """Return the SubTrees of a tree, each with the ID of its tree."""
+    subtrees = (node for node in walk(tree) if node.tag == NodeKind.SUBTREE.value)
+    return [(node, node.attributes.get("ID", "")) for node in subtrees]
 
 
 def node_attributes(element: Element) -> dict[str, str]:
@@ -104,12 +58,7 @@ def node_attributes(element: Element) -> dict[str, str]:
 
 
 def check_private_attributes(element: Element, findings: Findings) -> None:
-    """Warn of a node's attributes that begin with `_` and mean nothing.
-
-    Args:
-        element: a node.
-        findings: collects the findings.
-    """
+    """Warn of a node's attributes that begin with `_` and mean nothing."""
     known = {*CONDITION_ATTRIBUTES, *EDITOR_ATTRIBUTES}
     if element.tag == NodeKind.SUBTREE.value:
         known.add("_autoremap")

@@ -145,6 +145,19 @@ class Lookup:
         """The trees that ship with the package, in `trees/lib/`; read when first asked for."""
         return Library(files_in(shipped_trees() / "lib"))
 
+    @cached_property
+    def described(self) -> Mapping[str, Element]:
+        """The models of the shipped trees whose ports a TreeNodesModel describes, by ID."""
+        files = (file for places in self.shipped.trees.values() for _, file in places)
+        return {
+            model.attributes["ID"]: model
+            for file in files
+            for part in file.root.children
+            if part.tag == "TreeNodesModel"
+            for model in part.children
+            if model.attributes.get("ID", "") in self.shipped.trees
+        }
+
     def find(self, tree_id: str, path: Path) -> list[tuple[Element, LibraryFile]]:
         """Return the trees of an ID, with their files: the library's, or else the shipped one.
 

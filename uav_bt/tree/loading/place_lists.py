@@ -15,7 +15,7 @@ from typing import Final
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import did_you_mean_file, read_bounded
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.loading.elements import expanded_class, node_attributes, node_id_of
+from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.findings import WHOLE_FILE, Findings, Position, Rule
 from uav_bt.tree.loading.lookup import Inclusion
 from uav_bt.tree.loading.parameters import VAR, Parameters
@@ -186,7 +186,7 @@ def takes_places(element: Element, name: str, registry: NodeRegistry) -> bool:
     """
     if name in CONDITION_ATTRIBUTES:
         return False
-    if element.tag == NodeKind.SUBTREE.value or expanded_class(element, registry) is not None:
+    if element.tag == NodeKind.SUBTREE.value:
         return True
     node = registry.get(node_id_of(element))
     return node is not None and any(port.places and port.name == name for port in node.ports)

@@ -19,7 +19,9 @@ from xml.etree import ElementTree as ET
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.describe import NodeInfo, describe
 from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
+from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.models import ENUMERATION, MEMBER, PORT_DIRECTIONS
+from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import PORT_TYPES, REFERENCE_KEY, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
@@ -41,10 +43,13 @@ def schema_xml(registry: NodeRegistry) -> str:
     nodes = [registry[node_id] for node_id in registry if node_id not in _KIND_TAGS]
     for add in (_add_values, _add_attribute_groups, _add_root, _add_models):
         add(schema)
-    _add_group(schema, nodes)
+    described = {name: one for name, one in Lookup().described.items() if name not in registry}
+    _add_group(schema, [*(node.node_id for node in nodes), *described])
     for node in nodes:
         if _TAG.fullmatch(node.node_id):
-            _add_node(schema, node, registry)
+            _add_node(schema, node)
+    for model in described.values():
+        _add_described(schema, model)
     for kind in _EXPLICIT:
         _add_explicit(schema, kind, [node.node_id for node in nodes if node.kind is kind])
     _add_subtree(schema)
@@ -153,16 +158,15 @@ def _add_models(schema: ET.Element) -> None:
 # --- the nodes ------------------------------------------------------------------------------------
 
 
-def _add_group(schema: ET.Element, nodes: Iterable[type[Node]]) -> None:
+def _add_group(schema: ET.Element, node_ids: Iterable[str]) -> None:
     choice = _add(_add(schema, "group", name="node"), "choice")
-    ids = [node.node_id for node in nodes if _TAG.fullmatch(node.node_id)]
-    for tag in (*ids, *_KIND_TAGS):
+    for tag in (*filter(_TAG.fullmatch, node_ids), *_KIND_TAGS):
         _add(choice, "element", name=tag, type=f"node.{tag}")
 
 
-def _add_node(schema: ET.Element, node: type[Node], registry: NodeRegistry) -> None:
+def _add_node(schema: ET.Element, node: type[Node]) -> None:
     content = _add(schema, "complexType", name=f"node.{node.node_id}")
-    info = describe(node, registry)
+    info = describe(node)
     _document(content, _documentation(info))
     if node.max_children != 0:
         most = "unbounded" if node.max_children is None else str(node.max_children)
@@ -204,6 +208,17 @@ def _add_port(content: ET.Element, port: Port[Any]) -> None:
         attribute.set("type", "xs:string")
     else:
         attribute.set("type", "value.reference")  # of such a type there are no literals
+
+
+def _add_described(schema: ET.Element, model: Element) -> None:
+    """Add the short form of a SubTree whose tree ships: `<ReturnToBase/>`."""
+    content = _add(schema, "complexType", name=f"node.{model.attributes['ID']}")
+    for port in model.children:
+        use = "optional" if port.attributes.get("default") else "required"
+        name = port.attributes["name"]
+        attribute = _add(content, "attribute", name=name, type="xs:string", use=use)
+        _document(attribute, port.text)
+    _add(content, "attributeGroup", ref="common")
 
 
 def _add_explicit(schema: ET.Element, kind: NodeKind, ids: list[str]) -> None:
