@@ -65,7 +65,7 @@ def test_further_nodes_leave_the_registry_as_it_was() -> None:
         own = type("Own", (Plugged,), {})
         larger = registry.with_nodes(own)
         assert larger["Own"] is own
-        assert larger.policies == {"rule"}
+        assert larger.policies == ["rule"]
     assert "Own" not in registry
 
 
