@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Final, Generic, Literal, TypeVar
@@ -20,6 +20,7 @@ T = TypeVar("T")
 RESERVED_ATTRIBUTES: Final = frozenset({"ID", "name"})
 
 _MAX_INTEGER: Final = 2**63  # largest magnitude that the format's engine reads
+_MAX_DIGITS: Final = 400  # more than any number needs; Python refuses to read 5,000
 _PORT_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 REFERENCE_KEY: Final = r"[A-Za-z_][A-Za-z0-9_.\-]*|="
 _REFERENCE: Final = re.compile(rf"\s*\{{\s*(?P<board>@?)(?P<key>{REFERENCE_KEY})\s*\}}\s*")
@@ -60,14 +61,9 @@ class Reference:
 
 
 def parse_reference(text: str, port_name: str) -> Reference | None:
-    """Parse an attribute's text as a reference; return None when it is a literal.
+    """Return the reference that an attribute's text is, or None when it is a literal.
 
-    Args:
-        text: the attribute's value.
-        port_name: the key that `{=}` stands for.
-
-    Raises:
-        ValueError: the text has the braces of a reference but contains no valid key.
+    `{=}` stands for the port's name. Braces around no valid key raise a ValueError.
     """
     match = _REFERENCE.fullmatch(text)
     if match is not None:
@@ -89,9 +85,9 @@ class Port(Generic[T]):
     """A typed attribute of a node.
 
     Attributes:
-        name: name of the attribute in a tree file and of the keyword argument in Python.
-        type: type of the value. int, float, bool and str are written as literals; a port of any
-            other type takes references only.
+        name: of the attribute in a tree file and of the keyword argument in Python.
+        type: of the value. int, float, bool and str are written as literals; a port of any other
+            type takes references only.
         default: a value, a reference such as "{@mark}" (in braces), or `Port.REQUIRED`.
         doc: description in one line, with the unit.
         direction: whether the node reads the value, writes it, or both.
@@ -166,15 +162,11 @@ class Port(Generic[T]):
 
     @cached_property
     def bound_default(self) -> T | Reference:
-        """The default as `bind` returns it, computed once because most nodes use it.
-
-        Raises:
-            ValueError: the default does not fit the port.
-        """
+        """The default as `bind` returns it, computed once because most nodes use it."""
         return self.bind(self.default)
 
     def bind(self, given: object) -> T | Reference:
-        """Convert a value of a tree file or of Python to a checked value or a reference.
+        """Return a value of a tree file or of Python, checked, or a reference.
 
         Raises:
             ValueError: the value fits neither; the message names the expected type.
@@ -188,7 +180,7 @@ class Port(Generic[T]):
         return self.convert(given)
 
     def convert(self, value: object) -> T:
-        """Return a value as this port's type; texts are parsed.
+        """Return a value as this port's type, checked; texts are parsed.
 
         Raises:
             ValueError: the value does not fit; the message names the expected type.
@@ -214,9 +206,6 @@ class Port(Generic[T]):
 
         As the engine does, and unlike `convert`, this takes 0 and 1 (what scripts make of `false`
         and `true`) as truth values and writes numbers out as texts.
-
-        Raises:
-            ValueError: the value does not fit; the message names the expected type.
         """
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             if self.type is bool and value in {0, 1}:
@@ -229,16 +218,16 @@ class Port(Generic[T]):
         if self.type in {str, object}:
             return text
         known = PORT_TYPES.get(self.type)
-        if known is not None and known.pattern and re.fullmatch(known.pattern, text):
+        pattern = known.pattern if known is not None and known.pattern else "(?!)"
+        if len(text) <= _MAX_DIGITS and re.fullmatch(pattern, text):
             if self.type is bool:
                 return text.lower() in {"true", "1"}
             value: Any = self.type(text)  # type: ignore[call-arg]  # int or float
             if abs(value) < (_MAX_INTEGER if self.type is int else math.inf):
                 return value
-        hint = ""
         bare = text.strip().removeprefix("+")
-        if known is not None and known.pattern and re.fullmatch(known.pattern, bare):
-            hint = f": write '{bare}', without blanks or a plus before it"
+        cure = bare != text and re.fullmatch(pattern, bare) is not None
+        hint = f": write '{bare}', without blanks or a plus before it" if cure else ""
         raise ValueError(f"expected {self._type_words()}, got '{text}'{hint}")
 
     def _cast(self, value: object) -> object:
@@ -260,13 +249,11 @@ class Port(Generic[T]):
 
 def port_text(value: object) -> str:
     """Return a port's value as a tree file has it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return str(value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def bind_ports(
-    ports: Iterable[Port[Any]], given: dict[str, object], also: Iterable[str] = ()
+    ports: Iterable[Port[Any]], given: Mapping[str, object], also: Iterable[str] = ()
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Bind all ports of a node at once.
 
@@ -279,12 +266,12 @@ def bind_ports(
         The bound values or references by port, and the errors by attribute.
     """
     bound: dict[str, Any] = {}
-    wrong: dict[str, str] = {}
     by_name = {port.name: port for port in ports}
-    for name in given:
-        if name not in by_name:
-            hint = did_you_mean(name, [*by_name, *also])
-            wrong[name] = f"unknown attribute '{name}'{hint}"
+    wrong = {
+        name: f"unknown attribute '{name}'{did_you_mean(name, [*by_name, *also])}"
+        for name in given
+        if name not in by_name
+    }
     for name, port in by_name.items():
         if name not in given and port.default is Port.REQUIRED:
             if port.required:
@@ -298,16 +285,7 @@ def bind_ports(
 
 
 def check_declared(owner: type, name: str, kind: type) -> None:
-    """Refuse a class attribute that is not a tuple or list of objects of one kind.
-
-    Args:
-        owner: the node class.
-        name: the attribute.
-        kind: of its elements.
-
-    Raises:
-        TypeError: it is something else, such as `(HEIGHT)` without the comma.
-    """
+    """Refuse a class attribute that is no tuple of objects of one kind, as `(HEIGHT)` is none."""
     declared = getattr(owner, name)
     if not isinstance(declared, (tuple, list)) or not all(isinstance(e, kind) for e in declared):
         raise TypeError(

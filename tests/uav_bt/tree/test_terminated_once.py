@@ -13,8 +13,12 @@ from uav_bt.errors import NodeFailedError
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 
 ANSWERS = {
-    "S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING, "K": Status.SKIPPED,
-    "t": Status.SUCCESS, "?": None,
+    "S": Status.SUCCESS,
+    "F": Status.FAILURE,
+    "R": Status.RUNNING,
+    "K": Status.SKIPPED,
+    "t": Status.SUCCESS,
+    "?": None,
 }
 
 
