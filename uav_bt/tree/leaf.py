@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self, TypeVar
 from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import PHASE
-from uav_bt.errors import MissionError, NodeFailedError, UnknownValueError
+from uav_bt.errors import MissionError, UnknownValueError
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent, Observer
 from uav_bt.tree.port import check_declared
@@ -180,7 +180,7 @@ class Leaf(Node):
         try:
             yield
         except Exception as error:
-            raise NodeFailedError(self.path, error, self.author) from error
+            raise self._failure(error) from error
 
     def _notify_work(self, observer: Observer) -> None:
         if self.condition or self.node_status in (IDLE, RUNNING):  # else not ticked again

@@ -34,11 +34,7 @@ class NodePorts:
 
     @classmethod
     def ports_over(cls, children: int) -> tuple[Port[Any], ...]:
-        """Return the ports with the ranges that hold over a number of children.
-
-        Args:
-            children: how many children the node has in its tree.
-        """
+        """Return the ports with the ranges that hold over a number of children."""
         del children
         return cls.ports
 
@@ -73,11 +69,7 @@ class NodePorts:
 
     @property
     def mission(self) -> MissionContext:
-        """The mission that the tree was set up for.
-
-        Raises:
-            MissionError: it was not.
-        """
+        """The mission that the tree was set up for."""
         if self._mission is None:
             raise MissionError(f"node '{self.path}' is not set up: call MissionTree.setup first")
         return self._mission
@@ -133,23 +125,15 @@ class NodePorts:
         self.place(self.path, self._variables)
 
     def place(self, path: str, variables: Variables) -> None:
-        """Give the node its place in a tree; `MissionTree` does.
-
-        Args:
-            path: of the node, unique in its tree.
-            variables: of the tree that it stands in.
-        """
+        """Give the node its path and the variables of its tree; `MissionTree` does."""
         self.path = path
         self._variables = variables
         self._environment = None
-        self._references = {
-            name: self._placed(reference, variables) for name, reference in self._given.items()
-        }
-
-    @staticmethod
-    def _placed(reference: Reference, variables: Variables) -> Reference:
-        key = None if reference.on_board else variables.board_key(reference.key)
-        return reference if key is None else Reference(key, on_board=True)
+        self._references = dict(self._given)
+        for name, reference in self._given.items():
+            key = None if reference.on_board else variables.board_key(reference.key)
+            if key is not None:
+                self._references[name] = Reference(key, on_board=True)
 
     @property
     def _board(self) -> Blackboard | BoardView:
@@ -179,18 +163,9 @@ class NodePorts:
         return self._resolve(self._declared(name)) if value is _NO_LITERAL else value
 
     def initial_value(self, port: Port[T]) -> T | None:
-        """Return a port's value before the tree runs.
+        """Return a port's value before the tree runs; None where only the flight gives one.
 
         It is the literal, or the entry of a subtree that is the variable's first value.
-
-        Args:
-            port: one of the node's.
-
-        Returns:
-            The value. None where only the flight gives one, or a board key does.
-
-        Raises:
-            BoardAccessError: the variable's value does not fit the port.
         """
         if port.name in self._literals:
             return self.port(port)
@@ -216,12 +191,7 @@ class NodePorts:
         return Reading(self._converted(port, entry.value), 0.0)
 
     def set_port(self, port: Port[T], value: T) -> None:
-        """Write an output port's variable or board key; an unconnected port writes nothing.
-
-        Args:
-            port: the output port.
-            value: in the unit of the port.
-        """
+        """Write an output port's variable or board key; an unconnected port writes nothing."""
         reference = self._references.get(port.name)
         if reference is None:
             return  # not connected
@@ -264,8 +234,7 @@ class NodePorts:
         age_s = self.port_reading(port).age_s
         if math.isfinite(age_s):
             return f"holds nothing fresh (age {age_s:.2f} s)"
-        key = self._keys.get(reference.key)
-        writer = "" if key is None else key.writer
+        writer = self._board_key(reference).writer
         return f"was never written{f'; {writer} writes it' if writer else ''}"
 
     def _converted(self, port: Port[T], value: object) -> T:
