@@ -27,8 +27,7 @@ from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.script import SCRIPTS, Script, parse_script, parsed_by
-from uav_bt.tree.script.analysis import certain_parts
-from uav_bt.tree.script.expressions import Assignment, Expression, Name
+from uav_bt.tree.script.expressions import Assignment, Expression, Name, certain_parts
 from uav_bt.tree.status import FAILURE, SKIPPED, SUCCESS
 
 

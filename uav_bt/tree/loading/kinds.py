@@ -16,8 +16,14 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import LoopString, SetBlackboard
 from uav_bt.tree.port import Port
 from uav_bt.tree.script import parse_text
-from uav_bt.tree.script.analysis import constant_value, kind_of
-from uav_bt.tree.script.expressions import Assignment, Expression, Name, Op
+from uav_bt.tree.script.expressions import (
+    Assignment,
+    Expression,
+    Name,
+    Op,
+    constant_value,
+    kind_of,
+)
 from uav_bt.tree.script.values import ScriptError, number
 
 _NUMBERS: Final = (int, float)

@@ -17,8 +17,7 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parsed_by
-from uav_bt.tree.script.analysis import constant_value, kind_of
-from uav_bt.tree.script.expressions import Assignment, Name
+from uav_bt.tree.script.expressions import Assignment, Name, constant_value, kind_of
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from functools import cached_property, lru_cache
 from typing import Final, NamedTuple
 
 from uav_bt.errors import UnknownValueError
-from uav_bt.tree.script.analysis import certain_parts, is_constant
 from uav_bt.tree.script.expressions import (
     COMPARISONS,
     FUNCTIONS,
@@ -24,28 +23,21 @@ from uav_bt.tree.script.expressions import (
     Literal,
     Name,
     Op,
+    certain_parts,
+    is_constant,
     walk,
 )
 from uav_bt.tree.script.values import Environment, ScriptError, Value, truth
 from uav_bt.tree.variables import Variables
 
-KNOWN: Final = "known"
-"""The name of the function that asks whether a variable or board key has a value."""
-
 _MAX_SCRIPT: Final = 4_000  # characters; a script in an attribute has some dozens
 _MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
 _MAX_OPERATORS: Final = 200  # in one script; each may be a level of the expression
 _ASSIGNMENTS: Final = (":=", "=", "+=", "-=", "*=", "/=")
-_STRENGTHS: Final = (
-    ("||",),
-    ("&&",),
-    tuple(COMPARISONS),
-    ("|", "^"),
-    ("&",),
-    ("+", "-", ".."),
-    ("*", "/"),
-)
-_STRENGTH: Final = {sign: level for level, signs in enumerate(_STRENGTHS, 1) for sign in signs}
+_STRENGTH: Final[dict[str, int]] = {
+    "||": 1, "&&": 2, **dict.fromkeys(COMPARISONS, 3), "|": 4, "^": 4, "&": 5,
+    "+": 6, "-": 6, "..": 6, "*": 7, "/": 7,
+}
 _TRUTHS: Final = {"true": 1.0, "false": 0.0}
 _NUMBERS: Final = ("real", "integer")  # kinds of words
 _TOKEN: Final = re.compile(
@@ -68,12 +60,7 @@ class Script:
     oddities: tuple[str, ...] = ()  # what runs, and is not as it should be written
 
     def run(self, environment: Environment) -> Value:
-        """Run all statements and return the value of the last one.
-
-        Raises:
-            ScriptError: one of them fails.
-            UnknownValueError: one of them reads a board key that has no fresh value.
-        """
+        """Run all statements and return the value of the last one."""
         result: Value = 0
         try:
             for statement in self.statements:
@@ -112,9 +99,7 @@ class Script:
     def fault(self, members: Mapping[str, int], *, asked: bool) -> str | None:
         """Return why every run fails, whatever the variables hold; None when a run may work.
 
-        Args:
-            members: of enumerations, integers by name.
-            asked: whether the value of the last statement must be true or false.
+        `members` are those of enumerations; `asked`: the last value must be true or false.
         """
         variables = Variables()
         variables.enum_members.update(members)
@@ -203,30 +188,29 @@ class _Parser:
     def _next(self) -> _Token:
         return self._tokens[self._at]
 
-    def _take(self) -> _Token:
+    def _take(self, *signs: str) -> str:
+        """Return the next word and go on, if it is one of the operators; else nothing."""
         token = self._next
+        if token.kind != "operator" or token.text not in signs:
+            return ""
         self._at += 1
-        return token
+        return token.text
 
-    def _is(self, *signs: str) -> bool:
-        return self._next.kind == "operator" and self._next.text in signs
+    def _expect(self, sign: str) -> None:
+        if not self._take(sign):
+            raise self._fail(f"'{sign}'")
 
     def _fail(self, expected: str) -> ScriptError:
         token = self._next
         got = token.text if token.kind == "end" else f"'{token.text}'"
         return ScriptError(f"column {token.column}: expected {expected}, got {got}")
 
-    def _expect(self, sign: str) -> None:
-        if not self._is(sign):
-            raise self._fail(f"'{sign}'")
-        self._take()
-
     def statements(self) -> Iterator[Expression]:
         """Parse everything; as in the engine, `;` may be left out or stand twice."""
         ended = True
         while self._next.kind != "end":
-            if self._is(";"):
-                ended = bool(self._take())
+            if self._take(";"):
+                ended = True
                 continue
             if not ended:
                 self.unended.append(self._next)
@@ -244,72 +228,61 @@ class _Parser:
     def _assignment(self) -> Expression:
         column = self._next.column
         left = self._conditional()
-        if not self._is(*_ASSIGNMENTS):
+        sign = self._take(*_ASSIGNMENTS)
+        if not sign:
             return left
-        sign = self._take().text
         if not isinstance(left, Name):
             raise ScriptError(f"column {column}: only a variable can stand left of '{sign}'")
         return Assignment(left.name, sign, self._nested(self._assignment))
 
     def _conditional(self) -> Expression:
         condition = self._infix(1)
-        if not self._is("?"):
+        if not self._take("?"):
             return condition
-        self._take()
         then = self._nested(self._assignment)
         self._expect(":")
         return Op("?", (condition, then, self._nested(self._conditional)))
 
     def _infix(self, weakest: int) -> Expression:
         left = self._operand()
-        while self._next.kind == "operator":
-            strength = _STRENGTH.get(self._next.text, 0)
-            if strength < weakest:
-                break
+        while sign := self._take(*(one for one in _STRENGTH if _STRENGTH[one] >= weakest)):
             self._operators += 1
             if self._operators > _MAX_OPERATORS:
                 raise ScriptError(f"more than {_MAX_OPERATORS} operators in one script")
-            links: list[str] = []
-            operands = [left]
-            while not links or (links[0] in COMPARISONS and self._is(*COMPARISONS)):
-                links.append(self._take().text)
-                operands.append(self._infix(strength + 1))
-            compares = links[0] in COMPARISONS
-            left = Op(links[0], tuple(operands), tuple(links) if compares else ())
+            operands, links = [left, self._infix(_STRENGTH[sign] + 1)], [sign]
+            while sign in COMPARISONS and (link := self._take(*COMPARISONS)):
+                links.append(link)
+                operands.append(self._infix(_STRENGTH[sign] + 1))
+            left = Op(sign, tuple(operands), tuple(links) if sign in COMPARISONS else ())
         return left
 
     def _operand(self) -> Expression:
         token = self._next
-        if self._is("-", "!", "~"):
-            self._take()
-            return Op(f"{token.text}x", (self._nested(self._operand),))
-        if self._is("("):
-            self._take()
+        if sign := self._take("-", "!", "~"):
+            return Op(f"{sign}x", (self._nested(self._operand),))
+        if self._take("("):
             inner = self._nested(self._assignment)
             self._expect(")")
             return inner
         if token.kind in {"end", "operator"}:
             raise self._fail("a value")
-        self._take()
-        if token.kind == "name" and self._is("("):
-            if token.text == KNOWN:
-                return self._known()
-            if token.text in FUNCTIONS:
-                return self._call(token.text)
+        self._at += 1
+        if token.text == "known" and self._take("("):
+            if self._next.kind != "name":
+                raise self._fail("a variable or an @key")
+            known = Known(self._next.text)
+            self._at += 1
+            self._expect(")")
+            return known
+        if token.text in FUNCTIONS and self._take("("):
+            return self._call(token.text)
         return _atom(token)
-
-    def _known(self) -> Expression:
-        self._expect("(")
-        if self._next.kind != "name":
-            raise self._fail("a variable or an @key")
-        name = self._take().text
-        self._expect(")")
-        return Known(name)
 
     def _call(self, function: str) -> Expression:
         operands: list[Expression] = []
         for _ in inspect.signature(FUNCTIONS[function]).parameters:
-            self._expect("," if operands else "(")
+            if operands:
+                self._expect(",")
             operands.append(self._nested(self._assignment))
         self._expect(")")
         return Op(function, tuple(operands))
