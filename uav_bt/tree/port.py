@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Final, Generic, Literal, TypeVar
+from typing import Any, ClassVar, Final, Generic, Literal, NamedTuple, TypeVar
 
 from uav_bt.errors import InputError, did_you_mean
 from uav_bt.tree.script import parse_text
@@ -26,15 +26,13 @@ REFERENCE_KEY: Final = r"[A-Za-z_][A-Za-z0-9_.\-]*|="
 _REFERENCE: Final = re.compile(rf"\s*\{{\s*(?P<board>@?)(?P<key>{REFERENCE_KEY})\s*\}}\s*")
 
 
-@dataclass(frozen=True)
-class PortType:
+class PortType(NamedTuple):
     """How the values of a type are written."""
 
     words: str  # name in messages
     cpp_name: str  # name in graphical editors and other engines of the format
-    # Regular expression of the literals, for Python and XML Schema; None: any text. It accepts only
-    # literals that the format's engine reads: no underscores, "inf", hexadecimal digits or plus
-    # sign. Only blanks may follow a number.
+    # Of the literals, for Python and XML Schema; None: any text. Only literals that the format's
+    # engine reads: no underscores, "inf", hexadecimal digits or plus sign; blanks only at the end.
     pattern: str | None = None
 
 
@@ -82,52 +80,30 @@ class _Required:
 
 @dataclass(frozen=True)
 class Port(Generic[T]):
-    """A typed attribute of a node.
-
-    Attributes:
-        name: of the attribute in a tree file and of the keyword argument in Python.
-        type: of the value. int, float, bool and str are written as literals; a port of any other
-            type takes references only.
-        default: a value, a reference such as "{@mark}" (in braces), or `Port.REQUIRED`.
-        doc: description in one line, with the unit.
-        direction: whether the node reads the value, writes it, or both.
-        choices: the allowed values; empty: any value of the type.
-        least: lower bound of a number, inclusive; None: no bound.
-        most: upper bound of a number, inclusive; None: no bound.
-        check: raises a ValueError or an InputError for an invalid value; its message names the
-            expected value.
-        look_up: raises such an error when the named file or network does not exist. `uav-bt check`
-            calls it; dry runs and benches, which load nothing, do not.
-        takes: of a port of type `object`, the types of the values that it can use; None: all.
-        at_setup: whether the leaf reads the port in `on_setup`, so that its value is needed before
-            the take-off.
-        sample: a value for examples of a required port with a check.
-        places: whether the value is a list of places, in which a tree file may name files of
-            places (`file:rounds.csv`). The loader replaces them by their content.
-        caution: returns a warning about a valid but unusual value, such as one beyond the usual
-            limits, or None. `uav-bt check` prints the warning.
-
-    Raises:
-        ValueError: the name is not a valid attribute name, or a port with a range is not a number.
-    """
+    """A typed attribute of a node, given in a tree file or as a keyword argument in Python."""
 
     REQUIRED: ClassVar[Any] = _Required()
 
     name: str
+    # int, float, bool and str are written as literals; any other type takes references only.
     type: type[T]
-    default: T | str = REQUIRED
-    doc: str = ""
-    direction: Literal["input", "output", "inout"] = "input"
-    choices: tuple[T, ...] = ()
-    least: float | None = None
+    default: T | str = REQUIRED  # a value, a reference such as "{@mark}" in braces, or REQUIRED
+    doc: str = ""  # in one line, with the unit
+    direction: Literal["input", "output", "inout"] = "input"  # reads the value, writes it, or both
+    choices: tuple[T, ...] = ()  # the allowed values; empty: any value of the type
+    least: float | None = None  # bounds of a number, inclusive
     most: float | None = None
+    # Raises a ValueError or InputError for an invalid value, which says what is expected.
     check: Callable[[T], object] | None = None
+    # Raises likewise when the named file or network does not exist. `uav-bt check` calls it; dry
+    # runs and benches, which load nothing, do not.
     look_up: Callable[[T], object] | None = None
+    # Returns a warning of `uav-bt check` about a valid but unusual value, or None.
     caution: Callable[[T], str | None] | None = None
-    sample: str = ""
-    takes: tuple[Any, ...] | None = None
-    at_setup: bool = False
-    places: bool = False
+    sample: str = ""  # a value for examples of a required port with a check
+    takes: tuple[Any, ...] | None = None  # for type `object`: the types that it can use; None: all
+    at_setup: bool = False  # read in `on_setup`, so that its value is needed before the take-off
+    places: bool = False  # a list of places, which may come from a file (`file:rounds.csv`)
 
     def __post_init__(self) -> None:
         if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:
@@ -156,9 +132,7 @@ class Port(Generic[T]):
         """Allowed range of a number, in words; empty without a range."""
         if self.least is None:
             return "" if self.most is None else f"{self.most:g} or less"
-        return (
-            f"{self.least:g} or more" if self.most is None else f"{self.least:g} to {self.most:g}"
-        )
+        return f"{self.least:g} " + ("or more" if self.most is None else f"to {self.most:g}")
 
     @cached_property
     def bound_default(self) -> T | Reference:
@@ -166,11 +140,7 @@ class Port(Generic[T]):
         return self.bind(self.default)
 
     def bind(self, given: object) -> T | Reference:
-        """Return a value of a tree file or of Python, checked, or a reference.
-
-        Raises:
-            ValueError: the value fits neither; the message names the expected type.
-        """
+        """Return a value of a tree file or of Python, checked, or a reference."""
         if isinstance(given, str) and self.check is not parse_text:  # it fills in its own names
             reference = parse_reference(given, self.name)
             if reference is not None:
@@ -180,19 +150,14 @@ class Port(Generic[T]):
         return self.convert(given)
 
     def convert(self, value: object) -> T:
-        """Return a value as this port's type, checked; texts are parsed.
-
-        Raises:
-            ValueError: the value does not fit; the message names the expected type.
-        """
+        """Return a value as this port's type; a ValueError says which one it expects."""
         typed: Any = self._parse(value) if isinstance(value, str) else self._cast(value)
         if self.choices and typed not in self.choices:
             known = [str(choice) for choice in self.choices]
             hint = did_you_mean(str(typed), known)
             raise ValueError(f"expected one of {', '.join(known)}; got '{typed}'{hint}")
-        if not (self.least is None or typed >= self.least) or not (
-            self.most is None or typed <= self.most
-        ):
+        least, most = (-math.inf if self.least is None else self.least), self.most
+        if self.range and not least <= typed <= (math.inf if most is None else most):
             raise ValueError(f"expected {self.range}, got {typed}")
         if self.check is not None:
             try:
@@ -255,15 +220,9 @@ def port_text(value: object) -> str:
 def bind_ports(
     ports: Iterable[Port[Any]], given: Mapping[str, object], also: Iterable[str] = ()
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Bind all ports of a node at once.
+    """Return the bound values or references by port, and the errors by attribute.
 
-    Args:
-        ports: the node's declared ports.
-        given: values by attribute name.
-        also: other attributes that the node may have, for suggestions.
-
-    Returns:
-        The bound values or references by port, and the errors by attribute.
+    `also` are other attributes that the node may have, for suggestions.
     """
     bound: dict[str, Any] = {}
     by_name = {port.name: port for port in ports}

@@ -23,26 +23,14 @@ _log: Final = logging.getLogger(__name__)
 
 @dataclass(eq=False, kw_only=True)
 class NodeRegistry:
-    """Node classes by their id, the format's own included.
-
-    Args:
-        nodes: further classes: nodes, or plain py_trees behaviours, which become leaf classes.
-        policies: names of the leaf policies that a tree file may name; None: any.
-        factories: policies that no package registers, or their classes, by name.
-        faults: of installed packages, whose nodes are missing here.
-        enum_members: of a palette's enumerations, for scripts.
-        foreign_board: trees of another engine name keys of a board that is not ours.
-
-    Raises:
-        InputError: a class is neither, its id is taken, or an argument cannot be a port.
-    """
+    """Node classes by their id: the format's own, and further nodes or py_trees behaviours."""
 
     nodes: InitVar[Iterable[type[Node | Behaviour]]] = field(default=(), kw_only=False)
-    policies: Collection[str] | None = None
-    factories: Mapping[str, Any] = field(default_factory=dict)
-    faults: tuple[str, ...] = ()
-    enum_members: Mapping[str, int] = field(default_factory=dict)
-    foreign_board: bool = False
+    policies: Collection[str] | None = None  # leaf policies that a tree may name; None: any
+    factories: Mapping[str, Any] = field(default_factory=dict)  # of policies of no package, by name
+    faults: tuple[str, ...] = ()  # of installed packages, whose nodes are missing here
+    enum_members: Mapping[str, int] = field(default_factory=dict)  # of a palette, for scripts
+    foreign_board: bool = False  # trees of another engine name keys of a board that is not ours
 
     def __post_init__(self, nodes: Iterable[type[Node | Behaviour]]) -> None:
         self._nodes: dict[str, type[Node]] = {}
@@ -58,10 +46,8 @@ class NodeRegistry:
 
         An entry point of the group `uav_bt.behaviours` names an iterable of node classes, or of
         py_trees behaviours. Unusable entries are left out: `faults` has them with the reasons, a
-        warning is logged, and a tree file with such a node is refused with the reason.
-
-        Raises:
-            InputError: two packages use one name for different nodes.
+        warning is logged, and a tree file with such a node is refused with the reason. Two packages
+        that use one name for different nodes raise an InputError.
         """
         registry = cls(policies=frozenset(plugins.names(plugins.POLICIES)))
         for name in plugins.names(plugins.BEHAVIOURS):
@@ -82,14 +68,7 @@ class NodeRegistry:
         return registry
 
     def with_nodes(self, *nodes: type[Node | Behaviour]) -> NodeRegistry:
-        """Return a registry that has further nodes: `NodeRegistry.installed().with_nodes(Peek)`.
-
-        Args:
-            nodes: node classes, or plain py_trees behaviours, which become leaf classes.
-
-        Raises:
-            InputError: it is neither, its id is taken, or an argument cannot be a port.
-        """
+        """Return a registry that has further nodes: `NodeRegistry.installed().with_nodes(Peek)`."""
         return replace(self, nodes=(*self._nodes.values(), *nodes))
 
     def with_replaced(self, nodes: Mapping[str, type[Node]]) -> NodeRegistry:
@@ -120,11 +99,7 @@ class NodeRegistry:
             )
 
     def __getitem__(self, node_id: str) -> type[Node]:
-        """Return a node class.
-
-        Raises:
-            UnknownNameError: no such node is registered.
-        """
+        """Return a node class."""
         if node_id not in self._nodes:
             raise UnknownNameError("node", node_id, self._nodes)
         return self._nodes[node_id]

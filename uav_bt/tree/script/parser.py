@@ -35,8 +35,17 @@ _MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on ope
 _MAX_OPERATORS: Final = 200  # in one script; each may be a level of the expression
 _ASSIGNMENTS: Final = (":=", "=", "+=", "-=", "*=", "/=")
 _STRENGTH: Final[dict[str, int]] = {
-    "||": 1, "&&": 2, **dict.fromkeys(COMPARISONS, 3), "|": 4, "^": 4, "&": 5,
-    "+": 6, "-": 6, "..": 6, "*": 7, "/": 7,
+    "||": 1,
+    "&&": 2,
+    **dict.fromkeys(COMPARISONS, 3),
+    "|": 4,
+    "^": 4,
+    "&": 5,
+    "+": 6,
+    "-": 6,
+    "..": 6,
+    "*": 7,
+    "/": 7,
 }
 _TRUTHS: Final = {"true": 1.0, "false": 0.0}
 _NUMBERS: Final = ("real", "integer")  # kinds of words
