@@ -39,9 +39,14 @@ class Place:
         return f"{self.path}:{self.position}"
 
 
-# Python's limit of 1000 nested calls is raised to the need of a tick of the tree.
 _FRAMES_PER_LEVEL: Final = 8  # of Python's, in a tick that is watched, asks conditions and halts
 _FRAMES_OF_OTHERS: Final = 500  # what calls the tree, and what its leaves call
+
+
+def allow_depth(levels: int) -> None:
+    """Raise Python's limit of 1000 nested calls to the need of a tick of such a tree."""
+    needed = levels * _FRAMES_PER_LEVEL + _FRAMES_OF_OTHERS
+    sys.setrecursionlimit(max(sys.getrecursionlimit(), needed))
 
 
 class MissionTree:
@@ -90,9 +95,7 @@ class MissionTree:
             )
         self._used = any(node.has_mission for node in counts)
         place_tree(self.root, f"{name}/{self.root.name}", self.variables)
-        levels = max(node.path.count("/") for node in counts)
-        needed = levels * _FRAMES_PER_LEVEL + _FRAMES_OF_OTHERS
-        sys.setrecursionlimit(max(sys.getrecursionlimit(), needed))
+        allow_depth(max(node.path.count("/") for node in counts))
 
     def __repr__(self) -> str:
         origin = str(self.path) if self.sources and self.path.is_file() else self.origin
