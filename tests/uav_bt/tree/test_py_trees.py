@@ -94,28 +94,28 @@ class Lamp(enum.Enum):
 
 
 class Blink(Behaviour):
-    """Blinks so often.
+    """Blinks so often, and keeps what py_trees calls.
 
     A second paragraph.
     """
 
-    life: list[str]
-
     def __init__(
         self,
         name: str,
-        times: int,
+        times: int = 1,
         lamp: Lamp = Lamp.RED,
         rate_hz: float = 2.0,
         *,
         loud: bool = False,
+        answer: str = "SUCCESS",
     ) -> None:
         super().__init__(name)
         self.given = (times, lamp, rate_hz, loud)
-        self.life = []
+        self.answer = answer
+        self.life: list[str] = []
 
     def setup(self, **kwargs: Any) -> None:
-        self.life.append(f"setup {kwargs}")
+        self.life.append(f"setup {' '.join(kwargs)}".strip())
 
     def initialise(self) -> None:
         self.life.append("initialise")
@@ -123,35 +123,34 @@ class Blink(Behaviour):
 
     def update(self) -> Theirs:
         self.life.append("update")
+        if self.answer == "raise":
+            raise OSError("no lamp")
         self.left -= 1
         self.feedback_message = f"{self.left} left"
-        return Theirs.RUNNING if self.left else Theirs.SUCCESS
+        answer: Theirs = Theirs.RUNNING if self.left > 0 else getattr(Theirs, self.answer, None)
+        return answer
 
     def terminate(self, new_status: Theirs) -> None:
         self.life.append(f"terminate {new_status.name}")
 
     def shutdown(self) -> None:
         self.life.append("shutdown")
+        if self.answer == "stuck":
+            raise OSError("stuck")
 
 
-class Answers(Behaviour):
-    """Returns the status that its text names, or nothing."""
+class Needs(Behaviour):
+    """Has an argument without a default."""
 
-    def __init__(self, name: str, answer: str = "none") -> None:
-        super().__init__(name)
-        self.answer = answer
-
-    def update(self) -> Theirs:
-        if self.answer == "raise":
-            raise OSError("no lamp")
-        return getattr(Theirs, self.answer, None)  # type: ignore[return-value]
+    def __init__(self, name: str, times: int) -> None:
+        super().__init__(f"{name} {times}")
 
 
 class Guards(py_trees.composites.Sequence):
     """Has one child, which forgets to answer."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(name, memory=False, children=[Answers("inner")])
+        super().__init__(name, memory=False, children=[Blink("inner", answer="none")])
 
 
 class Picky(Behaviour):
@@ -163,7 +162,7 @@ class Picky(Behaviour):
 
 
 def load(body: str, world: World) -> MissionTree:
-    behaviours = [Blink, Answers, Guards, Picky, py_trees.timers.Timer]
+    behaviours = [Blink, Needs, Guards, Picky]
     tree = parse_tree(document(body), NodeRegistry(behaviours))
     tree.setup(world.context)
     return tree
@@ -173,12 +172,18 @@ def test_ports_come_from_the_constructor() -> None:
     """Annotated arguments become ports with defaults; enumerations use their members' names."""
     info = describe(leaf_of(Blink))
     assert [(p.name, p.type, p.default, p.required) for p in info.ports] == [
-        ("times", "int", None, True),
+        ("times", "int", "1", False),
         ("lamp", "str", "RED", False),
         ("rate_hz", "float", "2.0", False),
         ("loud", "bool", "false", False),
+        ("answer", "str", "SUCCESS", False),
     ]
-    assert (info.node_id, info.kind, info.doc) == ("Blink", "Action", "Blinks so often.")
+    assert describe(leaf_of(Needs)).ports[0].required
+    assert (info.node_id, info.kind, info.doc) == (
+        "Blink",
+        "Action",
+        "Blinks so often, and keeps what py_trees calls.",
+    )
     assert info.ports[1].choices == ("RED", "GREEN")
 
 
@@ -192,7 +197,7 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
     assert tree.find("b").feedback_message == "1 left"
     tree.halt()
     assert behaviour.life == [
-        *("setup {}", "initialise", "update", "update", "terminate SUCCESS"),
+        *("setup", "initialise", "update", "update", "terminate SUCCESS"),
         *("initialise", "update", "terminate INVALID"),
     ]
     tree.shutdown()
@@ -211,30 +216,30 @@ def test_its_life_is_the_one_that_py_trees_promises(world: World) -> None:
 )
 def test_answers_keep_their_meaning(world: World, answer: str, status: str) -> None:
     """INVALID is neither success nor failure: the node counts as skipped."""
-    assert load(f'<Answers answer="{answer}"/>', world).tick() is Status[status]
+    assert load(f'<Blink answer="{answer}"/>', world).tick() is Status[status]
 
 
 @pytest.mark.parametrize(
     ("node", "message"),
     [
-        ('Answers name="x" answer="raise"', "node 'Main/Sequence/x' failed: OSError: no lamp"),
-        ("Answers", r"'Main/Sequence/Answers' failed: .*update\(\) of Answers must return a sta"),
-        ("Guards", r"'Main/Sequence/Guards' failed: .*update\(\) of Answers must return a status"),
+        ('Blink name="x" answer="raise"', "node 'Main/Sequence/x' failed: OSError: no lamp"),
+        ('Blink name="x" answer="no"', r"'Main/Sequence/x' failed: .*update\(\) of Blink must ret"),
+        ("Guards", r"'Main/Sequence/Guards' failed: .*update\(\) of Blink must return a status"),
     ],
 )
 def test_a_wrong_answer_stops_the_mission_and_is_not_passed_over(
     world: World, node: str, message: str
 ) -> None:
-    tree = load(f'<Sequence><{node}/><Blink times="1"/></Sequence>', world)
+    tree = load(f"<Sequence><{node}/><Blink/></Sequence>", world)
     with pytest.raises(NodeFailedError, match=message):
         tree.tick()
-    assert tree.find("Blink").behaviour.life == ["setup {}"]  # type: ignore[attr-defined]
+    assert tree.find("Blink").behaviour.life == ["setup"]  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
     ("node", "message"),
     [
-        ("Blink", "attribute 'times' is missing"),
+        ("Needs", "attribute 'times' is missing"),
         ('Blink times="few"', "expected an integer, got 'few'"),
         ('Blink times="{n}"', "expected a literal, got '{n}'"),
         ('Blink times="2" lamp="BLUE"', "expected one of RED, GREEN; got 'BLUE'"),
@@ -243,7 +248,7 @@ def test_a_wrong_answer_stops_the_mission_and_is_not_passed_over(
     ],
 )
 def test_wrong_attributes_are_found_by_the_loader(world: World, node: str, message: str) -> None:
-    with pytest.raises(TreeError if "Blink" in node else InputError, match=message):
+    with pytest.raises(InputError if "Picky" in node else TreeError, match=message):
         load(f"<{node}/>", world)
 
 
@@ -288,37 +293,6 @@ class Climb(Leaf):
         return Status.SUCCESS if (self.read(HEIGHT).value or 0.0) > 1.5 else Status.RUNNING
 
 
-class Notes(Behaviour):
-    """Keeps what py_trees calls."""
-
-    def __init__(self, name: str, answer: Any = Theirs.SUCCESS) -> None:
-        super().__init__(name)
-        self.answer = answer
-        self.calls: list[str] = []
-        self.given: dict[str, Any] = {}
-
-    def setup(self, **kwargs: Any) -> None:
-        self.given = kwargs
-        self.calls.append("setup")
-
-    def initialise(self) -> None:
-        self.calls.append("initialise")
-
-    def update(self) -> Theirs:
-        if isinstance(self.answer, Exception):
-            raise self.answer
-        answer: Theirs = self.answer
-        return answer
-
-    def terminate(self, new_status: Theirs) -> None:
-        self.calls.append(f"terminate {new_status.name}")
-
-    def shutdown(self) -> None:
-        self.calls.append("shutdown")
-        if self.name == "stuck":
-            raise OSError("stuck")
-
-
 def sequence(*children: Behaviour | Leaf | Sequence) -> Behaviour:
     return py_trees.composites.Sequence("patrol", memory=True, children=list(children))
 
@@ -339,7 +313,7 @@ def test_nodes_of_ours_are_the_nodes_of_the_tree() -> None:
 
 
 def test_leaves_propose_and_events_name_them(caplog: pytest.LogCaptureFixture) -> None:
-    notes, timer = Notes("notes"), py_trees.timers.Timer("rest", 0.0)
+    notes, timer = Blink("notes"), py_trees.timers.Timer("rest", 0.0)
     bench = TreeBench(MissionTree(sequence(Climb("up"), notes, timer)))
     bench.hover(height_m=1.0)
     with caplog.at_level(logging.WARNING):
@@ -347,36 +321,35 @@ def test_leaves_propose_and_events_name_them(caplog: pytest.LogCaptureFixture) -
     assert "'Timer' of py_trees measures the computer's clock" in caplog.text
     assert bench.outcomes[-1].proposed_by == "Tree/patrol/up"
     assert bench.tree.active_path() == ("patrol", "up")
-    assert "initialise" not in notes.calls
+    assert "initialise" not in notes.life
     bench.hover(height_m=2.0)
     bench.tick_until(Status.SUCCESS, max_ticks=3)
     bench.log.assert_order("up started", "up succeeded", "patrol succeeded")
-    assert notes.given == {"mission": bench.tree.root.mission}
     bench.tree.shutdown()
     bench.tree.shutdown()
-    assert notes.calls == ["setup", "initialise", "terminate SUCCESS", "shutdown"]
+    assert notes.life == ["setup mission", "initialise", "update", "terminate SUCCESS", "shutdown"]
 
 
 def test_a_branch_that_is_left_is_halted_by_py_trees() -> None:
     high, up, notes = (
         ScriptedLeaf("high", "FFS"),
         ScriptedLeaf("up", "R"),
-        Notes("n", Theirs.RUNNING),
+        Blink("n", 9),
     )
     root = py_trees.composites.Selector("r", memory=False, children=[high, together(up, notes)])
     bench = TreeBench(MissionTree(root))
     assert bench.tick_until(Status.SUCCESS, max_ticks=5) == 3
     bench.log.assert_halted("up", tick=3)
-    assert notes.calls[-1] == "terminate INVALID"
+    assert notes.life[-1] == "terminate INVALID"
 
 
 def test_halting_the_tree_stops_both_kinds() -> None:
-    notes = Notes("notes", Theirs.RUNNING)
+    notes = Blink("notes", 9)
     bench = TreeBench(MissionTree(together(ScriptedLeaf("up", "R"), notes)))
     bench.tick()
     bench.halt()
     bench.log.assert_halted("up")
-    assert notes.calls == ["setup", "initialise", "terminate INVALID"]
+    assert notes.life == ["setup mission", "initialise", "update", "terminate INVALID"]
     assert bench.tree.active_path() == ()
     assert bench.tick() is Status.RUNNING
 
@@ -384,20 +357,20 @@ def test_halting_the_tree_stops_both_kinds() -> None:
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (OSError("gone"), r"node 'Tree/patrol' failed: OSError: gone"),
-        (None, r"update\(\) of Notes must return a status of py_trees, got INVALID or another"),
-        (Theirs.INVALID, r"update\(\) of Notes must return a status of py_trees"),
+        ("raise", r"node 'Tree/patrol' failed: OSError: no lamp"),
+        ("none", r"update\(\) of Blink must return a status of py_trees, got INVALID or another"),
+        ("INVALID", r"update\(\) of Blink must return a status of py_trees"),
     ],
 )
-def test_what_raises_halts_the_others(answer: object, message: str) -> None:
-    bench = TreeBench(MissionTree(together(ScriptedLeaf("up", "R"), Notes("n", answer))))
+def test_what_raises_halts_the_others(answer: str, message: str) -> None:
+    bench = TreeBench(MissionTree(together(ScriptedLeaf("up", "R"), Blink("n", answer=answer))))
     with pytest.raises(NodeFailedError, match=message):
         bench.tick()
     bench.log.assert_halted("up")
 
 
 def test_a_single_behaviour_is_a_root_but_a_part_of_a_tree_is_none() -> None:
-    assert TreeBench(MissionTree(Notes("notes", Theirs.FAILURE))).tick() is Status.FAILURE
+    assert TreeBench(MissionTree(Blink("notes", answer="FAILURE"))).tick() is Status.FAILURE
     inner = py_trees.behaviours.Success("inner")
     sequence(inner)
     with pytest.raises(InputError, match="'inner' stands below 'patrol': give the root"):
@@ -405,12 +378,12 @@ def test_a_single_behaviour_is_a_root_but_a_part_of_a_tree_is_none() -> None:
 
 
 def test_a_failing_shutdown_does_not_keep_the_others_open() -> None:
-    notes = Notes("notes")
-    bench = TreeBench(MissionTree(sequence(Notes("stuck"), notes)))
+    notes = Blink("notes")
+    bench = TreeBench(MissionTree(sequence(Blink("stuck", answer="stuck"), notes)))
     bench.setup()
     with pytest.raises(NodeFailedError, match="node 'Tree/patrol' failed: OSError: stuck"):
         bench.tree.shutdown()
-    assert notes.calls == ["setup", "shutdown"]
+    assert notes.life == ["setup mission", "shutdown"]
 
 
 # --- leaves that open something for the whole mission ---------------------------------------------

@@ -84,55 +84,6 @@ def leaf(name: str, script: str) -> str:
     return f'<Told name="{name}" script="{script}"/>'
 
 
-# --- the ways to end, one by one ------------------------------------------------------------------
-
-LONG = leaf("x", "R")
-WAYS = {
-    "its own success": leaf("x", "RS"),
-    "its own failure": leaf("x", "RF"),
-    "its own exception in update": leaf("x", "Ru"),
-    "a wrong answer": leaf("x", "R?"),
-    "a reactive parent": f"<ReactiveSequence>{leaf('c', 'SF')}{LONG}</ReactiveSequence>",
-    "a reactive fallback": f"<ReactiveFallback>{leaf('c', 'FS')}{LONG}</ReactiveFallback>",
-    "a choice that changes": (
-        f"<WhileDoElse><ScriptCondition code='a == 1'/>{LONG}{leaf('y', 'R')}</WhileDoElse>"
-    ),
-    "a parallel that is decided": f"<Parallel>{LONG}{leaf('c', 'RF')}</Parallel>",
-    "its own _while": '<Told name="x" script="R" _while="a == 1"/>',
-    "an outer _while": f'<Inverter _while="a == 1">{LONG}</Inverter>',
-    "a sibling's exception": f"<Parallel>{LONG}{leaf('c', 'Ru')}</Parallel>",
-    "an earlier sibling's exception": f"<Parallel>{leaf('c', 'Ru')}{LONG}</Parallel>",
-    "a sibling's exception in terminate": f"<Parallel>{LONG}{leaf('c', 'Rt')}</Parallel>",
-    "an outer script's exception": f'<Inverter _while="1 / (2 - a) == 1">{LONG}</Inverter>',
-    "the halt of the tree": LONG,
-}
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_every_way_to_end_tells_the_leaf_once(way: str) -> None:
-    """`x` ends in the second tick, and halting the tree does not call `terminate` again."""
-    tree = ready(WAYS[way])
-    assert tree.tick() is Status.RUNNING
-    (x,) = (leaf for leaf in told(tree) if leaf.name == "x")
-    assert (x.begun, x.ended) == (1, 0)
-    tree.variables["a"] = 2
-    if way == "the halt of the tree":
-        tree.halt()
-    elif "exception" in way or "wrong answer" in way:
-        with pytest.raises(NodeFailedError):
-            tree.tick()
-        assert {node.node_status for node in tree.nodes()} == {Status.IDLE}
-    else:
-        tree.tick()
-    assert (x.begun, x.ended) == (1, 1)
-    own = {"its own success": Status.SUCCESS, "its own failure": Status.FAILURE}
-    assert x.ends == [own.get(way, Status.IDLE)]
-    for _ in range(2):
-        tree.halt()
-    assert (x.begun, x.ended) == (1, 1)
-    assert all(leaf.begun == leaf.ended for leaf in told(tree))
-
-
 @pytest.mark.parametrize(("script", "where"), [("i", "initialise"), ("u", "update"), ("t", "term")])
 def test_an_exception_has_the_path_of_its_node(script: str, where: str) -> None:
     """The path is right for each raising method; all other running leaves are ended."""
@@ -144,8 +95,6 @@ def test_an_exception_has_the_path_of_its_node(script: str, where: str) -> None:
     assert error.value.node_path == path
     assert [(leaf.begun, leaf.ended) for leaf in told(tree)] == [(1, 1), (1, 1), (0, 0)]
 
-
-# --- any tree, any script -------------------------------------------------------------------------
 
 SCRIPTS = st.text("SFRRKiut?", min_size=1, max_size=6)
 MILD = st.text("SFRRK", min_size=1, max_size=6)
