@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,9 +19,8 @@ from uav_bt.errors import (
     NodeFailedError,
     TreeError,
 )
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, nodes, parse_tree
 from uav_bt.tree.nodes import (
-    BUILTIN_NODES,
     AlwaysSuccess,
     Inverter,
     Parallel,
@@ -53,47 +54,20 @@ def test_five_statuses(status: Status, number: int, letter: str, name_there: str
     assert status.py_trees is common.Status[name_there]
 
 
-def test_every_class_of_the_package_is_a_node_of_the_format() -> None:
-    """A new class in a module of `nodes/` needs no further entry."""
-    assert len(BUILTIN_NODES) == len({node.node_id for node in BUILTIN_NODES}) == 42
-
-
-@pytest.mark.parametrize(
-    ("body", "answers", "events"),
-    [
-        (f"<Sequence>{A}{leaf('b', 'RS')}</Sequence>", "RS", "start a, start b, running b"),
-        (
-            f"<ReactiveSequence>{leaf('a', 'SSF')}{leaf('b', 'R')}</ReactiveSequence>",
-            "RRF",
-            "start a, start b, start a, running b, start a, halt b",
-        ),
-        (f"<Fallback>{leaf('a', 'F')}{leaf('b', 'RS')}</Fallback>", "RSS", None),
-        (f"<Sequence>{leaf('a', 'K')}{leaf('b', 'K')}</Sequence>", "KK", None),
-        (f"<Inverter>{leaf('a', 'RSF')}</Inverter>", "RFS", None),
-        (f"<ForceSuccess>{leaf('a', 'RFS')}</ForceSuccess>", "RSS", None),
-        (f"<ForceFailure>{leaf('a', 'RFS')}</ForceFailure>", "RFF", None),
-        (f"<KeepRunningUntilFailure>{leaf('a', 'SSF')}</KeepRunningUntilFailure>", "RRF", None),
-        (f'<Repeat num_cycles="2">{leaf("a", "SSF")}</Repeat>', "RSF", None),
-        (
-            f'<RetryUntilSuccessful num_attempts="2">{leaf("a", "F")}</RetryUntilSuccessful>',
-            "RFR",
-            None,
-        ),
-        (f"<RunOnce>{leaf('a', 'RS')}</RunOnce>", "RSKK", None),
-        (f'<RunOnce then_skip="false">{leaf("a", "F")}</RunOnce>', "FFF", None),
-        (f"<SequenceWithMemory>{A}{leaf('b', 'FS')}</SequenceWithMemory>", "RFS", None),
-        (f"<Parallel>{leaf('a', 'RS')}{B}</Parallel>", "RS", None),
-        (f'<Parallel success_count="1">{leaf("a", "R")}{leaf("b", "RS")}</Parallel>', "RS", None),
-        ("<AlwaysSuccess/>", "SS", None),
-        ("<AlwaysFailure/>", "FF", None),
-        ('<AlwaysSuccess name="n" _skipIf="n &gt; 1" _post="n += 1"/>', "SSK", None),
-    ],
-)
-def test_answers(world: World, body: str, answers: str, events: str | None) -> None:
-    """Each node answers according to its description in each tick."""
-    tree = world.tree('<SubTree ID="In" n="0"/>', subtree("In", body))
-    assert letters(tree, len(answers)) == answers
-    assert events in (None, ", ".join(world.events()))
+def test_a_class_in_a_module_of_the_package_is_a_node(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A new control node or decorator is one class in one file."""
+    (tmp_path / "own.py").write_text(
+        "from uav_bt.tree.nodes.base import ControlNode\n"
+        "class First(ControlNode):\n"
+        "    def update(self):\n"
+        "        return self.children[0].execute_tick()\n"
+    )
+    monkeypatch.setattr(nodes, "__path__", [*nodes.__path__, str(tmp_path)])
+    monkeypatch.delitem(sys.modules, f"{nodes.__name__}.own", raising=False)
+    assert {node.node_id for node in nodes.found()} - {*NodeRegistry()} == {"First"}
+    del sys.modules[f"{nodes.__name__}.own"]
 
 
 def timed(world: World, body: str, *steps_s: float) -> str:

@@ -55,7 +55,8 @@ from uav_bt.tree.nodes.updates import WaitValueUpdate as WaitValueUpdate
 from uav_bt.tree.nodes.updates import WasEntryUpdated as WasEntryUpdated
 
 
-def _found() -> Iterator[type[Node]]:
+def found() -> Iterator[type[Node]]:
+    """Yield the classes of the package that tick: all but the bases."""
     for module in pkgutil.iter_modules(__path__, f"{__name__}."):
         for name, value in vars(importlib.import_module(module.name)).items():
             own = isinstance(value, type) and issubclass(value, Node)
@@ -63,4 +64,4 @@ def _found() -> Iterator[type[Node]]:
                 yield value
 
 
-BUILTIN_NODES: Final = tuple(sorted(set(_found()), key=lambda node: node.__name__))
+BUILTIN_NODES: Final = tuple(sorted(set(found()), key=lambda node: node.__name__))
