@@ -181,14 +181,13 @@ class NodePorts:
         if reference is None:
             return Reading(self.port(port), 0.0)
         if reference.on_board:
-            reading = self._board.read(self._board_key(reference))
-            if reading.value is None:
-                return Reading(None, reading.age_s)
-            return Reading(self._converted(port, reading.value), reading.age_s)
-        entry = self._variables.entry(reference.key)
-        if entry is None:
-            return Reading(None, float("inf"))
-        return Reading(self._converted(port, entry.value), 0.0)
+            reading: Reading[Any] = self._board.read(self._board_key(reference))
+        else:
+            entry = self._variables.entry(reference.key)
+            reading = Reading(None, math.inf) if entry is None else Reading(entry.value, 0.0)
+        if reading.value is None:
+            return reading
+        return Reading(self._converted(port, reading.value), reading.age_s)
 
     def set_port(self, port: Port[T], value: T) -> None:
         """Write an output port's variable or board key; an unconnected port writes nothing."""
@@ -219,23 +218,17 @@ class NodePorts:
         else:
             entry = self._variables.entry(reference.key)
             value = None if entry is None else entry.value
-        if value is None:
-            error = UnknownValueError if reference.on_board else BoardAccessError
-            raise error(
-                f"node '{self.path}', port '{port.name}': {self._given[port.name]} "
-                f"{self._emptiness(port, reference)}"
-            )
-        return self._converted(port, value)
-
-    def _emptiness(self, port: Port[Any], reference: Reference) -> str:
-        """Return why a reference has no value: unset, too old, or never written, and by whom."""
+        if value is not None:
+            return self._converted(port, value)
+        what = f"node '{self.path}', port '{port.name}': {self._given[port.name]}"
         if not reference.on_board:
-            return "holds nothing"
+            raise BoardAccessError(f"{what} holds nothing")
         age_s = self.port_reading(port).age_s
         if math.isfinite(age_s):
-            return f"holds nothing fresh (age {age_s:.2f} s)"
+            raise UnknownValueError(f"{what} holds nothing fresh (age {age_s:.2f} s)")
         writer = self._board_key(reference).writer
-        return f"was never written{f'; {writer} writes it' if writer else ''}"
+        hint = f"; {writer} writes it" if writer else ""
+        raise UnknownValueError(f"{what} was never written{hint}")
 
     def _converted(self, port: Port[T], value: object) -> T:
         if type(value) is port.type and port.takes_all:
