@@ -18,7 +18,7 @@ from uav_bt.errors import (
     ProposalConflictError,
 )
 from uav_bt.tree import Leaf, MissionTree, Node, NodeKind, NodeRegistry, Port, Status, parse_tree
-from uav_bt.tree.nodes import Fallback, Parallel, ReactiveFallback, Sequence
+from uav_bt.tree.nodes import Fallback, Parallel, Sequence
 from uav_bt.types import GimbalTo, Hover, Velocity
 
 SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", writer="Radar", max_age_s=1.0)
@@ -92,16 +92,6 @@ def test_methods_run_when_py_trees_says(world: World) -> None:
         *("initialise", "update", "terminate IDLE"),
     ]
     assert probe.node_status is Status.IDLE
-
-
-def test_each_leaf_is_terminated_once(world: World) -> None:
-    """One that skips itself at once, one that is done, and one that is halted with its parent."""
-    leaves = [Probe("skips", answers="K"), Probe("done", answers="S"), Probe("going")]
-    tree = ready(world, Sequence("s", leaves))
-    tree.tick()
-    tree.halt()
-    ends = [[line for line in leaf.life if "terminate" in line] for leaf in leaves]
-    assert ends == [["terminate IDLE"], ["terminate SUCCESS"], ["terminate IDLE"]]
 
 
 @pytest.mark.parametrize("answers", ["!", "R!"])
@@ -203,17 +193,6 @@ def test_siblings_of_one_name_get_numbers() -> None:
     assert tree.find("M/s/a#2") is tree.root.children[1]
     with pytest.raises(KeyError, match="2 nodes"):
         tree.find("a")
-
-
-def test_active_path_follows_the_running_branch(world: World) -> None:
-    """The active path has the names from the root to the running leaf."""
-    inner = Sequence("explore", [Probe("Explore")])
-    tree = ready(world, ReactiveFallback("root", [Probe("check", answers="FFFF"), inner]))
-    assert tree.active_path() == ()
-    tree.tick()
-    assert tree.active_path() == ("root", "explore", "Explore")
-    tree.halt()
-    assert tree.active_path() == ()
 
 
 # --- the board ------------------------------------------------------------------------------------

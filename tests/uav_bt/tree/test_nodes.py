@@ -292,17 +292,6 @@ def fly(world: World, attributes: str, inside: str, *more: str) -> tuple[Mission
     return tree, next(tree.leaves())
 
 
-def test_subtrees_share_what_they_say(world: World) -> None:
-    """An entry in braces is an outer variable, a plain one a constant; others are private."""
-    repeats = (f'<Repeat num_cycles="{{{n}}}">{one}</Repeat>' for n, one in (("n", A), ("m", B)))
-    inner = subtree("Inner", f"<Sequence>{''.join(repeats)}</Sequence>")
-    tree = world.tree('<SubTree ID="Inner" n="{outer}" m="1"/>', inner)
-    tree.variables["outer"] = 2
-    tree.variables["m"] = 5
-    assert letters(tree, 2) == "RS"
-    assert world.events() == ["start a", "start a", "start b"]
-
-
 def test_a_literal_entry_is_the_subtrees_own_until_it_is_removed(world: World) -> None:
     """With `_autoremap`, a literal hides the outer tree's variable, and does not overwrite it."""
     code = '<Sequence><Script code="a := h"/><UnsetBlackboard key="h"/><Script code="b := h"/>'

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -82,18 +81,6 @@ def told(tree: MissionTree) -> Iterator[Told]:
 
 def leaf(name: str, script: str) -> str:
     return f'<Told name="{name}" script="{script}"/>'
-
-
-@pytest.mark.parametrize(("script", "where"), [("i", "initialise"), ("u", "update"), ("t", "term")])
-def test_an_exception_has_the_path_of_its_node(script: str, where: str) -> None:
-    """The path is right for each raising method; all other running leaves are ended."""
-    others = leaf("o", "R")
-    tree = ready(f"<Parallel>{others}<Sequence>{leaf('x', script)}</Sequence>{others}</Parallel>")
-    path = "Main/Parallel/Sequence/x"
-    with pytest.raises(NodeFailedError, match=rf"'{path}' failed: ZeroDiv.*in {where}") as error:
-        tree.tick()
-    assert error.value.node_path == path
-    assert [(leaf.begun, leaf.ended) for leaf in told(tree)] == [(1, 1), (1, 1), (0, 0)]
 
 
 SCRIPTS = st.text("SFRRKiut?", min_size=1, max_size=6)

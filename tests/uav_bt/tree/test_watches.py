@@ -9,17 +9,13 @@ import pytest
 
 from tests.worlds.trees import World, leaf
 from uav_bt.board import ELAPSED
-from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
-from uav_bt.mission.judge import Judge
-from uav_bt.mission.runner import MissionRunner
-from uav_bt.mission.tick import TickRecord
-from uav_bt.testing import ScriptedDrone, parse_tree
+from uav_bt.testing import parse_tree
 from uav_bt.tree import Leaf, MissionTree, Node, Port, Status
 from uav_bt.tree.branch_watch import BranchEnds, BranchWatch
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf
-from uav_bt.tree.nodes import AlwaysSuccess, Parallel, Sequence
+from uav_bt.tree.nodes import AlwaysSuccess, Sequence
 from uav_bt.tree.observer import NodeEvent, observe, unobserve
 
 
@@ -166,30 +162,6 @@ def test_only_news_is_logged(
     assert [slow.took_s for slow in watch.take()] == [1.0, 1.0, pytest.approx(0.8), 3.0]
     assert len(caplog.records) == 2
     assert watch.worst_s == {"Mission/s/b": 3.0}
-
-
-def test_the_runner_reports_it(wall: ManualClock) -> None:
-    """Also a leaf that blocks in the last halt, after the last tick."""
-    drone = ScriptedDrone()
-    leaves = [Blocks("b", blocks="update", for_s=0.75), Blocks("t", blocks="terminate", for_s=2.0)]
-    tree = MissionTree(Parallel("s", leaves), name="Mission")
-    context = MissionContext(clock=drone.clock)
-    tree.setup(context)
-    records: list[TickRecord] = []
-
-    class Stops:
-        def on_tick(self, record: TickRecord) -> None:
-            records.append(record)
-            if len(records) == 2:
-                raise KeyboardInterrupt
-
-    runner = MissionRunner(drone, tree, context, Judge(), listeners=(Stops(),), timer=wall.now)
-    with pytest.raises(KeyboardInterrupt):
-        runner.run()
-    slow = SlowLeaf(path="Mission/s/b", took_s=0.75, budget_s=0.5)
-    assert [record.slow for record in records] == [(slow,), (slow,)]
-    assert records[0].compute_s == 0.75
-    assert runner.slow_leaves_s == {"Mission/s/b": 0.75, "Mission/s/t": 2.0}
 
 
 # --- branches that fail ---------------------------------------------------------------------------
